@@ -1,0 +1,46 @@
+# Every target sets up by itself (scripts/setup.sh); nothing needs to be installed or activated first.
+BIN := .venv/bin
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-slow test-all check format bench lock build clean
+
+help:  ## List the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
+	@scripts/setup.sh
+
+demo: setup  ## Watch an expert: simulate, record, replay and film one task
+	$(BIN)/lerobot-bimanual demo
+
+test: setup  ## Run the tests that need neither long nor a GPU (minutes)
+	$(BIN)/pytest -m "not slow and not gpu"
+
+test-slow: setup  ## Run only the slow tests: whole command lines, training
+	$(BIN)/pytest -m "slow and not gpu"
+
+test-all: setup  ## Run every test; those for a GPU skip themselves where there is none
+	$(BIN)/pytest
+
+check: setup  ## Lint, formatting, types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+
+format: setup  ## Sort imports and format the code
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: setup  ## Run the benchmarks; one JSON line each
+	@for script in benchmarks/*.py; do $(BIN)/python "$$script" || exit; done
+
+lock:  ## Rewrite requirements.lock from the pyprojects (rm uv.lock first to take newer versions)
+	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages \
+	    --no-annotate --no-header --output-file requirements.lock
+
+build: setup  ## Build the wheels and source archives of the three packages into dist/
+	@for package in . envs policies; do \
+	    $(BIN)/python -m build --no-isolation --outdir dist "$$package" || exit; done
+
+clean:  ## Remove what the other targets made, except uv.lock
+	rm -rf .venv .uv dist build outputs .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,110 @@
+"""The two kinds of action, and what is done about bad ones.
+
+| action | `joint`, `keypose` (strict) | `auto` (learned values) |
+|---|---|---|
+| wrong length, NaN or infinite | `InvalidAction` | `InvalidAction` |
+| gripper outside 0..1 | clipped | clipped |
+| joint target outside its limits, by at most 0.1 rad | clipped | clipped |
+| joint target further outside | `InvalidAction` | clipped |
+| zero quaternion | `InvalidAction` | the episode ends as a failure |
+| other quaternion, flags | normalised, true above 0.5 | the same |
+
+Clipping a policy's regressed targets is the field's habit, and an untrained network must be able to run
+through `lerobot-eval`; a caller who chose a strict mode made a mistake instead. Keyposes that cannot be reached
+are not bad actions: they end the episode as a failure in every mode.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from gymnasium import spaces
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset.schema import JOINT_NAMES
+from lerobot_bimanual.errors import InvalidAction, KeyposeFailure
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.keypose import (
+    ARM_KEYPOSE_DIM,
+    KEYPOSE_DIM,
+    POSITION,
+    QUATERNION,
+    BimanualKeypose,
+)
+from numpy.typing import ArrayLike, NDArray
+
+from .settings import ControlMode
+
+if TYPE_CHECKING:
+    from .robots.arm_pair import ArmPair
+
+JOINT_ACTION_DIM = len(JOINT_NAMES)
+JOINT_TOLERANCE_RAD = 0.1
+
+
+class ActionReader:
+    """Turns the vectors given to `step` into a joint action or a keypose.
+
+    Args:
+        control_mode: which kinds are accepted, and how strictly.
+        arm_pair: whose joint limits hold.
+    """
+
+    def __init__(self, control_mode: ControlMode, arm_pair: ArmPair):
+        self._mode = control_mode
+        self._strict = control_mode != "auto"
+        self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
+        self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
+
+    @property
+    def space(self) -> spaces.Box:
+        """The declared space: 18 numbers in mode `keypose`, else 16, although `auto` takes both."""
+        if self._mode == "keypose":
+            low = np.zeros((len(ARMS), ARM_KEYPOSE_DIM), dtype=np.float32)
+            high = np.ones_like(low)
+            low[:, QUATERNION] = -1.0
+            low[:, POSITION], high[:, POSITION] = VOXEL_WORKSPACE.lower, VOXEL_WORKSPACE.upper
+            return spaces.Box(low.ravel(), high.ravel(), dtype=np.float32)
+        return spaces.Box(self.lower, self.upper, dtype=np.float32)
+
+    def read(self, action: ArrayLike) -> NDArray[np.float32] | BimanualKeypose:
+        """A joint action (16,) float32 within the limits, or a keypose.
+
+        Raises:
+            InvalidAction: see the table above.
+            KeyposeFailure: a zero quaternion in mode `auto`.
+        """
+        vector = np.asarray(action)
+        lengths = {"auto": (JOINT_ACTION_DIM, KEYPOSE_DIM), "joint": (JOINT_ACTION_DIM,)}
+        valid = lengths.get(self._mode, (KEYPOSE_DIM,))
+        if vector.ndim != 1 or vector.size not in valid:
+            raise InvalidAction(
+                f"control mode {self._mode!r} takes a vector of {' or '.join(map(str, valid))} numbers, "
+                f"got shape {vector.shape}"
+            )
+        if vector.size == KEYPOSE_DIM:
+            return self._read_keypose(vector)
+        return self._read_joints(vector)
+
+    def _read_joints(self, vector: NDArray) -> NDArray[np.float32]:
+        vector = vector.astype(np.float32)
+        if not np.isfinite(vector).all():
+            bad = [JOINT_NAMES[i] for i in np.flatnonzero(~np.isfinite(vector))]
+            raise InvalidAction(f"joint action is not finite in: {', '.join(bad)}")
+        clipped = np.clip(vector, self.lower, self.upper)
+        if self._strict:
+            for i in np.flatnonzero(np.abs(vector - clipped) > JOINT_TOLERANCE_RAD):
+                if not JOINT_NAMES[i].endswith("gripper"):
+                    raise InvalidAction(
+                        f"{JOINT_NAMES[i]} = {vector[i]:.3f} rad is outside its limits "
+                        f"[{self.lower[i]:.3f}, {self.upper[i]:.3f}] by more than {JOINT_TOLERANCE_RAD} rad"
+                    )
+        return clipped
+
+    def _read_keypose(self, vector: NDArray) -> BimanualKeypose:
+        try:
+            return BimanualKeypose.from_vector(vector)
+        except InvalidAction as error:
+            if self._strict or not np.isfinite(vector).all():
+                raise
+            raise KeyposeFailure("both", str(error)) from error

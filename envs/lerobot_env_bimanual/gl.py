@@ -1,0 +1,27 @@
+"""The one door to MuJoCo: picks an OpenGL backend before `mujoco` is imported.
+
+Every module of this distribution imports MuJoCo with `from lerobot_env_bimanual.gl import mujoco`, because
+MuJoCo reads `MUJOCO_GL` once, at import, and without it fails on a machine that has no display although an
+off-screen driver is installed.
+"""
+
+import os
+
+
+def ensure_gl() -> None:
+    """Choose off-screen EGL when the caller chose nothing and there is no display.
+
+    Also keeps Mesa's software rasteriser in the calling thread (`LP_NUM_THREADS=0`): at 256 pixels its worker
+    threads cost more than they give, and this package runs one process per core. Both are only defaults.
+    """
+    has_display = "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
+    if not has_display:
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+
+
+ensure_gl()
+
+import mujoco  # noqa: E402
+
+__all__ = ["ensure_gl", "mujoco"]

@@ -1,0 +1,103 @@
+"""Which arrays a step yields.
+
+Keys follow from the dataset schema, so that LeRobot's `preprocess_observation` turns each into the dataset's
+key of the same meaning: `pixels[camera]` and `agent_pos` have the names LeRobot expects, every other key is the
+dataset's without its prefix `observation.`. All arrays are fresh copies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from gymnasium import spaces
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
+from numpy.typing import NDArray
+
+from .settings import EnvSettings
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+PIXELS = "pixels"
+MM_PER_M = 1000.0
+
+_BOUNDS = {
+    schema.STATE: (-2 * np.pi, 2 * np.pi),
+    schema.EE_POSE: (-5.0, 5.0),
+    schema.GRIPPER_FINGERS: (-0.1, 0.1),
+    schema.KEYPOSE_STEP: (0.0, 1e6),
+    schema.CAMERA_EXTRINSICS: (-10.0, 10.0),
+    schema.CAMERA_INTRINSICS: (0.0, 1e5),
+}
+"""Vectors of an observation with loose bounds of their elements (m, rad, pixels)."""
+
+
+def env_key(dataset_key: str) -> str:
+    """Key of a vector or a depth image in the environment's observation."""
+    return "agent_pos" if dataset_key == schema.STATE else dataset_key.removeprefix("observation.")
+
+
+def observation_space(settings: EnvSettings) -> spaces.Dict:
+    """Space of the observations that `observe` returns."""
+    size = (settings.height, settings.width)
+    space: dict[str, spaces.Space[Any]] = {}
+    if settings.obs != "state":
+        image = spaces.Box(0, 255, (*size, 3), np.uint8)
+        space[PIXELS] = spaces.Dict(dict.fromkeys(settings.cameras, image))
+    if settings.obs == "rgbd":
+        near, far = schema.DEPTH_MIN_M * MM_PER_M, schema.DEPTH_MAX_M * MM_PER_M
+        depth = spaces.Box(near, far, (1, *size), np.float32)
+        space |= {env_key(schema.depth_key(camera)): depth for camera in settings.cameras}
+    for key, (low, high) in _BOUNDS.items():
+        space[env_key(key)] = spaces.Box(low, high, (len(schema.VECTORS[key]),), np.float32)
+    return spaces.Dict(space)
+
+
+def observe_images(
+    settings: EnvSettings, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
+) -> dict[str, Any]:
+    """Image part of an observation.
+
+    Args:
+        settings: which images; not called in mode "state".
+        images: per camera RGB uint8 (H, W, 3) and depth float32 (H, W) in metres along the optical axis.
+
+    Returns:
+        `pixels`, and in mode "rgbd" `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit,
+        clipped to the range that datasets store.
+    """
+    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0].copy() for camera in settings.cameras}}
+    if settings.obs == "rgbd":
+        for camera in settings.cameras:
+            depth_m = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
+            observation[env_key(schema.depth_key(camera))] = (depth_m * np.float32(MM_PER_M))[None]
+    return observation
+
+
+def observe_vectors(
+    scene: Scene, keypose_step: int, calibration: tuple[NDArray[np.float32], NDArray[np.float32]]
+) -> dict[str, NDArray[np.float32]]:
+    """Vector part of an observation.
+
+    Args:
+        scene: what to measure.
+        keypose_step: number of keyposes executed in this episode.
+        calibration: (80,) extrinsics and (45,) intrinsics of all five cameras.
+    """
+    extrinsics, intrinsics = calibration
+    state = [(*scene.joint_positions(arm), scene.gripper_opening(arm)) for arm in ARMS]
+    poses = [scene.tcp(arm) for arm in ARMS]
+    ee_pose = [(*pose.position, *quat_wxyz_canonical(pose.quat_wxyz)) for pose in poses]
+    vectors = {
+        schema.STATE: np.concatenate(state),
+        schema.EE_POSE: np.concatenate(ee_pose),
+        schema.GRIPPER_FINGERS: np.concatenate([scene.finger_positions(arm) for arm in ARMS]),
+        schema.KEYPOSE_STEP: np.array([keypose_step]),
+        schema.CAMERA_EXTRINSICS: extrinsics.copy(),
+        schema.CAMERA_INTRINSICS: intrinsics.copy(),
+    }
+    return {env_key(key): vector.astype(np.float32) for key, vector in vectors.items()}

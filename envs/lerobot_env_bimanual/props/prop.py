@@ -1,0 +1,22 @@
+"""What a scene asks of a prop."""
+
+from typing import Protocol
+
+from lerobot_env_bimanual.gl import mujoco
+
+
+class Prop(Protocol):
+    """A thing in the scene: a small frozen dataclass of sizes that can write itself into a model."""
+
+    @property
+    def name(self) -> str:
+        """Name of the prop's root body; prefix of its other names."""
+        ...
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write bodies, geoms, joints, materials and contact pairs.
+
+        The root body stands at the origin: tasks place it at reset. A prop that moves freely has a free joint.
+        Props hold and are held by contact friction only: no welds, no mocap bodies.
+        """
+        ...

@@ -1,0 +1,81 @@
+"""The one list of tasks; tables, suites, gym ids and tests are all derived from it."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+
+from lerobot_bimanual.errors import UnknownTask
+from lerobot_env_bimanual.task import Task, Taxonomy
+
+_TASKS: dict[str, type[Task]] = {}
+ALL = "all"
+
+
+def register[T: Task](task_class: type[T]) -> type[T]:
+    """Class decorator: add a task to the registry.
+
+    Raises:
+        ValueError: another task has the same name or id.
+    """
+    spec = task_class.spec
+    for other in _TASKS.values():
+        if other.spec.name == spec.name or other.spec.id == spec.id:
+            raise ValueError(
+                f"task {spec.name!r} (id {spec.id}) clashes with {other.spec.name!r} (id {other.spec.id}); "
+                "names and ids must be unique"
+            )
+    _TASKS[spec.name] = task_class
+    return task_class
+
+
+def _tasks() -> dict[str, type[Task]]:
+    importlib.import_module("lerobot_env_bimanual.tasks")
+    return _TASKS
+
+
+def list_tasks() -> tuple[str, ...]:
+    """Names of all tasks, sorted."""
+    return tuple(sorted(_tasks()))
+
+
+def get_task(name: str) -> Task:
+    """A fresh instance of the task called `name`.
+
+    Raises:
+        UnknownTask: no such task; the message lists those that exist.
+    """
+    tasks = _tasks()
+    if name not in tasks:
+        raise UnknownTask(name, list_tasks())
+    return tasks[name]()
+
+
+def list_suites() -> dict[str, tuple[str, ...]]:
+    """Each suite with the names of its tasks, both sorted; a suite without a task does not exist."""
+    suites: dict[str, list[str]] = {ALL: []}
+    for name in list_tasks():
+        taxonomy: Taxonomy = _tasks()[name].spec.taxonomy
+        for suite in (ALL, *taxonomy.suites):
+            suites.setdefault(suite, []).append(name)
+    return {suite: tuple(suites[suite]) for suite in sorted(suites)}
+
+
+def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of the tasks that a selection means, in its order and without repetitions.
+
+    Args:
+        selection: task and suite names, comma separated or as a sequence, e.g. `"push_box,lift_ball"`, `"all"`.
+
+    Raises:
+        UnknownTask: a name is neither a task nor a suite, or the selection is empty.
+    """
+    names = selection.split(",") if isinstance(selection, str) else selection
+    names = [name.strip() for name in names]
+    tasks, suites = list_tasks(), list_suites()
+    chosen: dict[str, None] = {}
+    for name in names:
+        if name not in tasks and name not in suites:
+            raise UnknownTask(name, (*tasks, *suites))
+        chosen.update(dict.fromkeys(suites.get(name, (name,))))
+    return tuple(chosen)

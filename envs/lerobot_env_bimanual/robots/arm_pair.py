@@ -1,0 +1,111 @@
+"""What the rest of the world needs to know about a pair of arms, and nothing about which arms they are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.gl import mujoco
+
+FINGERS = (1, 2)
+
+
+@dataclass(frozen=True)
+class HandGeometry:
+    """Outer sizes of a parallel-jaw hand around its tool centre point (TCP), in metres.
+
+    The TCP frame has z along the approach and y along the opening of the fingers.
+
+    Attributes:
+        half_thickness: half the hand's size along x.
+        half_width: half the hand's size along y, the direction in which the fingers open.
+        palm_behind_tcp: distance from the TCP back to the palm.
+        fingertip_beyond_tcp: distance from the TCP forward to the fingertips.
+        max_opening: distance between the pads of the open hand.
+    """
+
+    half_thickness: float
+    half_width: float
+    palm_behind_tcp: float
+    fingertip_beyond_tcp: float
+    max_opening: float
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPair:
+    """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
+
+    A new pair needs one instance of this class and one function that writes a single arm into a model. Names
+    are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
+    `<arm>_actuator1..7`, `<arm>_gripper`, site `<arm>_tcp`, bodies `<arm>_base`, `<arm>_link1..7`,
+    `<arm>_hand`, geoms `<arm>_pad1/2`, camera `<arm>_wrist`.
+
+    Attributes:
+        base_poses: world poses of the left and the right base.
+        home_joints: (7,) rad, the joints of either arm at reset.
+        joint_lower: (7,) rad.
+        joint_upper: (7,) rad.
+        servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
+            the command is advanced by this time times the target's velocity.
+        gripper_closed_ctrl: gripper command of a closing hand, m of finger travel; below zero so that the
+            servo still pushes on a thin object.
+        gripper_open_ctrl: gripper command of an opening hand, m of finger travel.
+        finger_travel_m: stroke of one finger.
+        hand: outer sizes of the hand.
+        add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
+    """
+
+    base_poses: tuple[Pose, Pose]
+    home_joints: np.ndarray
+    joint_lower: np.ndarray
+    joint_upper: np.ndarray
+    servo_lead_s: float
+    gripper_closed_ctrl: float
+    gripper_open_ctrl: float
+    finger_travel_m: float
+    hand: HandGeometry
+    add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write both arms; their actuators come in the order of the joint action."""
+        for arm in ARMS:
+            self.add_arm(spec, arm.value, self.base_pose(arm))
+
+    def base_pose(self, arm: Arm) -> Pose:
+        """World pose of an arm's base."""
+        return self.base_poses[arm.index]
+
+    def joint_names(self, arm: Arm) -> tuple[str, ...]:
+        """The seven arm joints, base to wrist."""
+        return tuple(f"{arm.value}_joint{i}" for i in range(1, JOINTS_PER_ARM + 1))
+
+    def actuator_names(self, arm: Arm) -> tuple[str, ...]:
+        """The arm's eight actuators in the order of the joint action: seven joints, then the gripper."""
+        joints = (f"{arm.value}_actuator{i}" for i in range(1, JOINTS_PER_ARM + 1))
+        return (*joints, f"{arm.value}_gripper")
+
+    def finger_names(self, arm: Arm) -> tuple[str, ...]:
+        """The two fingers: bodies, and slide joints of the same name."""
+        return tuple(f"{arm.value}_finger{i}" for i in FINGERS)
+
+    def pad_names(self, arm: Arm) -> tuple[str, ...]:
+        """The geoms with which the fingers hold."""
+        return tuple(f"{arm.value}_pad{i}" for i in FINGERS)
+
+    def base_body(self, arm: Arm) -> str:
+        """Root body of the arm's subtree."""
+        return f"{arm.value}_base"
+
+    def hand_body(self, arm: Arm) -> str:
+        """Root body of the hand's subtree (palm and fingers)."""
+        return f"{arm.value}_hand"
+
+    def tcp_site(self, arm: Arm) -> str:
+        """Site of the tool centre point."""
+        return f"{arm.value}_tcp"
+
+    def gripper_ctrl(self, opening: float) -> float:
+        """Gripper command in metres for an opening of 0 (closed) to 1 (open)."""
+        return self.gripper_closed_ctrl + opening * (self.gripper_open_ctrl - self.gripper_closed_ctrl)

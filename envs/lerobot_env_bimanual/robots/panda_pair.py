@@ -1,0 +1,33 @@
+"""Two Pandas that face each other across the table."""
+
+import numpy as np
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.robots import panda
+from lerobot_env_bimanual.robots.arm_pair import ArmPair, HandGeometry
+
+PANDA_PAIR = ArmPair(
+    # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints
+    # are reachable. Both bases stand on the table.
+    base_poses=(
+        Pose.upright((-0.243, 0.022, TABLE_HEIGHT_M), np.deg2rad(5)),
+        Pose.upright((0.792, -0.244, TABLE_HEIGHT_M), np.pi),
+    ),
+    # RLBench's home. Its fourth joint is -0.8727 there, measured from a zero that lies 4 degrees lower.
+    home_joints=np.array([0.0, 0.1745, 0.0, -0.803, 0.0, 1.2217, 0.7854]),
+    joint_lower=panda.JOINT_LOWER,
+    joint_upper=panda.JOINT_UPPER,
+    servo_lead_s=panda.VELOCITY_GAIN_RATIO_S,
+    gripper_closed_ctrl=panda.GRIPPER_CLOSED_CTRL,
+    gripper_open_ctrl=panda.FINGER_TRAVEL_M,
+    finger_travel_m=panda.FINGER_TRAVEL_M,
+    hand=HandGeometry(
+        half_thickness=0.0316,
+        half_width=0.1025,
+        palm_behind_tcp=panda.TCP_M - panda.PALM_M,
+        fingertip_beyond_tcp=0.0100,
+        max_opening=2 * panda.FINGER_TRAVEL_M,
+    ),
+    add_arm=panda.add_panda,
+)

@@ -1,0 +1,317 @@
+"""The simulated world of one task: two arms, a table, cameras and the task's props."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
+from lerobot_env_bimanual.arena import PHYSICS_STEP_S, build_spec
+from lerobot_env_bimanual.contacts import ContactQueries
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import Prop
+from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+
+TICK_S = 1 / CONTROL_HZ
+STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)
+SETTLE_TICKS = 8
+"""Control ticks after placing the props, before the episode starts: 0.4 s, in which props come to rest."""
+
+ACTION_DIM = 2 * (JOINTS_PER_ARM + 1)
+
+RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
+"""Model fields that a task may change at reset: where static props stand, and colours."""
+
+FULL_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """Everything that decides how a scene goes on; opaque, made by `Scene.save_state`.
+
+    Attributes:
+        physics: MuJoCo's integration state. (Its smaller physics state is not enough: solver warm starts count.)
+        commanded: (16,) the joint action of the last tick.
+        model_fields: the values of `RESETTABLE_FIELDS`.
+        ticks: control ticks since the episode started.
+        unstable: whether MuJoCo has warned in this episode.
+    """
+
+    physics: NDArray[np.float64]
+    commanded: NDArray[np.float32]
+    model_fields: tuple[NDArray, ...]
+    ticks: int
+    unstable: bool
+
+
+class Scene:
+    """A compiled world with its state.
+
+    The order of an episode is `reset()`, any number of `place()`, `set_joint()` and `set_color()`, `settle()`,
+    then `tick()` as often as wanted. Between calls all derived quantities of `data` (poses, contacts, camera
+    frames) belong to the current positions and velocities.
+
+    Attributes:
+        model: compiled MuJoCo model.
+        data: its state; read it freely, change it only through this class.
+        arm_pair: the robots.
+        ticks: control ticks since the episode started (settling not counted).
+    """
+
+    def __init__(self, props: Sequence[Prop] = (), arm_pair: ArmPair = PANDA_PAIR):
+        self.arm_pair = arm_pair
+        self.model = build_spec(props, arm_pair).compile()
+        self.data = mujoco.MjData(self.model)
+        self.ticks = 0
+        self._contacts = ContactQueries(self.model, self.data)
+        self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
+        self._latched_unstable = False
+        self._index_arms()
+        self._ctrl_ramp = self._make_ctrl_ramp()
+        self._home_action = self._joint_action(arm_pair.home_joints, gripper=1.0)
+        self._commanded = self._home_action
+        self._ctrl_target = self._to_ctrl(self._home_action)
+        self.reset()
+
+    # -- episode ------------------------------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """Back to the compiled model: arms at home with open hands, props at the origin, nothing moves."""
+        for field, pristine in zip(RESETTABLE_FIELDS, self._pristine, strict=True):
+            getattr(self.model, field)[:] = pristine
+        mujoco.mj_resetData(self.model, self.data)
+        for arm in ARMS:
+            self.data.qpos[self._joint_qpos[arm.index]] = self.arm_pair.home_joints
+            self.data.qpos[self._finger_qpos[arm.index]] = self.arm_pair.finger_travel_m
+        self._commanded = self._home_action
+        self._ctrl_target = self._to_ctrl(self._home_action)
+        self.data.ctrl[:ACTION_DIM] = self._ctrl_target
+        self.ticks = 0
+        self._latched_unstable = False
+        self._refresh()
+
+    def place(self, body: str, pose: Pose) -> None:
+        """Put a prop somewhere; only between `reset` and `settle`.
+
+        Args:
+            body: root body of a prop, free or static.
+            pose: world pose of the body's frame.
+        """
+        index = self.model.body(body).id
+        joint = self.model.body_jntadr[index]
+        if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+            address = self.model.jnt_qposadr[joint]
+            self.data.qpos[address : address + 3] = pose.position
+            self.data.qpos[address + 3 : address + 7] = pose.quat_wxyz
+        else:
+            self.model.body_pos[index] = pose.position
+            self.model.body_quat[index] = pose.quat_wxyz
+        self._refresh()
+
+    def set_joint(self, joint: str, value: float) -> None:
+        """Set a hinge (rad) or slide (m) of a prop; only between `reset` and `settle`."""
+        self.data.qpos[self.model.joint(joint).qposadr[0]] = value
+        self._refresh()
+
+    def set_color(self, geom: str, rgba: ArrayLike) -> None:
+        """Colour a geom until the next reset."""
+        self.model.geom(geom).rgba = rgba
+
+    def settle(self, ticks: int = SETTLE_TICKS) -> None:
+        """Let the props come to rest while the arms hold still, and start the episode's clock."""
+        for _ in range(ticks):
+            self.tick(self._commanded)
+        self.ticks = 0
+
+    def tick(self, joint_action: ArrayLike) -> None:
+        """Advance one control tick of 50 ms.
+
+        Arm targets go linearly from the last action to this one, advanced by the servos' lag so that the arms
+        follow without delay; grippers get their new target at once.
+
+        Args:
+            joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
+        """
+        self._commanded = np.array(joint_action, dtype=np.float32)
+        target = self._to_ctrl(self._commanded)
+        rows = self._ctrl_target + self._ctrl_ramp * (target - self._ctrl_target)  # (25, 16)
+        self._ctrl_target = target
+        # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
+        # second and ending with the first costs nothing and leaves poses and contacts up to date.
+        ctrl, model, data, step = self._ctrl, self.model, self.data, mujoco.mj_step
+        ctrl[:] = rows[0]
+        mujoco.mj_step2(model, data)
+        for row in rows[1:]:
+            ctrl[:] = row
+            step(model, data)
+        mujoco.mj_step1(model, data)
+        self.ticks += 1
+
+    @property
+    def unstable(self) -> bool:
+        """Whether MuJoCo has warned since reset.
+
+        MuJoCo answers a diverging state by silently resetting it, which can look like success: an episode with
+        any warning is a failure.
+        """
+        return self._latched_unstable or bool(np.any(self.data.warning.number))
+
+    @property
+    def seconds(self) -> float:
+        """Time since the episode started."""
+        return self.ticks * TICK_S
+
+    @property
+    def commanded(self) -> NDArray[np.float32]:
+        """The last joint action (16,)."""
+        return self._commanded.copy()
+
+    # -- arms ---------------------------------------------------------------------------------------------
+
+    def tcp(self, arm: Arm) -> Pose:
+        """World pose of the tool centre point: z approach, y opening of the fingers."""
+        site = self._tcp_site[arm.index]
+        rotation = self.data.site_xmat[site].reshape(3, 3)
+        return Pose(self.data.site_xpos[site], matrix_to_quat_wxyz(rotation))
+
+    def joint_positions(self, arm: Arm) -> NDArray[np.float64]:
+        """(7,) rad."""
+        return self.data.qpos[self._joint_qpos[arm.index]]
+
+    def joint_velocities(self, arm: Arm) -> NDArray[np.float64]:
+        """(7,) rad/s."""
+        return self.data.qvel[self._joint_dof[arm.index]]
+
+    def finger_positions(self, arm: Arm) -> NDArray[np.float64]:
+        """(2,) m of travel, 0 closed."""
+        return self.data.qpos[self._finger_qpos[arm.index]]
+
+    def gripper_opening(self, arm: Arm) -> float:
+        """Measured opening, 0 closed .. 1 open."""
+        return float(np.clip(self.finger_positions(arm).mean() / self.arm_pair.finger_travel_m, 0.0, 1.0))
+
+    # -- props --------------------------------------------------------------------------------------------
+
+    def pose(self, body: str) -> Pose:
+        """World pose of a body."""
+        index = self.model.body(body).id
+        return Pose(self.data.xpos[index], self.data.xquat[index])
+
+    def speed(self, body: str) -> float:
+        """Linear speed of a body's frame, m/s."""
+        return float(np.linalg.norm(self._velocity(body)[3:]))
+
+    def angular_speed(self, body: str) -> float:
+        """Angular speed of a body, rad/s."""
+        return float(np.linalg.norm(self._velocity(body)[:3]))
+
+    def joint_value(self, joint: str) -> float:
+        """Position of a hinge (rad) or slide (m)."""
+        return float(self.data.qpos[self.model.joint(joint).qposadr[0]])
+
+    # -- contacts -----------------------------------------------------------------------------------------
+
+    def contacts(self, body_a: str, body_b: str) -> bool:
+        """Whether two bodies, each with all bodies below it, touch."""
+        return self._contacts.between(body_a, body_b)
+
+    def touching(self, arm: Arm, body: str) -> bool:
+        """Whether the hand (palm or fingers) touches a body."""
+        return self.contacts(self.arm_pair.hand_body(arm), body)
+
+    def held(self, arm: Arm, body: str) -> bool:
+        """Whether both fingers of a hand touch a body."""
+        return all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
+
+    def arm_touches(self, arm: Arm, body: str) -> bool:
+        """Whether any part of the arm or its hand touches a body."""
+        return self.contacts(self.arm_pair.base_body(arm), body)
+
+    # -- state --------------------------------------------------------------------------------------------
+
+    def state_hash(self) -> str:
+        """SHA-256, in hex, of everything that decides how the scene goes on and how it looks."""
+        digest = hashlib.sha256(self._physics_state().tobytes())
+        digest.update(self._commanded.tobytes())
+        for field in RESETTABLE_FIELDS:
+            digest.update(getattr(self.model, field).tobytes())
+        return digest.hexdigest()
+
+    def save_state(self) -> SceneState:
+        """A copy of the state from which `restore_state` continues bit-exactly."""
+        return SceneState(
+            physics=self._physics_state(),
+            commanded=self._commanded.copy(),
+            model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
+            ticks=self.ticks,
+            unstable=self.unstable,
+        )
+
+    def restore_state(self, state: SceneState) -> None:
+        """Continue from a state of this scene, or of another one with the same props and robots."""
+        for field, values in zip(RESETTABLE_FIELDS, state.model_fields, strict=True):
+            getattr(self.model, field)[:] = values
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
+        self._commanded = state.commanded.copy()
+        self._ctrl_target = self._to_ctrl(self._commanded)
+        self.ticks = state.ticks
+        self._latched_unstable = state.unstable
+        self._refresh()
+
+    # -- internals ----------------------------------------------------------------------------------------
+
+    def _index_arms(self) -> None:
+        """Look up, once, where each arm's quantities live in MuJoCo's flat arrays."""
+        model, pair = self.model, self.arm_pair
+        joints = [[model.joint(name) for name in pair.joint_names(arm)] for arm in ARMS]
+        fingers = [[model.joint(name) for name in pair.finger_names(arm)] for arm in ARMS]
+        self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
+        self._joint_dof = np.array([[joint.dofadr[0] for joint in arm] for arm in joints])  # (2, 7)
+        self._finger_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in fingers])  # (2, 2)
+        self._tcp_site = [model.site(pair.tcp_site(arm)).id for arm in ARMS]
+        order = [model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
+        if order != list(range(ACTION_DIM)):
+            raise ValueError(f"arm actuators must come first, in the order of the joint action; got ids {order}")
+        self._ctrl = self.data.ctrl[:ACTION_DIM]
+
+    def _make_ctrl_ramp(self) -> NDArray[np.float64]:
+        """(25, 16) share of a tick's change of target that is commanded at each physics step."""
+        linear = np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK
+        ramp = np.repeat((linear + self.arm_pair.servo_lead_s / TICK_S)[:, None], ACTION_DIM, axis=1)
+        ramp[:, JOINTS_PER_ARM :: JOINTS_PER_ARM + 1] = 1.0
+        return ramp
+
+    def _joint_action(self, joints: NDArray[np.float64], gripper: float) -> NDArray[np.float32]:
+        """The action (16,) that holds both arms at the same joints."""
+        return np.array([*joints, gripper] * 2, dtype=np.float32)
+
+    def _to_ctrl(self, joint_action: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Actuator targets (16,) of a joint action."""
+        ctrl = joint_action.astype(np.float64)
+        grippers = ctrl[JOINTS_PER_ARM :: JOINTS_PER_ARM + 1]
+        grippers[:] = self.arm_pair.gripper_ctrl(grippers)
+        return ctrl
+
+    def _refresh(self) -> None:
+        """Recompute everything that follows from positions and velocities."""
+        mujoco.mj_step1(self.model, self.data)
+
+    def _physics_state(self) -> NDArray[np.float64]:
+        state = np.empty(mujoco.mj_stateSize(self.model, FULL_STATE))
+        mujoco.mj_getState(self.model, self.data, state, FULL_STATE)
+        return state
+
+    def _velocity(self, body: str) -> NDArray[np.float64]:
+        """(6,) angular, then linear velocity of a body's frame in world axes."""
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(
+            self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self.model.body(body).id, velocity, 0
+        )
+        return velocity

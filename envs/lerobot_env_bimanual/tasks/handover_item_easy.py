@@ -1,0 +1,96 @@
+"""Hand over the item.
+
+Bimanual because the item starts on the left arm's side and has to end in the right hand, in the air: the left
+arm picks it up and presents it, the right arm takes hold of it while the left one still holds it.
+
+Departures from the original: the right hand must hold the item between its fingers, at 0.80 m or higher, with
+no part of the left arm touching it; the original asks for the item near the right fingers and not near the left
+ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet. The
+item may lie anywhere in 50 x 40 cm. A motion that ignores the scene never succeeds (0 of 40, design study).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.conditions import Above, Held, Untouched
+from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.registry import register
+from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.scene import Scene
+
+ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128, friction=0.8, rgba=(1.0, 0.0, 0.0, 1.0))
+AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
+SUCCESS_HEIGHT_M = 0.80
+
+HOVER_M = 0.10
+GRASP_Z_M = 0.815
+"""Centre of a voxel, 25 mm above the item's middle."""
+LIFT_TO_M = 1.12
+EXCHANGE = np.array([0.25, -0.10, 1.105])
+"""Where the item's centre is presented; within easy reach of both arms."""
+LEFT_BEHIND_M = 0.025
+RIGHT_BEHIND_M = 0.020
+"""How far the tool centre points stop short of the item's centre: 4.5 cm apart, palms 12 cm apart."""
+CLEARANCE_M = 0.12
+"""How far the right hand waits before the item and the left one withdraws."""
+LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
+RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(1, 0, -1))
+
+
+@register
+class HandoverItemEasy(Task):
+    """The left hand picks the block up and presents it, the right hand takes it."""
+
+    spec = TaskSpec(
+        name="handover_item_easy",
+        id=11,
+        instructions=("handover the item", "bring me the item", "hand over the object"),
+        variations=(Variation(),),
+        taxonomy=Taxonomy(
+            temporal=True,
+            spatial=True,
+            physical=True,
+            symmetric=False,
+            synchronous=False,
+            prehension=Prehension.PREHENSILE,
+        ),
+        props=(ITEM,),
+        success=(
+            Held("item", by=Arm.RIGHT),
+            Untouched("item", by=Arm.LEFT),
+            Above("item", SUCCESS_HEIGHT_M),
+        ),
+        horizon_ticks=400,
+    )
+
+    def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
+        """Item upright on the left arm's side."""
+        scene.place("item", AREA.sample(rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2))
+        return True
+
+    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+        """Pick up, present, receive where the item really is, release, withdraw."""
+        item = scene.pose("item")
+        grasp = Pose.looking(
+            (*item.position[:2], GRASP_Z_M), approach=(0, 0, -1), opening=item.rotation[:, 0]
+        )
+        present = LEFT_PRESENTS.translated(EXCHANGE).advanced(-LEFT_BEHIND_M)
+        wait = RIGHT_RECEIVES.translated(EXCHANGE).advanced(-RIGHT_BEHIND_M - CLEARANCE_M)
+        yield Stage("hover", left=grasp.translated((0, 0, HOVER_M)), right=wait, planned=True)
+        yield Stage("grasp", left=grasp, left_open=False, left_holds="item")
+        yield Stage("lift", left=grasp.translated((0, 0, LIFT_TO_M - GRASP_Z_M)))
+        yield Stage("present", left=present)
+        receive = RIGHT_RECEIVES.translated(scene.pose("item").position).advanced(-RIGHT_BEHIND_M)
+        yield Stage("receive", right=receive, right_open=False, right_holds="item")
+        yield Stage("release", left_open=True)
+        yield Stage("withdraw", left=present.advanced(-CLEARANCE_M))

@@ -1,0 +1,62 @@
+"""Films an episode as an mp4 file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lerobot_bimanual.episode import CONTROL_HZ
+from numpy.typing import NDArray
+
+CRF = "20"
+"""Constant rate factor of H.264: visually clean at about 100 kB per second of video."""
+
+
+class VideoWriter:
+    """Writes frames to an H.264 file that appears under its name only when it is complete.
+
+    Args:
+        folder: created if absent.
+        stem: beginning of the file name; `close` adds the outcome.
+        fps: frames per second.
+    """
+
+    def __init__(self, folder: Path, stem: str, fps: int = CONTROL_HZ):
+        self.frames = 0
+        self._folder = folder
+        self._stem = stem
+        self._fps = fps
+        self._container: Any = None
+        self._stream: Any = None
+
+    @property
+    def _partial(self) -> Path:
+        return self._folder / f".{self._stem}.part"
+
+    def add(self, rgb: NDArray[np.uint8]) -> None:
+        """Append a frame, uint8 (H, W, 3); even sides, as chroma is stored at half resolution."""
+        import av  # only those who film pay for the import
+
+        if self._container is None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._container = av.open(str(self._partial), "w", format="mp4")
+            self._stream = self._container.add_stream("libx264", rate=self._fps)
+            self._stream.height, self._stream.width = rgb.shape[:2]
+            self._stream.pix_fmt = "yuv420p"
+            self._stream.options = {"crf": CRF, "preset": "veryfast"}
+        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+        self.frames += 1
+
+    def close(self, outcome: str) -> Path | None:
+        """Finish the file as `<stem>_<outcome>.mp4`, replacing an older one of that name.
+
+        Returns:
+            Its path, or `None` if no frame was written.
+        """
+        if self._container is None:
+            return None
+        self._container.mux(self._stream.encode(None))
+        self._container.close()
+        self._container = None
+        return self._partial.replace(self._folder / f"{self._stem}_{outcome}.mp4")

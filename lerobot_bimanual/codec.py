@@ -1,0 +1,112 @@
+"""Discrete keyposes: voxel indices, rotation bins and flags, in NumPy.
+
+The same discretisation that the policies predict (`codec_torch` is its torch twin) rounds the experts'
+keyposes when a ceiling is certified.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.geometry.rotations import (
+    euler_xyz_to_quat_wxyz,
+    quat_wxyz_canonical,
+    quat_wxyz_to_euler_xyz,
+)
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_bimanual.keypose import (
+    ARM_KEYPOSE_DIM,
+    GRIPPER_OPEN,
+    IGNORE_COLLISIONS,
+    KEYPOSE_DIM,
+    POSITION,
+    QUATERNION,
+    BimanualKeypose,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteKeypose:
+    """A keypose of both arms in bins, left first.
+
+    Attributes:
+        voxel: (..., 2, 3) index along x, y, z; outside [0, voxels) where the position lies outside.
+        rotation: (..., 2, 3) bin of each extrinsic xyz Euler angle; bin k stands for 5k - 180 degrees.
+        gripper_open: (..., 2) 0 or 1.
+        ignore_collisions: (..., 2) 0 or 1.
+    """
+
+    voxel: NDArray[np.int64]
+    rotation: NDArray[np.int64]
+    gripper_open: NDArray[np.int64]
+    ignore_collisions: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class KeyposeCodec:
+    """Between continuous keyposes and bins.
+
+    Attributes:
+        workspace: The box that the voxels fill.
+        voxels: Voxels per axis (paper: 100, so 1 cm; 50 on the paper's real robot).
+        rotation_bin_deg: Width of a rotation bin (paper: 5 degrees, 72 bins per axis).
+    """
+
+    workspace: Workspace = VOXEL_WORKSPACE
+    voxels: int = 100
+    rotation_bin_deg: float = 5.0
+
+    def __post_init__(self):
+        """Refuse bins that do not divide the circle."""
+        if self.voxels < 1 or 360 % self.rotation_bin_deg:
+            raise ValueError(
+                f"voxels={self.voxels} must be at least 1 and rotation_bin_deg={self.rotation_bin_deg} must divide 360"
+            )
+
+    @property
+    def voxel_size_m(self) -> NDArray[np.float64]:
+        """Edge lengths (3,) of one voxel."""
+        return self.workspace.size / self.voxels
+
+    @property
+    def rotation_bins(self) -> int:
+        """Bins per rotation axis."""
+        return round(360 / self.rotation_bin_deg)
+
+    def encode(self, vectors: ArrayLike) -> DiscreteKeypose:
+        """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
+        arms = _per_arm(vectors)
+        voxel = np.floor((arms[..., POSITION] - self.workspace.lower) / self.voxel_size_m)
+        euler_deg = np.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
+        rotation = np.round((euler_deg + 180) / self.rotation_bin_deg).astype(np.int64) % self.rotation_bins
+        return DiscreteKeypose(
+            voxel.astype(np.int64),
+            rotation,
+            (arms[..., GRIPPER_OPEN] > 0.5).astype(np.int64),
+            (arms[..., IGNORE_COLLISIONS] > 0.5).astype(np.int64),
+        )
+
+    def decode(self, discrete: DiscreteKeypose) -> NDArray[np.float64]:
+        """Flat keyposes (..., 18) at the voxel centres and bin angles."""
+        arms = np.empty((*discrete.voxel.shape[:-1], ARM_KEYPOSE_DIM))
+        arms[..., POSITION] = self.workspace.lower + (discrete.voxel + 0.5) * self.voxel_size_m
+        euler_rad = np.deg2rad(discrete.rotation * self.rotation_bin_deg - 180)
+        arms[..., QUATERNION] = euler_xyz_to_quat_wxyz(euler_rad)
+        arms[..., GRIPPER_OPEN] = discrete.gripper_open
+        arms[..., IGNORE_COLLISIONS] = discrete.ignore_collisions
+        return arms.reshape(*arms.shape[:-2], KEYPOSE_DIM)
+
+    def discretise(self, keypose: BimanualKeypose) -> BimanualKeypose:
+        """The keypose that a policy with these bins would command; positions are clipped into the grid."""
+        bins = self.encode(keypose.to_vector().astype(np.float64))
+        inside = DiscreteKeypose(
+            np.clip(bins.voxel, 0, self.voxels - 1), bins.rotation, bins.gripper_open, bins.ignore_collisions
+        )
+        return BimanualKeypose.from_vector(self.decode(inside))
+
+
+def _per_arm(vectors: ArrayLike) -> NDArray[np.float64]:
+    array = np.asarray(vectors, dtype=np.float64)
+    return array.reshape(*array.shape[:-1], len(ARMS), ARM_KEYPOSE_DIM)

@@ -1,0 +1,66 @@
+"""Discrete keyposes on torch tensors: the twin of `codec`, used by the policies."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
+from lerobot_bimanual.geometry.rotations_torch import (
+    euler_xyz_to_quat_wxyz,
+    quat_wxyz_canonical,
+    quat_wxyz_to_euler_xyz,
+)
+from lerobot_bimanual.keypose import (
+    ARM_KEYPOSE_DIM,
+    GRIPPER_OPEN,
+    IGNORE_COLLISIONS,
+    POSITION,
+    QUATERNION,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteKeypose:
+    """Bins of a batch of keyposes, left first; the fields of `codec.DiscreteKeypose` as int64 tensors."""
+
+    voxel: Tensor
+    rotation: Tensor
+    gripper_open: Tensor
+    ignore_collisions: Tensor
+
+
+class KeyposeCodec(NumpyKeyposeCodec):
+    """`codec.KeyposeCodec` on tensors of any device."""
+
+    def encode(self, vectors: Tensor) -> DiscreteKeypose:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
+        arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
+        lower = vectors.new_tensor(self.workspace.lower)
+        voxel = ((arms[..., POSITION] - lower) / vectors.new_tensor(self.voxel_size_m)).floor().long()
+        euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
+        rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
+        return DiscreteKeypose(
+            voxel,
+            rotation,
+            (arms[..., GRIPPER_OPEN] > 0.5).long(),
+            (arms[..., IGNORE_COLLISIONS] > 0.5).long(),
+        )
+
+    def decode(self, discrete: DiscreteKeypose) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Flat keyposes (..., 18) at the voxel centres and bin angles."""
+        return self.assemble(self.voxel_centers(discrete.voxel), discrete)
+
+    def voxel_centers(self, voxel: Tensor) -> Tensor:
+        """World positions (..., 3) of voxel indices (..., 3); fractions of a voxel are allowed."""
+        lower = torch.tensor(self.workspace.lower, dtype=torch.float32, device=voxel.device)
+        size = torch.tensor(self.voxel_size_m, dtype=torch.float32, device=voxel.device)
+        return lower + (voxel + 0.5) * size
+
+    def assemble(self, position: Tensor, discrete: DiscreteKeypose) -> Tensor:
+        """Flat keyposes (..., 18) from positions (..., 2, 3) in metres and the other bins."""
+        euler_rad = torch.deg2rad(discrete.rotation * self.rotation_bin_deg - 180)
+        flags = torch.stack([discrete.gripper_open, discrete.ignore_collisions], dim=-1).to(position)
+        arms = torch.cat([position, euler_xyz_to_quat_wxyz(euler_rad).to(position), flags], dim=-1)
+        return arms.flatten(-2)

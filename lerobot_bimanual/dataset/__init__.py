@@ -1,0 +1,1 @@
+"""Demonstrations as LeRobotDataset v3: schema, writer and reader."""

@@ -1,0 +1,99 @@
+"""Names, types and shapes of every dataset feature: the only place where they are spelled.
+
+The environment emits the same observation keys, so a policy trained on the dataset sees the same batch in
+`lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
+"""
+
+from typing import Any, Literal
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.keypose import KEYPOSE_NAMES
+
+SCHEMA_VERSION = 1
+FPS = CONTROL_HZ
+ROBOT_TYPE = "bimanual_panda"
+
+View = Literal["frames", "keyframes"]
+VIEWS: tuple[View, ...] = ("frames", "keyframes")
+
+DEPTH_MIN_M = 0.01
+DEPTH_MAX_M = 4.0
+"""Stored depth range; beyond it depth is clipped. 12 bits over 4 m are 1 mm steps."""
+
+IMAGE_PREFIX = "observation.images."
+CAMERA_EXTRINSICS = "observation.camera_extrinsics"
+CAMERA_INTRINSICS = "observation.camera_intrinsics"
+STATE = "observation.state"
+EE_POSE = "observation.ee_pose"
+GRIPPER_FINGERS = "observation.gripper_fingers"
+KEYPOSE_STEP = "observation.keypose_step"
+NEXT_KEYPOSE = "observation.next_keypose"
+ACTION = "action"
+KEYFRAME = "keyframe"
+SEED = "seed"
+VARIATION = "variation"
+STATE_HASH = "state_hash"
+
+JOINT_NAMES = tuple(
+    f"{arm}_{name}" for arm in ARMS for name in (*(f"joint{i + 1}" for i in range(JOINTS_PER_ARM)), "gripper")
+)
+"""Layout of `observation.state` and `action`: per arm seven joints in radians and the opening 0..1."""
+
+POSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
+FINGER_NAMES = tuple(f"{arm}_finger{i}" for arm in ARMS for i in (1, 2))
+EXTRINSIC_NAMES = tuple(f"{camera}_T{r}{c}" for camera in CAMERA_NAMES for r in range(4) for c in range(4))
+INTRINSIC_NAMES = tuple(f"{camera}_K{r}{c}" for camera in CAMERA_NAMES for r in range(3) for c in range(3))
+
+VECTORS: dict[str, tuple[str, ...]] = {
+    STATE: JOINT_NAMES,
+    EE_POSE: POSE_NAMES,
+    GRIPPER_FINGERS: FINGER_NAMES,
+    KEYPOSE_STEP: ("keyposes_completed",),
+    CAMERA_EXTRINSICS: EXTRINSIC_NAMES,
+    CAMERA_INTRINSICS: INTRINSIC_NAMES,
+    NEXT_KEYPOSE: KEYPOSE_NAMES,
+    ACTION: JOINT_NAMES,
+}
+"""float32 columns and the name of each element."""
+
+SCALARS: dict[str, str] = {KEYFRAME: "bool", SEED: "int64", VARIATION: "int64", STATE_HASH: "int64"}
+"""Columns of shape (1,) and their dtype."""
+
+
+def image_key(camera: str) -> str:
+    """Key of a camera's RGB image, uint8 (height, width, 3)."""
+    return f"{IMAGE_PREFIX}{camera}"
+
+
+def depth_key(camera: str) -> str:
+    """Key of a camera's depth image, millimetres along the optical axis."""
+    return f"{IMAGE_PREFIX}{camera}_depth"
+
+
+def features(cameras: tuple[str, ...], height: int, width: int, view: View) -> dict[str, dict[str, Any]]:
+    """LeRobot feature table of one view.
+
+    Args:
+        cameras: Cameras whose images are stored. Calibration always covers all five.
+        height: Image height in pixels.
+        width: Image width in pixels.
+        view: "frames" stores images as video, "keyframes" stores them losslessly in the table.
+    """
+    dtype = "video" if view == "frames" else "image"
+    names = ["height", "width", "channels"]
+    table: dict[str, dict[str, Any]] = {}
+    for camera in cameras:
+        table[image_key(camera)] = {"dtype": dtype, "shape": (height, width, 3), "names": names}
+        table[depth_key(camera)] = {
+            "dtype": dtype,
+            "shape": (height, width, 1),
+            "names": names,
+            "info": {"is_depth_map": True},
+        }
+    for key, elements in VECTORS.items():
+        table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
+    for key, scalar in SCALARS.items():
+        table[key] = {"dtype": scalar, "shape": (1,), "names": None}
+    return table

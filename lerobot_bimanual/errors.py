@@ -1,0 +1,90 @@
+"""Errors that users see: each says what was got, what is allowed and how to go on."""
+
+from collections.abc import Iterable
+
+
+class BimanualError(Exception):
+    """Base of all errors raised on purpose; the command line prints them as one line."""
+
+
+def _choices(valid: Iterable[str]) -> str:
+    return ", ".join(valid)
+
+
+class UnknownTask(BimanualError):
+    """A task name that the registry does not hold."""
+
+    def __init__(self, name: str, valid: Iterable[str]):
+        super().__init__(f"unknown task {name!r}. Tasks and suites: {_choices(valid)}")
+
+
+class UnknownCamera(BimanualError):
+    """A camera name that the scene does not have."""
+
+    def __init__(self, name: str, valid: Iterable[str]):
+        super().__init__(f"unknown camera {name!r}. Cameras: {_choices(valid)}")
+
+
+class UnknownVariation(BimanualError):
+    """A variation index that the task does not have."""
+
+    def __init__(self, task: str, variation: object, count: int):
+        super().__init__(
+            f"task {task!r} has no variation {variation!r}. Use 'any' or an integer from 0 to {count - 1}"
+        )
+
+
+class InvalidChoice(BimanualError):
+    """An option set to a value outside its list of choices."""
+
+    def __init__(self, option: str, value: object, valid: Iterable[str]):
+        super().__init__(f"{option} is {value!r}, but must be one of: {_choices(valid)}")
+
+
+class InvalidAction(BimanualError):
+    """An action that no mode of the environment can execute."""
+
+
+class KeyposeFailure(BimanualError):
+    """A keypose that one arm cannot reach; ends the episode as a failure.
+
+    Attributes:
+        arm: Name of the arm, or "both".
+        reason: What prevented the motion.
+    """
+
+    def __init__(self, arm: str, reason: str):
+        self.arm = str(arm)
+        self.reason = reason
+        super().__init__(f"{self.arm} arm: {reason}")
+
+
+class PlacementFailure(BimanualError):
+    """No placement of the props was found that both arms can serve."""
+
+
+class ExpertFailed(BimanualError):
+    """An expert did not solve its episode."""
+
+    def __init__(self, task: str, seed: int, stage: str, unmet: Iterable[str]):
+        super().__init__(
+            f"expert of {task!r} failed at seed {seed}, stage {stage!r}; unmet: {_choices(unmet)}"
+        )
+
+
+class SchemaMismatch(BimanualError):
+    """A dataset whose features or schema version are not the ones this package writes."""
+
+
+class DatasetError(BimanualError):
+    """A dataset that cannot be written, resumed, merged or read."""
+
+
+class MissingGL(BimanualError):
+    """No OpenGL context could be created for offscreen rendering."""
+
+    def __init__(self, detail: str):
+        super().__init__(
+            f"no offscreen OpenGL context ({detail}). On Debian or Ubuntu: "
+            "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, and set MUJOCO_GL=egl"
+        )

@@ -1,0 +1,152 @@
+"""Rotation conversions in NumPy, batched over leading dimensions.
+
+One naming rule, `a_to_b`. Quaternions are wxyz. Euler angles are extrinsic xyz (rotations about the fixed
+world axes x, then y, then z), in radians: the convention of PerAct's 72-bin rotation head. The functions of
+`rotations_torch` have the same names and are tested to agree.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Below this cosine of the pitch the first and third Euler angles describe the same turn (2e-4 deg from 90 deg).
+SINGULAR_COSINE = 1e-6
+
+
+def quat_wxyz_canonical(quat_wxyz: ArrayLike) -> Array:
+    """Unit quaternion with w >= 0, so that equal rotations have equal numbers; shape (..., 4)."""
+    q = np.asarray(quat_wxyz, dtype=np.float64)
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def quat_wxyz_conjugate(quat_wxyz: ArrayLike) -> Array:
+    """Inverse rotation of unit quaternions; shape (..., 4)."""
+    return np.asarray(quat_wxyz, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def quat_wxyz_multiply(a: ArrayLike, b: ArrayLike) -> Array:
+    """Hamilton product: the rotation `b` followed by `a`; shapes broadcast, (..., 4)."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def quat_wxyz_to_matrix(quat_wxyz: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quat_wxyz(matrix: ArrayLike) -> Array:
+    """Canonical quaternions (..., 4) of rotation matrices (..., 3, 3).
+
+    Of the four classical formulas the one with the largest divisor is taken, so the result is accurate for
+    every rotation angle.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # Squared components times four; each row of `products` is q scaled by four times one of its components.
+    four_squares = np.stack(
+        [1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22], axis=-1
+    )
+    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
+    products = np.stack(
+        [
+            np.stack([four_squares[..., 0], wx, wy, wz], axis=-1),
+            np.stack([wx, four_squares[..., 1], xy, xz], axis=-1),
+            np.stack([wy, xy, four_squares[..., 2], yz], axis=-1),
+            np.stack([wz, xz, yz, four_squares[..., 3]], axis=-1),
+        ],
+        axis=-2,
+    )
+    largest = np.argmax(four_squares, axis=-1)[..., None, None]
+    return quat_wxyz_canonical(np.take_along_axis(products, largest, axis=-2)[..., 0, :])
+
+
+def quat_wxyz_to_euler_xyz(quat_wxyz: ArrayLike) -> Array:
+    """Extrinsic xyz Euler angles (..., 3) in radians: x and z in [-pi, pi], y in [-pi/2, pi/2].
+
+    At pitch +-90 degrees x and z turn about the same line; the third angle is then set to 0, so that equal
+    rotations have equal angles and a classifier over their bins has one right answer.
+    """
+    m = quat_wxyz_to_matrix(quat_wxyz)
+    cosine = np.hypot(m[..., 0, 0], m[..., 1, 0])
+    pitch = np.arctan2(-m[..., 2, 0], cosine)
+    singular = cosine < SINGULAR_COSINE
+    roll = np.where(singular, np.arctan2(-m[..., 1, 2], m[..., 1, 1]), np.arctan2(m[..., 2, 1], m[..., 2, 2]))
+    yaw = np.where(singular, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def euler_xyz_to_quat_wxyz(euler_rad: ArrayLike) -> Array:
+    """Canonical quaternions (..., 4) of extrinsic xyz Euler angles (..., 3) in radians."""
+    half = np.asarray(euler_rad, dtype=np.float64) / 2
+    cosine, sine, zero = np.cos(half), np.sin(half), np.zeros_like(half[..., 0])
+    about_x = np.stack([cosine[..., 0], sine[..., 0], zero, zero], axis=-1)
+    about_y = np.stack([cosine[..., 1], zero, sine[..., 1], zero], axis=-1)
+    about_z = np.stack([cosine[..., 2], zero, zero, sine[..., 2]], axis=-1)
+    return quat_wxyz_canonical(quat_wxyz_multiply(about_z, quat_wxyz_multiply(about_y, about_x)))
+
+
+def quat_wxyz_from_axis_angle(axis: ArrayLike, angle_rad: ArrayLike) -> Array:
+    """Quaternions (..., 4) turning by `angle_rad` (...,) about `axis` (..., 3), of any length but zero."""
+    direction = np.asarray(axis, dtype=np.float64)
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    half: Array = np.asarray(angle_rad, dtype=np.float64)[..., None] / 2
+    vector = np.sin(half) * direction
+    scalar = np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1))
+    return np.concatenate([scalar, vector], axis=-1)
+
+
+def quat_wxyz_to_rotation_vector(quat_wxyz: ArrayLike) -> Array:
+    """Axis times angle (..., 3) in radians, angle in [0, pi]."""
+    q = quat_wxyz_canonical(quat_wxyz)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    # angle / sine tends to 2 as the rotation vanishes.
+    return q[..., 1:] * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+
+
+def rotation_vector(matrix: ArrayLike) -> Array:
+    """Axis times angle (..., 3) in radians of rotation matrices (..., 3, 3)."""
+    return quat_wxyz_to_rotation_vector(matrix_to_quat_wxyz(matrix))
+
+
+def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of axis-times-angle vectors (..., 3) in radians."""
+    v = np.asarray(vector, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    # sin(angle / 2) / angle tends to one half as the rotation vanishes.
+    scale = np.where(angle > 1e-12, np.sin(angle / 2) / np.maximum(angle, 1e-12), 0.5)
+    return quat_wxyz_to_matrix(np.concatenate([np.cos(angle / 2), scale * v], axis=-1))
+
+
+def quat_wxyz_slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Array:
+    """Rotation at `fraction` (...,) of the shorter way from `a` (0) to `b` (1); shape (..., 4)."""
+    a = quat_wxyz_canonical(a)
+    step = quat_wxyz_to_rotation_vector(quat_wxyz_multiply(b, quat_wxyz_conjugate(a)))
+    step = step * np.asarray(fraction, dtype=np.float64)[..., None]
+    turned = matrix_to_quat_wxyz(matrix_from_rotation_vector(step))
+    return quat_wxyz_canonical(quat_wxyz_multiply(turned, a))
+
+
+def rotation_angle_rad(a: ArrayLike, b: ArrayLike) -> Array:
+    """Angle in [0, pi] between the rotations of two quaternions (..., 4)."""
+    difference = quat_wxyz_multiply(b, quat_wxyz_conjugate(a))
+    return np.linalg.norm(quat_wxyz_to_rotation_vector(difference), axis=-1)

@@ -1,0 +1,50 @@
+"""Keyframe discovery: the rows of a recorded episode where a new keypose begins."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+
+STILL_RAD = 5e-5
+"""Change of a commanded joint per frame below which it rests: 0.001 rad/s at 20 Hz."""
+
+MIN_REST_FRAMES = 2
+"""Shortest rest that ends a keypose."""
+
+
+def discover_keyframes(actions: ArrayLike) -> list[int]:
+    """Frames at which both arms set off again after a rest, or a gripper changed on the way; the last always.
+
+    PerAct2 takes a frame where a gripper changed or both arms stopped. There the gripper closes between two
+    frames; here closing takes half a second, in which the arms rest, so the keypose is complete when the rest
+    ends. Commanded joints are read instead of measured speeds, which never quite vanish in an arm that pushes.
+
+    Args:
+        actions: (T, 16) recorded joint actions, per arm seven joints in radians and the gripper opening.
+
+    Returns:
+        Rising frame indices in [1, T).
+    """
+    arms = np.asarray(actions, dtype=np.float64).reshape(-1, len(ARMS), JOINTS_PER_ARM + 1)
+    frames = len(arms)
+    if frames < 2:
+        return []
+    still = np.ones(frames, dtype=bool)
+    still[1:] = (np.abs(np.diff(arms[..., :JOINTS_PER_ARM], axis=0)) < STILL_RAD).all(axis=(1, 2))
+    grippers = arms[..., JOINTS_PER_ARM] > 0.5
+    changed = np.zeros(frames, dtype=bool)
+    changed[1:] = (grippers[1:] != grippers[:-1]).any(axis=1)
+
+    keyframes: list[int] = []
+    rested, moved, pending = 0, False, False
+    for frame in range(1, frames):
+        if still[frame]:
+            rested += 1
+            pending |= changed[frame]
+            continue
+        if (moved and rested >= MIN_REST_FRAMES) or pending or changed[frame]:
+            keyframes.append(frame)
+        rested, moved, pending = 0, True, False
+    if keyframes and keyframes[-1] >= frames - 2:
+        keyframes.pop()
+    return [*keyframes, frames - 1]

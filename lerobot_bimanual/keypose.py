@@ -1,0 +1,89 @@
+"""Keyposes: the targets that experts command and keypose policies predict.
+
+Flat layout, 18 numbers, left arm first; per arm `[x, y, z, qw, qx, qy, qz, gripper_open, ignore_collisions]`
+in the world frame, metres. (PerAct2's reference lists the right arm first and quaternions xyzw.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
+
+ARM_KEYPOSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "gripper_open", "ignore_collisions")
+ARM_KEYPOSE_DIM = len(ARM_KEYPOSE_NAMES)
+KEYPOSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ARM_KEYPOSE_NAMES)
+KEYPOSE_DIM = len(KEYPOSE_NAMES)
+
+POSITION = slice(0, 3)
+QUATERNION = slice(3, 7)
+GRIPPER_OPEN = 7
+IGNORE_COLLISIONS = 8
+"""Where each part stands in one arm's nine numbers."""
+
+
+@dataclass(frozen=True)
+class Keypose:
+    """One arm's target.
+
+    Attributes:
+        pose: Hand pose in the world frame: origin between the fingertips, z out of the palm, y along the
+            opening of the fingers.
+        gripper_open: Whether the gripper is open after the motion.
+        ignore_collisions: True for a straight contact motion, False for a planned collision-free one.
+    """
+
+    pose: Pose
+    gripper_open: bool
+    ignore_collisions: bool
+
+
+@dataclass(frozen=True)
+class BimanualKeypose:
+    """Both arms' targets; the arms start and end their motion together."""
+
+    left: Keypose
+    right: Keypose
+
+    def __getitem__(self, arm: Arm) -> Keypose:
+        """The target of one arm."""
+        return self.left if arm is Arm.LEFT else self.right
+
+    def to_vector(self) -> NDArray[np.float32]:
+        """Flat layout, (18,), quaternions with w >= 0."""
+        parts = []
+        for arm in ARMS:
+            target = self[arm]
+            flags = [float(target.gripper_open), float(target.ignore_collisions)]
+            parts += [target.pose.position, quat_wxyz_canonical(target.pose.quat_wxyz), flags]
+        return np.concatenate(parts).astype(np.float32)
+
+    @classmethod
+    def from_vector(cls, vector: ArrayLike) -> "BimanualKeypose":
+        """Read the flat layout.
+
+        Quaternions are normalised and flags are true above 0.5, as learned values are never exact.
+
+        Raises:
+            InvalidAction: If the vector has another length, is not finite, or holds a zero quaternion.
+        """
+        v = np.asarray(vector, dtype=np.float64)
+        if v.shape != (KEYPOSE_DIM,):
+            raise InvalidAction(
+                f"a keypose action has shape ({KEYPOSE_DIM},), got {v.shape}: per arm, left first, "
+                f"{', '.join(ARM_KEYPOSE_NAMES)}"
+            )
+        if not np.isfinite(v).all():
+            bad = [KEYPOSE_NAMES[i] for i in np.flatnonzero(~np.isfinite(v))]
+            raise InvalidAction(f"keypose action is not finite in: {', '.join(bad)}")
+        targets = []
+        for arm, part in zip(ARMS, v.reshape(len(ARMS), ARM_KEYPOSE_DIM), strict=True):
+            if np.linalg.norm(part[QUATERNION]) < 1e-6:
+                raise InvalidAction(f"keypose action has a zero quaternion for the {arm} arm")
+            pose = Pose(part[POSITION], quat_wxyz_canonical(part[QUATERNION]))
+            targets.append(Keypose(pose, bool(part[GRIPPER_OPEN] > 0.5), bool(part[IGNORE_COLLISIONS] > 0.5)))
+        return cls(*targets)

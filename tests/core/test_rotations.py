@@ -1,0 +1,118 @@
+"""Axioms of the rotation conversions, and agreement of the torch twins."""
+
+import numpy as np
+import pytest
+import torch
+
+from lerobot_bimanual.geometry import rotations, rotations_torch
+
+
+@pytest.fixture
+def quaternions() -> np.ndarray:
+    random = np.random.default_rng(0).normal(size=(200, 4))
+    half_turns = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 0, 0], [0, 0.6, 0.8, 0]])
+    return rotations.quat_wxyz_canonical(np.concatenate([random, half_turns]))
+
+
+def same_rotation(a, b, atol=1e-9):
+    return bool((rotations.rotation_angle_rad(a, b) < atol).all())
+
+
+def test_matrices_are_orthonormal_and_right_handed(quaternions):
+    m = rotations.quat_wxyz_to_matrix(quaternions)
+    np.testing.assert_allclose(m @ np.swapaxes(m, -1, -2), np.broadcast_to(np.eye(3), m.shape), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(m), 1.0, atol=1e-12)
+
+
+def test_quaternion_to_matrix_and_back_is_the_identity(quaternions):
+    back = rotations.matrix_to_quat_wxyz(rotations.quat_wxyz_to_matrix(quaternions))
+    assert same_rotation(quaternions, back)
+    assert (back[:, 0] >= 0).all()
+
+
+def test_product_of_quaternions_is_the_product_of_matrices(quaternions):
+    a, b = quaternions[:100], quaternions[100:200]
+    product = rotations.quat_wxyz_to_matrix(rotations.quat_wxyz_multiply(a, b))
+    expected = rotations.quat_wxyz_to_matrix(a) @ rotations.quat_wxyz_to_matrix(b)
+    np.testing.assert_allclose(product, expected, atol=1e-12)
+
+
+def test_conjugate_undoes_the_rotation(quaternions):
+    one = rotations.quat_wxyz_multiply(quaternions, rotations.quat_wxyz_conjugate(quaternions))
+    np.testing.assert_allclose(one, np.broadcast_to([1.0, 0, 0, 0], one.shape), atol=1e-12)
+
+
+def test_euler_angles_round_trip(quaternions):
+    euler = rotations.quat_wxyz_to_euler_xyz(quaternions)
+    assert same_rotation(quaternions, rotations.euler_xyz_to_quat_wxyz(euler), atol=1e-7)
+    assert (np.abs(euler[:, 1]) <= np.pi / 2 + 1e-12).all()
+
+
+def test_euler_angles_are_extrinsic_x_then_y_then_z():
+    quarter = np.pi / 2
+    turn = rotations.quat_wxyz_to_matrix(rotations.euler_xyz_to_quat_wxyz([quarter, 0.0, quarter]))
+    # y goes to z by the turn about x, and stays there under the turn about the fixed z axis.
+    np.testing.assert_allclose(turn @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("pitch_deg", [90.0, -90.0])
+def test_equal_rotations_have_equal_angles_at_the_singularity(pitch_deg):
+    sign = np.sign(pitch_deg)
+    # At pitch +90 only roll - yaw matters, at -90 only roll + yaw.
+    a = np.deg2rad([30.0, pitch_deg, 10.0])
+    b = np.deg2rad([50.0, pitch_deg, 10.0 + sign * 20.0])
+    angles = [rotations.quat_wxyz_to_euler_xyz(rotations.euler_xyz_to_quat_wxyz(e)) for e in (a, b)]
+    np.testing.assert_allclose(angles[0], angles[1], atol=1e-6)
+    assert angles[0][2] == 0.0
+
+
+def test_axis_angle_and_rotation_vector_agree():
+    axis, angle = np.array([0.0, 3.0, 4.0]), 1.2
+    q = rotations.quat_wxyz_from_axis_angle(axis, angle)
+    np.testing.assert_allclose(rotations.quat_wxyz_to_rotation_vector(q), axis / 5 * angle, atol=1e-12)
+    vector = rotations.rotation_vector(rotations.matrix_from_rotation_vector(axis / 5 * angle))
+    np.testing.assert_allclose(vector, axis / 5 * angle, atol=1e-12)
+
+
+def test_rotation_vectors_of_tiny_turns_are_finite_and_right():
+    tiny = np.array([1e-14, 0.0, 0.0])
+    assert np.isfinite(rotations.matrix_from_rotation_vector(tiny)).all()
+    np.testing.assert_allclose(rotations.quat_wxyz_to_rotation_vector([1.0, 0.0, 0.0, 0.0]), 0.0)
+
+
+def test_slerp_meets_both_ends_and_takes_the_short_way(quaternions):
+    a, b = quaternions[:100], quaternions[100:200]
+    zero, one = np.zeros(100), np.ones(100)
+    assert same_rotation(rotations.quat_wxyz_slerp(a, b, zero), a, atol=1e-7)
+    assert same_rotation(rotations.quat_wxyz_slerp(a, b, one), b, atol=1e-7)
+    half = rotations.quat_wxyz_slerp(a, -b, one / 2)
+    np.testing.assert_allclose(
+        rotations.rotation_angle_rad(a, half), rotations.rotation_angle_rad(a, b) / 2, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["quat_wxyz_canonical", "quat_wxyz_conjugate", "quat_wxyz_to_matrix", "quat_wxyz_to_euler_xyz"]
+)
+def test_torch_twin_of_one_argument_functions_agrees(name, quaternions):
+    expected = getattr(rotations, name)(quaternions)
+    got = getattr(rotations_torch, name)(torch.from_numpy(quaternions))
+    np.testing.assert_allclose(got.numpy(), expected, atol=1e-9)
+
+
+def test_torch_twins_of_the_other_functions_agree(quaternions):
+    tensor = torch.from_numpy(quaternions)
+    matrices = rotations.quat_wxyz_to_matrix(quaternions)
+    got = rotations_torch.matrix_to_quat_wxyz(torch.from_numpy(matrices))
+    assert same_rotation(got.numpy(), quaternions)
+    euler = rotations.quat_wxyz_to_euler_xyz(quaternions)
+    got = rotations_torch.euler_xyz_to_quat_wxyz(torch.from_numpy(euler))
+    assert same_rotation(got.numpy(), quaternions, atol=1e-7)
+    got = rotations_torch.quat_wxyz_multiply(tensor[:50], tensor[50:100])
+    np.testing.assert_allclose(
+        got.numpy(), rotations.quat_wxyz_multiply(quaternions[:50], quaternions[50:100]), atol=1e-12
+    )
+    got = rotations_torch.rotation_angle_rad(tensor[:50], tensor[50:100])
+    expected = rotations.rotation_angle_rad(quaternions[:50], quaternions[50:100])
+    np.testing.assert_allclose(got.numpy(), expected, atol=1e-9)
