@@ -9,7 +9,7 @@ help:  ## List the targets
 setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
 
-demo: setup  ## Watch an expert: simulate, record, replay and film one task
+demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)

@@ -1,6 +1,7 @@
 """One recorded demonstration, independent of how it is stored."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ class EpisodeMeta:
         task: Registered task name.
         variation: Variation index.
         split: "train", "val" or "test".
-        seed: The integer that, with task and split, determines every state bit for bit.
+        seed: The integer that, with task, variation and split, determines every state bit for bit.
         instruction: The sentence given to the policy.
     """
 
@@ -33,33 +34,46 @@ class Step:
     """One control tick.
 
     Attributes:
-        observation: Dataset key -> array, seen before the tick. Images may be missing from rows that no view
-            stores.
+        observation: Dataset key -> vector, seen before the tick.
         action: (16,) float32 joint action applied during the tick.
         stage: Index of the keypose being executed, which is also the number of keyposes completed.
-        keyframe: Whether this is the first observation after a completed keypose, or the last of the episode.
         state_hash: First 64 bits of the simulation state's hash after the tick, as a signed integer.
     """
 
     observation: dict[str, NDArray]
     action: NDArray[np.float32]
     stage: int
-    keyframe: bool
     state_hash: int
 
 
-@dataclass
+@dataclass(frozen=True)
 class Episode:
     """A finished demonstration.
+
+    A demonstration of T ticks has T + 1 observations; row t is the one before tick t, row T the last one.
 
     Attributes:
         meta: What the episode is.
         keyposes: (stages, 18) float32, the keypose commanded in each stage.
-        steps: One entry per control tick.
-        final_observation: Observation after the last tick.
+        steps: One entry per control tick; at least one.
+        final_observation: Vectors of row T.
+        images: Gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
+            millimetres, as the environment emits them. They are asked for row by row, so that nobody renders
+            rows that no view stores, and an episode never has to fit into memory with all its images.
     """
 
     meta: EpisodeMeta
     keyposes: NDArray[np.float32]
-    steps: list[Step] = field(default_factory=list)
-    final_observation: dict[str, NDArray] = field(default_factory=dict)
+    steps: tuple[Step, ...]
+    final_observation: dict[str, NDArray]
+    images: Callable[[int], dict[str, NDArray]]
+
+    @property
+    def rows(self) -> int:
+        """Number of observations, T + 1."""
+        return len(self.steps) + 1
+
+    def stage_starts(self) -> list[int]:
+        """Rows with the first observation of each stage, row 0 included."""
+        stages = [step.stage for step in self.steps]
+        return [row for row, stage in enumerate(stages) if row == 0 or stage != stages[row - 1]]

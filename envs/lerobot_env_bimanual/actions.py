@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import JOINT_NAMES
 from lerobot_bimanual.errors import InvalidAction, KeyposeFailure
@@ -31,12 +33,10 @@ from lerobot_bimanual.keypose import (
     QUATERNION,
     BimanualKeypose,
 )
-from numpy.typing import ArrayLike, NDArray
-
-from .settings import ControlMode
+from lerobot_env_bimanual.settings import ControlMode
 
 if TYPE_CHECKING:
-    from .robots.arm_pair import ArmPair
+    from lerobot_env_bimanual.robots.arm_pair import ArmPair
 
 JOINT_ACTION_DIM = len(JOINT_NAMES)
 JOINT_TOLERANCE_RAD = 0.1

@@ -8,13 +8,23 @@ import numpy as np
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import Prop
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 
 PHYSICS_STEP_S = 0.002
 
 TABLE_CENTRE_XY_M = (0.27, 0.0)
 TABLE_HALF_SIZE_M = (0.75, 0.65, 0.025)
+LEG_RADIUS_M = 0.03
+LEG_INSET_M = 0.08
+
+# Finite for rendering: an endless plane alone costs as much as a third of an image.
+FLOOR_HALF_SIZE_M = 5.0
+
+KEY_LIGHT_POSITION_M = (-0.3, -1.7, 3.1)
+
+NEAR_M = 0.01
+FAR_M = 10.0
 
 # Contact layers (bit masks). Everything collides in the common layer; props may add geoms that touch the table
 # alone by giving them contype TABLE_ONLY and conaffinity 0.
@@ -39,10 +49,13 @@ class FixedCamera:
     fovy_deg: float
 
 
+# The arms stand on the x axis and look at each other, so the room is seen from between them (front, -y) and from
+# over each base on the far side (+y): the three views are about 120 degrees apart and every prop shows its face to
+# at least one of them.
 FIXED_CAMERAS = (
-    FixedCamera("front", (0.27, 1.35, 1.55), (0.25, 0.0, 0.90), 50.0),
-    FixedCamera("left_shoulder", (-0.55, 0.75, 1.75), (0.30, -0.05, 0.85), 55.0),
-    FixedCamera("right_shoulder", (1.10, -0.95, 1.75), (0.25, 0.05, 0.85), 55.0),
+    FixedCamera("front", (0.27, -1.42, 1.62), (0.27, 0.0, 1.00), 48.0),
+    FixedCamera("left_shoulder", (-0.72, 1.00, 1.72), (0.24, 0.00, 0.96), 48.0),
+    FixedCamera("right_shoulder", (1.26, 0.92, 1.72), (0.28, 0.00, 0.96), 48.0),
 )
 
 
@@ -69,36 +82,92 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
 
 
 def _add_room(spec: mujoco.MjSpec) -> None:
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 10
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    _set_depth_range(spec)
+    _add_light(spec)
+    world = spec.worldbody
+    world.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        pos=(*TABLE_CENTRE_XY_M, 0),
+        size=(FLOOR_HALF_SIZE_M, FLOOR_HALF_SIZE_M, 1),
+        rgba=(0.60, 0.65, 0.70, 1),
+    )
+    _add_table(world)
+    for camera in FIXED_CAMERAS:
+        _add_camera(world, camera)
+
+
+def _set_depth_range(spec: mujoco.MjSpec) -> None:
+    """Near and far plane in metres (an extent of 1 m makes them so), the same for every set of props."""
+    spec.stat.extent = 1.0
+    spec.stat.center = (*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M)
+    spec.visual.map.znear = NEAR_M
+    spec.visual.map.zfar = FAR_M
+
+
+def _add_light(spec: mujoco.MjSpec) -> None:
+    """Soft daylight: even ambient light, a key light that casts shadows, a weaker fill light."""
+    # The headlight only brightens evenly: a light that moved with the camera would make an image depend on which
+    # other cameras are rendered with it.
+    spec.visual.headlight.ambient = (0.48, 0.48, 0.49)
+    spec.visual.headlight.diffuse = (0, 0, 0)
+    spec.visual.headlight.specular = (0, 0, 0)
+    world = spec.worldbody
+    world.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_SPOT,
+        pos=KEY_LIGHT_POSITION_M,
+        dir=np.subtract((*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M), KEY_LIGHT_POSITION_M),
+        cutoff=50,
+        exponent=1,
+        diffuse=(0.50, 0.50, 0.49),
+        specular=(0.15, 0.15, 0.15),
+        castshadow=True,
+    )
+    world.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        dir=(-0.6, -0.7, -0.6),
+        diffuse=(0.22, 0.22, 0.23),
+        specular=(0, 0, 0),
+        castshadow=False,
+    )
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.9, 0.93, 0.97),
-        rgb2=(0.5, 0.55, 0.6),
+        rgb1=(0.62, 0.74, 0.88),
+        rgb2=(0.90, 0.93, 0.96),
         width=64,
         height=384,
     )
-    world = spec.worldbody
-    world.add_light(pos=(0.2, 0.2, 3), dir=(0, 0, -1), diffuse=(0.5, 0.5, 0.5), castshadow=True)
-    world.add_light(pos=(-1, -1, 2.5), dir=(0.5, 0.5, -1), diffuse=(0.5, 0.5, 0.5), castshadow=False)
-    world.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(3, 3, 0.1), rgba=(0.55, 0.57, 0.6, 1)
-    )
+
+
+def _add_table(world) -> None:
+    """A wooden board that props rest on, with legs for the eye only."""
+    half_x, half_y, half_z = TABLE_HALF_SIZE_M
+    centre_x, centre_y = TABLE_CENTRE_XY_M
     world.add_geom(
         name="table",
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=TABLE_HALF_SIZE_M,
-        pos=(*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M - TABLE_HALF_SIZE_M[2]),
-        rgba=(0.72, 0.66, 0.58, 1),
+        pos=(centre_x, centre_y, TABLE_HEIGHT_M - half_z),
+        rgba=(0.86, 0.80, 0.70, 1),
         contype=COMMON_LAYER,
         conaffinity=COMMON_LAYER | TABLE_ONLY,
     )
-    for camera in FIXED_CAMERAS:
-        _add_camera(world, camera)
+    leg_height = TABLE_HEIGHT_M - 2 * half_z
+    for side_x in (-1, 1):
+        for side_y in (-1, 1):
+            world.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+                size=(LEG_RADIUS_M, leg_height / 2, 0),
+                pos=(
+                    centre_x + side_x * (half_x - LEG_INSET_M),
+                    centre_y + side_y * (half_y - LEG_INSET_M),
+                    leg_height / 2,
+                ),
+                rgba=(0.35, 0.36, 0.38, 1),
+                **VISUAL_ONLY,
+            )
 
 
 def _add_camera(world, camera: FixedCamera) -> None:

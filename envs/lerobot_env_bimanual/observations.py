@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
+
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
-from numpy.typing import NDArray
-
-from .settings import EnvSettings
+from lerobot_env_bimanual.settings import EnvSettings
 
 if TYPE_CHECKING:
-    from .scene import Scene
+    from lerobot_env_bimanual.scene import Scene
 
 PIXELS = "pixels"
 MM_PER_M = 1000.0
@@ -70,7 +70,7 @@ def observe_images(
         `pixels`, and in mode "rgbd" `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit,
         clipped to the range that datasets store.
     """
-    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0].copy() for camera in settings.cameras}}
+    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in settings.cameras}}
     if settings.obs == "rgbd":
         for camera in settings.cameras:
             depth_m = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
@@ -97,7 +97,7 @@ def observe_vectors(
         schema.EE_POSE: np.concatenate(ee_pose),
         schema.GRIPPER_FINGERS: np.concatenate([scene.finger_positions(arm) for arm in ARMS]),
         schema.KEYPOSE_STEP: np.array([keypose_step]),
-        schema.CAMERA_EXTRINSICS: extrinsics.copy(),
-        schema.CAMERA_INTRINSICS: intrinsics.copy(),
+        schema.CAMERA_EXTRINSICS: extrinsics,
+        schema.CAMERA_INTRINSICS: intrinsics,
     }
     return {env_key(key): vector.astype(np.float32) for key, vector in vectors.items()}

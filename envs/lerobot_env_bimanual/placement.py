@@ -72,7 +72,7 @@ def _place_once(task: Task, scene: Scene, variation: Variation, rng: np.random.G
     from lerobot_env_bimanual.motion.rehearsal import rehearse  # MuJoCo: not for those who only list tasks
 
     for codec in EXACT_AND_DISCRETISED:
-        reason = rehearse(scene, task.script(scene, variation), codec)
+        reason = rehearse(scene, lambda view: task.script(view, variation), codec)
         if reason is not None:
             return reason
     return None

@@ -24,6 +24,8 @@ SETTLE_TICKS = 8
 """Control ticks after placing the props, before the episode starts: 0.4 s, in which props come to rest."""
 
 ACTION_DIM = 2 * (JOINTS_PER_ARM + 1)
+GRIPPERS = slice(JOINTS_PER_ARM, None, JOINTS_PER_ARM + 1)
+"""The two gripper entries of a joint action."""
 
 RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 """Model fields that a task may change at reset: where static props stand, and colours."""
@@ -280,12 +282,16 @@ class Scene:
         if order != list(range(ACTION_DIM)):
             raise ValueError(f"arm actuators must come first, in the order of the joint action; got ids {order}")
         self._ctrl = self.data.ctrl[:ACTION_DIM]
+        self._ctrl_scale = np.ones(ACTION_DIM)
+        self._ctrl_scale[GRIPPERS] = pair.gripper_ctrl(1.0) - pair.gripper_ctrl(0.0)
+        self._ctrl_offset = np.zeros(ACTION_DIM)
+        self._ctrl_offset[GRIPPERS] = pair.gripper_ctrl(0.0)
 
     def _make_ctrl_ramp(self) -> NDArray[np.float64]:
         """(25, 16) share of a tick's change of target that is commanded at each physics step."""
         linear = np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK
         ramp = np.repeat((linear + self.arm_pair.servo_lead_s / TICK_S)[:, None], ACTION_DIM, axis=1)
-        ramp[:, JOINTS_PER_ARM :: JOINTS_PER_ARM + 1] = 1.0
+        ramp[:, GRIPPERS] = 1.0
         return ramp
 
     def _joint_action(self, joints: NDArray[np.float64], gripper: float) -> NDArray[np.float32]:
@@ -294,10 +300,7 @@ class Scene:
 
     def _to_ctrl(self, joint_action: NDArray[np.float32]) -> NDArray[np.float64]:
         """Actuator targets (16,) of a joint action."""
-        ctrl = joint_action.astype(np.float64)
-        grippers = ctrl[JOINTS_PER_ARM :: JOINTS_PER_ARM + 1]
-        grippers[:] = self.arm_pair.gripper_ctrl(grippers)
-        return ctrl
+        return joint_action * self._ctrl_scale + self._ctrl_offset
 
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""

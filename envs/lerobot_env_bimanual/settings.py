@@ -9,8 +9,7 @@ from typing import Literal, Self, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownVariation
-
-from .task import TaskSpec
+from lerobot_env_bimanual.task import TaskSpec
 
 ANY_VARIATION = "any"
 SPLITS = {"train": 0, "val": 1, "test": 2}
@@ -18,6 +17,7 @@ SPLITS = {"train": 0, "val": 1, "test": 2}
 
 ObservationMode = Literal["rgbd", "rgb", "state"]
 ControlMode = Literal["auto", "joint", "keypose"]
+RenderQuality = Literal["observation", "high"]
 
 MAX_KEYPOSES = 25
 """Keyposes per episode until it is truncated (RLBench's evaluation in PerAct2 allows as many)."""
@@ -39,6 +39,7 @@ class EnvSettings:
         control_mode: "auto", "joint" or "keypose".
         video_dir: where each episode's motion is filmed, or `None`.
         max_keyposes: keyposes until an episode is truncated.
+        render_quality: "observation" or "high", of rendered frames and films.
     """
 
     variation: int | None
@@ -50,6 +51,7 @@ class EnvSettings:
     control_mode: ControlMode
     video_dir: Path | None
     max_keyposes: int
+    render_quality: RenderQuality
 
     @classmethod
     def parse(
@@ -64,6 +66,7 @@ class EnvSettings:
         control_mode: str,
         video_dir: str | Path | None,
         max_keyposes: int,
+        render_quality: str,
     ) -> Self:
         """Read the options of a task's environment.
 
@@ -77,6 +80,7 @@ class EnvSettings:
             control_mode: a `ControlMode`.
             video_dir: folder, created when the first video is written.
             max_keyposes: at least 1.
+            render_quality: a `RenderQuality`.
 
         Raises:
             UnknownVariation: the task has no such variation.
@@ -96,6 +100,7 @@ class EnvSettings:
             control_mode=_one_of("control_mode", control_mode, get_args(ControlMode)),
             video_dir=None if video_dir is None else Path(video_dir),
             max_keyposes=max_keyposes,
+            render_quality=_one_of("render_quality", render_quality, get_args(RenderQuality)),
         )
 
 

@@ -143,9 +143,15 @@ class TaskSpec:
 
 
 class Task(ABC):
-    """One of the benchmark's tasks: its specification, its placement and its expert."""
+    """One of the benchmark's tasks: its specification, its placement and its expert.
+
+    Attributes:
+        spec: the task as data.
+        draws: placements that the last reset drew until one could be rehearsed.
+    """
 
     spec: ClassVar[TaskSpec]
+    draws: int = 0
 
     @abstractmethod
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -176,17 +182,10 @@ class Task(ABC):
         """Each condition's name and whether it is met now."""
         return {condition.name: condition(scene) for condition in self.conditions(variation)}
 
-    def reset(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> int:
-        """Place the props where a rehearsal of the script succeeds, and let them settle.
-
-        Returns:
-            Number of placements drawn.
+    def reset(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> None:
+        """Reset the scene, place the props where a rehearsal of the script succeeds, and let them settle.
 
         Raises:
             PlacementFailure: no draw could be rehearsed.
         """
-        from lerobot_env_bimanual.placement import (
-            place_and_rehearse,  # MuJoCo; kept away from whoever only lists tasks
-        )
-
-        return place_and_rehearse(self, scene, variation, rng)
+        self.draws = place_and_rehearse(self, scene, variation, rng)

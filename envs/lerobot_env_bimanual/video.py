@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lerobot_bimanual.episode import CONTROL_HZ
 from numpy.typing import NDArray
+
+from lerobot_bimanual.episode import CONTROL_HZ
 
 CRF = "20"
 """Constant rate factor of H.264: visually clean at about 100 kB per second of video."""

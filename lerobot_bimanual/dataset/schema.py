@@ -12,6 +12,9 @@ from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.keypose import KEYPOSE_NAMES
 
 SCHEMA_VERSION = 1
+VERSION_INFO = "bimanual_schema_version"
+"""Where the version stands: in the `info` of the feature `TASK_NAME`, which LeRobot keeps when it merges."""
+
 FPS = CONTROL_HZ
 ROBOT_TYPE = "bimanual_panda"
 
@@ -20,7 +23,7 @@ VIEWS: tuple[View, ...] = ("frames", "keyframes")
 
 DEPTH_MIN_M = 0.01
 DEPTH_MAX_M = 4.0
-"""Stored depth range; beyond it depth is clipped. 12 bits over 4 m are 1 mm steps."""
+"""Depth range; beyond it depth is clipped. 12 bits over it are steps of 0.974 mm: whole millimetres survive."""
 
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
@@ -32,9 +35,12 @@ KEYPOSE_STEP = "observation.keypose_step"
 NEXT_KEYPOSE = "observation.next_keypose"
 ACTION = "action"
 KEYFRAME = "keyframe"
-SEED = "seed"
-VARIATION = "variation"
+TICK = "tick"
 STATE_HASH = "state_hash"
+TASK_NAME = "task_name"
+SPLIT = "split"
+VARIATION = "variation"
+SEED = "seed"
 
 JOINT_NAMES = tuple(
     f"{arm}_{name}" for arm in ARMS for name in (*(f"joint{i + 1}" for i in range(JOINTS_PER_ARM)), "gripper")
@@ -58,8 +64,20 @@ VECTORS: dict[str, tuple[str, ...]] = {
 }
 """float32 columns and the name of each element."""
 
-SCALARS: dict[str, str] = {KEYFRAME: "bool", SEED: "int64", VARIATION: "int64", STATE_HASH: "int64"}
-"""Columns of shape (1,) and their dtype."""
+SCALARS: dict[str, str] = {
+    KEYFRAME: "bool",
+    TICK: "int64",
+    STATE_HASH: "int64",
+    TASK_NAME: "string",
+    SPLIT: "string",
+    VARIATION: "int64",
+    SEED: "int64",
+}
+"""Columns of shape (1,) and their dtype.
+
+The last four are an episode's recipe: the environment regenerates the episode from them, bit for bit. They are
+columns, and not side files, because columns survive every tool that merges, splits or subsets datasets.
+"""
 
 
 def image_key(camera: str) -> str:
@@ -96,4 +114,10 @@ def features(cameras: tuple[str, ...], height: int, width: int, view: View) -> d
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
     for key, scalar in SCALARS.items():
         table[key] = {"dtype": scalar, "shape": (1,), "names": None}
+    table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
     return table
+
+
+def state_hash_column(hexdigest: str) -> int:
+    """First 64 bits of a state hash as the signed integer that `STATE_HASH` stores."""
+    return int.from_bytes(bytes.fromhex(hexdigest[:16]), "big", signed=True)

@@ -7,7 +7,7 @@ to is an `Outcome`, a plain record that travels between processes and into JSON.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,44 +15,49 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.scene import Scene
-    from lerobot_env_bimanual.task import Stage
 
-EMPTY_SCRIPT = "the script ended without success"
+OUT_OF_MOVES = "no move left"
+OUT_OF_TIME = "out of time"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Move:
-    """One action of an episode and what it is for."""
+    """One action of an episode.
+
+    Attributes:
+        name: what it is for.
+        action: a keypose (18,) or a joint action (16,), as `BimanualEnv.step` takes them.
+    """
 
     name: str
     action: NDArray[np.float32]
 
 
 type Control = Callable[[BimanualEnv], Iterator[Move]]
-"""Whoever plays: started after reset, resumed after each move, so it may read the scene."""
+"""Whoever plays: started after the reset and resumed after each move, so it may look at the scene."""
 
 
 @dataclass(frozen=True)
-class StageReport:
+class MoveReport:
     """How one keypose went.
 
     Attributes:
-        name: what the move is for.
-        keypose: (18,) the executed keypose, as plain numbers.
+        name: what the move was for.
+        keypose: (18,) the commanded keypose.
         ticks: control ticks it took.
         tip_error_mm: distance of the left and the right tool centre point from their targets at its end. In
-            free space it stays below 3 mm; more than 12 mm means contact.
+            free space it stays below 3 mm; more than 12 mm means contact, or an end by success on the way.
     """
 
     name: str
     keypose: tuple[float, ...]
     ticks: int
-    tip_error_mm: tuple[float, float]
+    tip_error_mm: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -65,14 +70,14 @@ class Outcome:
         split: split of the seed.
         seed: seed of the reset.
         success: whether the episode was solved.
-        failure: why it was not, empty after a success.
-        stage: name of the last move.
+        failure: why it was not; empty after a success.
+        last_move: name of the last move, empty if there was none.
         unmet: conditions that did not hold at the end.
-        stages: one report per executed keypose.
-        ticks: control ticks since reset.
-        draws: placements drawn at reset.
-        line_fallbacks: contact moves for which no straight line existed.
-        warnings: whether MuJoCo found the simulation unstable.
+        keyposes: one report per executed keypose.
+        ticks: control ticks since the reset.
+        draws: placements drawn at the reset.
+        line_fallbacks: contact moves for which there was no straight line.
+        unstable: whether MuJoCo warned.
         state_hash: hash of the final state.
     """
 
@@ -82,11 +87,109 @@ class Outcome:
     seed: int
     success: bool
     failure: str
-    stage: str
+    last_move: str
     unmet: tuple[str, ...]
-    stages: tuple[StageReport, ...]
+    keyposes: tuple[MoveReport, ...]
     ticks: int
     draws: int
     line_fallbacks: int
-    warnings: bool
+    unstable: bool
     state_hash: str
+
+
+def run_expert(
+    env: BimanualEnv,
+    seed: int,
+    codec: KeyposeCodec | None = None,
+    on_move: Callable[[Move], None] | None = None,
+) -> Outcome:
+    """Let the task's script play one episode.
+
+    Args:
+        env: environment whose control mode takes keyposes.
+        seed: seed of the reset.
+        codec: round every keypose to its voxels and bins, as a policy would command it.
+        on_move: called before each keypose is executed.
+    """
+    return run_episode(env, seed, expert(codec), on_move)
+
+
+def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Control:
+    """The task's script as a control.
+
+    Args:
+        codec: round every keypose to its voxels and bins.
+        frozen: an arm that stays at home with its hand open, whatever the script wants of it.
+    """
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        target = home_keypose(env.scene)
+        home = target
+        for stage in env.task_definition.script(env.scene, env.progress.variation):
+            target = stage.keypose(target)
+            if frozen is not None:
+                target = replace(target, **{frozen.value: home[frozen]})
+            commanded = target if codec is None else codec.discretise(target)
+            yield Move(stage.name, commanded.to_vector())
+
+    return play
+
+
+def home_keypose(scene: Scene) -> BimanualKeypose:
+    """Where both arms are right after a reset, hands open."""
+    left, right = (Keypose(scene.tcp(arm), gripper_open=True, ignore_collisions=True) for arm in ARMS)
+    return BimanualKeypose(left, right)
+
+
+def run_episode(
+    env: BimanualEnv, seed: int, control: Control, on_move: Callable[[Move], None] | None = None
+) -> Outcome:
+    """Play one episode until it ends or the control has no move left.
+
+    Args:
+        env: environment whose control mode takes the control's actions.
+        seed: seed of the reset.
+        control: who plays.
+        on_move: called before each move is executed.
+    """
+    _, info = env.reset(seed=seed)
+    reports: list[MoveReport] = []
+    last_move, failure = "", OUT_OF_MOVES
+    for move in control(env):
+        if on_move is not None:
+            on_move(move)
+        ticks_before = info["ticks"]
+        _, _, terminated, truncated, info = env.step(move.action)
+        last_move = move.name
+        if len(move.action) == KEYPOSE_DIM:
+            reports.append(_report(env.scene, move, info["ticks"] - ticks_before))
+        if terminated or truncated:
+            failure = info["failure"] or OUT_OF_TIME
+            break
+    return Outcome(
+        task=env.task,
+        variation=env.variation,
+        split=env.settings.split,
+        seed=seed,
+        success=info["is_success"],
+        failure="" if info["is_success"] else failure,
+        last_move=last_move,
+        unmet=tuple(name for name, met in info["conditions"].items() if not met),
+        keyposes=tuple(reports),
+        ticks=info["ticks"],
+        draws=env.task_definition.draws,
+        line_fallbacks=info["line_fallbacks"],
+        unstable=env.scene.unstable,
+        state_hash=env.state_hash(),
+    )
+
+
+def _report(scene: Scene, move: Move, ticks: int) -> MoveReport:
+    target = BimanualKeypose.from_vector(move.action)
+    errors_m = (scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS)
+    return MoveReport(
+        name=move.name,
+        keypose=tuple(float(number) for number in move.action),
+        ticks=ticks,
+        tip_error_mm=tuple(round(1000 * error_m, 2) for error_m in errors_m),
+    )

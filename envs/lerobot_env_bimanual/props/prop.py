@@ -1,8 +1,12 @@
 """What a scene asks of a prop."""
 
+from types import MappingProxyType
 from typing import Protocol
 
 from lerobot_env_bimanual.gl import mujoco
+
+VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "group": 2})
+"""Settings of a geom that is seen but neither touches nor weighs anything."""
 
 
 class Prop(Protocol):

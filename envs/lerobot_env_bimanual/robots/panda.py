@@ -11,6 +11,7 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
 LINK_OFFSET_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
 LINK_LENGTH_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -65,6 +66,8 @@ LINK_INERTIA = (
 
 WHITE = (0.93, 0.94, 0.95, 1.0)
 DARK = (0.22, 0.22, 0.24, 1.0)
+CAP_RADIUS_RATIO = 0.82
+CAP_PROUD_M = 0.003
 
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
@@ -110,8 +113,8 @@ LINK_COVERS = (
 # Links that are neighbours over a short link, and the world-fixed base with its first link, touch by design.
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"), ("link5", "link7"), ("link5", "hand"))
 
-WRIST_CAMERA_POSITION_M = (0.08, 0.0, 0.01)
-WRIST_CAMERA_TARGET_M = (0.02, 0.0, 0.20)
+WRIST_CAMERA_POSITION_M = (0.075, 0.0, 0.05)
+WRIST_CAMERA_TARGET_M = (0.01, 0.0, 0.22)
 WRIST_CAMERA_FOVY_DEG = 70.0
 
 
@@ -142,6 +145,20 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
 def _add_covers(body, covers) -> None:
     for shape, radius, start, end, rgba in covers:
         body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), rgba=rgba)
+        if shape == CYLINDER and rgba == WHITE:
+            _add_caps(body, radius, np.array(start), np.array(end))
+
+
+def _add_caps(body, radius: float, start, end) -> None:
+    """Dark lids on both ends of a joint's housing, for the eye only."""
+    lid = CAP_PROUD_M * (end - start) / np.linalg.norm(end - start)
+    body.add_geom(
+        type=CYLINDER,
+        size=(CAP_RADIUS_RATIO * radius, 0, 0),
+        fromto=(*(start - lid), *(end + lid)),
+        rgba=DARK,
+        **VISUAL_ONLY,
+    )
 
 
 def _add_link(parent, prefix: str, index: int):

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonom
 if TYPE_CHECKING:
     from lerobot_env_bimanual.scene import Scene
 
-ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128, friction=0.8, rgba=(1.0, 0.0, 0.0, 1.0))
+ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
 AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
 SUCCESS_HEIGHT_M = 0.80
 
@@ -44,7 +44,7 @@ RIGHT_BEHIND_M = 0.020
 CLEARANCE_M = 0.12
 """How far the right hand waits before the item and the left one withdraws."""
 LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
-RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(1, 0, -1))
+RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(-1, 0, 1))
 
 
 @register

@@ -1,0 +1,1 @@
+"""PerAct2: one network for both arms."""

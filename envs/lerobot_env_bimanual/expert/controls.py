@@ -1,0 +1,147 @@
+"""Controls that must fail: without them an expert's success rate means nothing.
+
+Each is played through the same environment as the experts and the policies. `blind` and `random` are played
+leniently: an arm whose keypose cannot be reached stays where it is, and the rest goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.errors import KeyposeFailure
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.keypose import (
+    ARM_KEYPOSE_DIM,
+    KEYPOSE_DIM,
+    QUATERNION,
+    BimanualKeypose,
+    Keypose,
+)
+from lerobot_env_bimanual.expert.runner import Control, Move, expert, home_keypose
+from lerobot_env_bimanual.motion.planner import KeyposePlanner
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.env import BimanualEnv
+
+CONTROLS = ("expert", "noop", "random", "freeze_left", "freeze_right", "blind")
+RANDOM_KEYPOSES = 25
+
+
+def make_control(
+    name: str, seed: int, codec: KeyposeCodec | None = None, blind_keyposes: Sequence[ArrayLike] = ()
+) -> Control:
+    """One of `CONTROLS`.
+
+    Args:
+        name: which one.
+        seed: seeds the `random` control's generator; the episode's own generator stays untouched.
+        codec: rounds the keyposes of the expert, with or without a frozen arm.
+        blind_keyposes: (18,) each, what `blind` plays in every scene; see `mean_keyposes`.
+    """
+    controls = {
+        "expert": expert(codec),
+        "noop": noop,
+        "random": random(np.random.default_rng(seed)),
+        "freeze_left": expert(codec, frozen=Arm.LEFT),
+        "freeze_right": expert(codec, frozen=Arm.RIGHT),
+        "blind": blind(blind_keyposes),
+    }
+    return controls[name]
+
+
+def noop(env: BimanualEnv) -> Iterator[Move]:
+    """Hold still until time is up."""
+    hold = env.scene.commanded
+    while True:
+        yield Move("hold", hold)
+
+
+def random(rng: np.random.Generator) -> Control:
+    """Keyposes drawn from the whole workspace, with random rotations and grippers."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        targets = (
+            BimanualKeypose(_random_keypose(rng), _random_keypose(rng)) for _ in range(RANDOM_KEYPOSES)
+        )
+        yield from _leniently(env, targets, rng)
+
+    return play
+
+
+def blind(keyposes: Sequence[ArrayLike]) -> Control:
+    """The same keyposes (18,) in every episode, whatever the scene."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        targets = (BimanualKeypose.from_vector(keypose) for keypose in keyposes)
+        yield from _leniently(env, targets, np.random.default_rng(0))
+
+    return play
+
+
+def mean_keyposes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
+    """The average episode of an expert.
+
+    Args:
+        episodes: (n, 18) keyposes each, all of the same task and variation. Those with another number of
+            keyposes than most are left out.
+
+    Returns:
+        (n, 18) mean positions, mean rotations and the flags of the majority.
+    """
+    arrays = [np.asarray(episode, dtype=np.float64) for episode in episodes]
+    lengths = [len(array) for array in arrays]
+    usual = max(sorted(set(lengths)), key=lengths.count)
+    stacked = np.stack([array for array in arrays if len(array) == usual])
+    arms = stacked.reshape(len(stacked), usual, len(ARMS), ARM_KEYPOSE_DIM)
+    mean = arms.mean(axis=0)
+    mean[..., QUATERNION] = _mean_rotation(arms[..., QUATERNION])
+    mean[..., QUATERNION.stop :] = mean[..., QUATERNION.stop :] > 0.5
+    return mean.reshape(usual, KEYPOSE_DIM)
+
+
+def _mean_rotation(quats_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over the first axis: the dominant eigenvector of the outer products (Markley 2007)."""
+    outer = np.einsum("e...i,e...j->...ij", quats_wxyz, quats_wxyz)
+    return quat_wxyz_canonical(np.linalg.eigh(outer).eigenvectors[..., -1])
+
+
+def _random_keypose(rng: np.random.Generator) -> Keypose:
+    pose = Pose(VOXEL_WORKSPACE.sample(rng), quat_wxyz_canonical(rng.normal(size=4)))
+    return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
+
+
+def _leniently(
+    env: BimanualEnv, targets: Iterable[BimanualKeypose], rng: np.random.Generator
+) -> Iterator[Move]:
+    planner = KeyposePlanner(env.scene)
+    reached = home_keypose(env.scene)
+    for number, target in enumerate(targets):
+        target = _reachable_part(planner, target, reached, rng)
+        if target is not None:
+            reached = target
+            yield Move(f"keypose {number}", target.to_vector())
+
+
+def _reachable_part(
+    planner: KeyposePlanner, target: BimanualKeypose, reached: BimanualKeypose, rng: np.random.Generator
+) -> BimanualKeypose | None:
+    """The target with every arm that cannot reach it left where it is; `None` if nothing can be planned."""
+    for _ in range(len(ARMS) + 1):
+        try:
+            planner.plan(target, rng)
+        except KeyposeFailure as failure:
+            failed = [arm for arm in ARMS if failure.arm in (arm.value, "both")]
+            stay = {arm.value: replace(target[arm], pose=reached[arm].pose) for arm in failed}
+            target = replace(target, **stay)
+        else:
+            return target
+    return None

@@ -1,0 +1,71 @@
+"""Props that move rigidly with a hand, wherever motions are computed without physics."""
+
+import numpy as np
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.scene import Scene
+
+
+class Carried:
+    """A free prop fixed to a hand at the relative pose that both have in `data` now."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, hand: str, prop: str):
+        self.body = model.body(prop).id
+        self._hand = model.body(hand).id
+        address = model.jnt_qposadr[model.body_jntadr[self.body]]
+        self._position = slice(address, address + 3)
+        self._quaternion = slice(address + 3, address + 7)
+        # hand_T_prop = inverse(world_T_hand) @ world_T_prop
+        inverse_position, inverse_quaternion = np.empty(3), np.empty(4)
+        self._offset, self._turn = np.empty(3), np.empty(4)
+        mujoco.mju_negPose(
+            inverse_position, inverse_quaternion, data.xpos[self._hand], data.xquat[self._hand]
+        )
+        mujoco.mju_mulPose(
+            self._offset,
+            self._turn,
+            inverse_position,
+            inverse_quaternion,
+            data.xpos[self.body],
+            data.xquat[self.body],
+        )
+
+    def follow(self, data: mujoco.MjData) -> None:
+        """Put the prop where the hand of `data` carries it; the caller then recomputes the kinematics."""
+        mujoco.mju_mulPose(
+            data.qpos[self._position],
+            data.qpos[self._quaternion],
+            data.xpos[self._hand],
+            data.xquat[self._hand],
+            self._offset,
+            self._turn,
+        )
+
+
+def is_free(model: mujoco.MjModel, body: int) -> bool:
+    """Whether a body hangs on nothing but its own free joint."""
+    joint = model.body_jntadr[body]
+    return bool(joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
+
+
+def props_in_hands(scene: Scene) -> list[tuple[Arm, str]]:
+    """The free props that both fingers of a hand touch now; the first hand has a prop that both hold."""
+    model, held = scene.model, {}
+    for arm in reversed(ARMS):
+        for body in _touched_by_both_fingers(scene, arm):
+            if is_free(model, body):
+                held[model.body(body).name] = arm
+    return [(arm, prop) for prop, arm in sorted(held.items())]
+
+
+def _touched_by_both_fingers(scene: Scene, arm: Arm) -> set[int]:
+    """Root bodies of everything that touches both fingers."""
+    model = scene.model
+    bodies = model.geom_bodyid[scene.data.contact.geom.reshape(-1, 2)]
+    touched = []
+    for finger in scene.arm_pair.finger_names(arm):
+        on_finger = bodies == model.body(finger).id
+        others = bodies[on_finger[:, ::-1]]
+        touched.append(set(model.body_rootid[others].tolist()))
+    return touched[0] & touched[1]

@@ -1,0 +1,56 @@
+"""Which posture a free motion ends in: joint solutions of a pose, best first.
+
+The planner and the rehearsal rank with the same cost, so an arm goes to the posture from which the rest of the
+script was found feasible.
+"""
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+
+Array = NDArray[np.floating]
+
+GOAL_MARGIN_WEIGHT = 0.15
+"""Weight of limit closeness against squared joint travel; a smaller one left wrists so near their limits that
+the next straight line was infeasible (design study)."""
+MAX_CANDIDATES = 6
+DISTINCT_RAD = 0.35
+"""Postures closer than this in every joint count as one candidate."""
+
+STAY_M = 1e-4
+STAY_RAD = 1e-3
+
+
+def stays(kinematics: ArmKinematics, joints: Array, target: Pose) -> bool:
+    """Whether joints (7,) already are at the target pose, so that the arm must not move at all."""
+    distance_m, angle_rad = kinematics.pose(joints).distance_to(target)
+    return distance_m < STAY_M and angle_rad < STAY_RAD
+
+
+def goal_postures(kinematics: ArmKinematics, start: Array, target: Array) -> list[Array]:
+    """Up to six clearly different postures (7,) at a pose (4, 4), cheapest first; empty if out of reach."""
+    solutions = kinematics.ik(target)
+    order = np.argsort(kinematics.posture_cost(solutions, start, GOAL_MARGIN_WEIGHT), kind="stable")
+    chosen: list[Array] = []
+    for solution in solutions[order]:
+        is_new = all(np.abs(solution - other).max() > DISTINCT_RAD for other in chosen)
+        if is_new and kinematics.reaches(solution, target):
+            chosen.append(solution)
+            if len(chosen) == MAX_CANDIDATES:
+                break
+    return chosen
+
+
+def ranked_combinations(candidates: Mapping[Arm, list[Array]]) -> list[dict[Arm, Array]]:
+    """Every choice of one candidate per arm, those with the smallest sum of ranks first."""
+    ranks = sorted(itertools.product(*(range(len(postures)) for postures in candidates.values())), key=sum)
+    return [
+        {arm: postures[rank] for (arm, postures), rank in zip(candidates.items(), choice, strict=True)}
+        for choice in ranks
+    ]

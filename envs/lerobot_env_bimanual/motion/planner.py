@@ -1,0 +1,263 @@
+"""From a keypose to the joint actions that execute it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.errors import KeyposeFailure
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_env_bimanual.motion.carrying import props_in_hands
+from lerobot_env_bimanual.motion.collision import CollisionChecker
+from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
+from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
+from lerobot_env_bimanual.motion.time_law import (
+    CONTACT_SPEED,
+    FREE_SPEED,
+    JointPath,
+    SpeedLimits,
+    motion_ticks,
+    sample_ticks,
+)
+from lerobot_env_bimanual.scene import ACTION_DIM, Scene
+
+Array = NDArray[np.floating]
+
+REST_TICKS = 2
+"""Standing still at the end of each motion, 0.1 s."""
+GRIPPER_TICKS = 10
+"""Waiting after a gripper command, 0.5 s."""
+PATH_CHECK_RAD = 0.02
+"""Joint travel between two collision checks along a path (design study)."""
+MAX_GOALS = 4
+"""Combinations of goal postures that are tried."""
+RRT_ITERATIONS = 1500
+RRT_SLOWDOWN = 1.6
+"""Paths around obstacles have corners, which are taken more slowly (design study)."""
+SWEEP = np.linspace(0.0, 1.0, 5)
+"""Where along its own motion the other arm is looked at, when only one arm searches a way around obstacles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A keypose's motion, complete before it starts.
+
+    Attributes:
+        actions: (T, 16) float32 joint actions, one per control tick: motion, rest, and waiting for grippers.
+        motion_ticks: How many of them move the arms.
+        line_fallbacks: Arms whose straight line was infeasible and was replaced by a joint-space motion.
+        used_rrt: Whether obstacles had to be avoided by a search.
+    """
+
+    actions: NDArray[np.float32]
+    motion_ticks: int
+    line_fallbacks: int
+    used_rrt: bool
+
+
+@dataclass(eq=False)
+class _Motion:
+    """Both arms' way to a keypose while it is being planned."""
+
+    start: dict[Arm, Array]
+    paths: dict[Arm, JointPath] = field(default_factory=dict)
+    speeds: dict[Arm, SpeedLimits] = field(default_factory=dict)
+    line_fallbacks: int = 0
+    used_rrt: bool = False
+
+    def add(self, arm: Arm, path: JointPath, speed: SpeedLimits) -> None:
+        self.paths[arm] = path
+        self.speeds[arm] = speed
+
+
+class KeyposePlanner:
+    """Plans keyposes from a scene's last joint action and the props' present positions.
+
+    A plan is a function of the scene's state, the keypose and the generator's state. Planning changes
+    nothing in the scene.
+
+    Args:
+        scene: The world in which the plans will be executed.
+    """
+
+    def __init__(self, scene: Scene):
+        self._scene = scene
+        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+        self._checker = CollisionChecker(scene)
+
+    def plan(self, keypose: BimanualKeypose, rng: np.random.Generator) -> Plan:
+        """Joint actions that bring both arms to a keypose, together, and then set the grippers.
+
+        An arm that is to ignore collisions goes straight (or, where its line is infeasible, through joint space
+        to the nearest posture); the other kind goes through free space and around obstacles, the other arm's
+        motion included. An arm whose target is where it was last sent does not move.
+
+        Args:
+            keypose: Targets of both arms.
+            rng: Used only if a way around obstacles has to be searched.
+
+        Raises:
+            KeyposeFailure: A target outside the workspace or out of reach, or no collision-free path.
+        """
+        commanded = self._scene.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        motion = _Motion({arm: commanded[arm.index, :-1].astype(np.float64) for arm in ARMS})
+        to_plan: dict[Arm, Pose] = {}
+        for arm in ARMS:
+            target, start = keypose[arm].pose, motion.start[arm]
+            if stays(self._kinematics[arm], start, target):
+                motion.add(arm, JointPath.even(np.stack([start, start])), FREE_SPEED)
+                continue
+            _require_inside(arm, target)
+            if keypose[arm].ignore_collisions:
+                self._add_straight(motion, arm, target)
+            else:
+                to_plan[arm] = target
+        if to_plan:
+            self._add_free(motion, to_plan, rng)
+        return self._timed(motion, keypose, commanded[:, -1])
+
+    # -- kinds of motion ----------------------------------------------------------------------------------
+
+    def _add_straight(self, motion: _Motion, arm: Arm, target: Pose) -> None:
+        start, kinematics = motion.start[arm], self._kinematics[arm]
+        line = cartesian_line(kinematics, start, target.matrix)
+        if line is None:
+            line = np.stack([start, self._goals(arm, start, target)[0]])
+            motion.line_fallbacks += 1
+        motion.add(arm, JointPath.even(line), CONTACT_SPEED)
+
+    def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
+        candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}
+        start = motion.start
+        self._checker.begin_free_motion(
+            targets, props_in_hands(self._scene), start[Arm.LEFT], start[Arm.RIGHT]
+        )
+        goals, obstacle = self._free_goals(motion, candidates)
+        for goal in goals:
+            straight = {arm: JointPath.even(np.stack([start[arm], goal[arm]])) for arm in targets}
+            if self._is_free(motion.paths | straight):
+                for arm, path in straight.items():
+                    motion.add(arm, path, FREE_SPEED)
+                return
+            around = self._search(motion, goal, rng)
+            if around is not None:
+                for arm, path in around.items():
+                    motion.add(arm, path, FREE_SPEED.slowed(RRT_SLOWDOWN))
+                motion.used_rrt = True
+                return
+        blamed = next(iter(targets)) if len(targets) == 1 else "both"
+        raise KeyposeFailure(
+            blamed,
+            f"no collision-free path in {RRT_ITERATIONS} iterations for each of {len(goals)} goal postures"
+            if goals
+            else f"the goal is not free of collisions: {obstacle}",
+        )
+
+    def _goals(self, arm: Arm, start: Array, target: Pose) -> list[Array]:
+        goals = goal_postures(self._kinematics[arm], start, target.matrix)
+        if not goals:
+            raise KeyposeFailure(
+                arm,
+                f"unreachable: no joint solution for position {_numbers(target.position)} m, "
+                f"quaternion wxyz {_numbers(target.quat_wxyz)}",
+            )
+        return goals
+
+    def _free_goals(
+        self, motion: _Motion, candidates: dict[Arm, list[Array]]
+    ) -> tuple[list[dict[Arm, Array]], str | None]:
+        """The first few collision-free combinations of goal postures, and what stands in the way of others."""
+        goals: list[dict[Arm, Array]] = []
+        first_obstacle = None
+        ends = {arm: path.knots[-1] for arm, path in motion.paths.items()}
+        for goal in ranked_combinations(candidates):
+            both = ends | goal
+            obstacle = self._checker.obstacle(both[Arm.LEFT], both[Arm.RIGHT])
+            if obstacle is None:
+                goals.append(goal)
+                if len(goals) == MAX_GOALS:
+                    break
+            first_obstacle = first_obstacle or obstacle
+        return goals, first_obstacle
+
+    def _is_free(self, paths: dict[Arm, JointPath]) -> bool:
+        """Whether both arms, moving along the same path parameter, stay free of collisions."""
+        travel = max(np.abs(np.diff(path.knots, axis=0)).max(axis=1).sum() for path in paths.values())
+        fractions = np.linspace(0.0, 1.0, int(np.ceil(travel / PATH_CHECK_RAD)) + 2)[1:]
+        left, right = (paths[arm].at(fractions) for arm in ARMS)
+        return all(self._checker.free(*postures) for postures in zip(left, right, strict=True))
+
+    def _search(
+        self, motion: _Motion, goal: dict[Arm, Array], rng: np.random.Generator
+    ) -> dict[Arm, JointPath] | None:
+        """Paths around obstacles for the arms in `goal`, with one common path parameter."""
+        others = {arm: path.at(SWEEP) for arm, path in motion.paths.items()}
+
+        def is_free(joints: Array) -> bool:
+            moving = dict(zip(goal, joints.reshape(-1, JOINTS_PER_ARM), strict=True))
+            if not others:
+                return self._checker.free(moving[Arm.LEFT], moving[Arm.RIGHT])
+            ((other, postures),) = others.items()
+            swept = ({other: posture} | moving for posture in postures)
+            return all(self._checker.free(both[Arm.LEFT], both[Arm.RIGHT]) for both in swept)
+
+        pair = self._scene.arm_pair
+        knots = rrt_connect(
+            np.concatenate([motion.start[arm] for arm in goal]),
+            np.concatenate(list(goal.values())),
+            np.tile(pair.joint_lower + LIMIT_SAFETY_RAD, len(goal)),
+            np.tile(pair.joint_upper - LIMIT_SAFETY_RAD, len(goal)),
+            is_free,
+            rng,
+            RRT_ITERATIONS,
+        )
+        if knots is None:
+            return None
+        # Both arms share the fractions: a path that was checked for both must be travelled by both in step.
+        length = np.concatenate([[0.0], np.abs(np.diff(knots, axis=0)).max(axis=1).cumsum()])
+        per_arm = np.split(knots, len(goal), axis=1)
+        return {arm: JointPath(length / length[-1], path) for arm, path in zip(goal, per_arm, strict=True)}
+
+    # -- timing -------------------------------------------------------------------------------------------
+
+    def _timed(self, motion: _Motion, keypose: BimanualKeypose, grippers: NDArray[np.float32]) -> Plan:
+        """Sample both paths at control ticks, then rest, then set the grippers.
+
+        Args:
+            motion: Paths and speed limits of both arms.
+            keypose: For the grippers' final state.
+            grippers: (2,) commanded openings at the start.
+        """
+        paths = [motion.paths[arm] for arm in ARMS]
+        ticks = motion_ticks(
+            paths, [self._kinematics[arm] for arm in ARMS], [motion.speeds[arm] for arm in ARMS]
+        )
+        opened = np.array([float(keypose[arm].gripper_open) for arm in ARMS], dtype=np.float32)
+        waiting = GRIPPER_TICKS if (opened != grippers).any() else 0
+        arm_actions = np.empty(
+            (ticks + REST_TICKS + waiting, len(ARMS), JOINTS_PER_ARM + 1), dtype=np.float32
+        )
+        for arm, path in zip(ARMS, paths, strict=True):
+            arm_actions[:ticks, arm.index, :-1] = sample_ticks(path, ticks)
+            arm_actions[ticks:, arm.index, :-1] = path.knots[-1]
+        arm_actions[: ticks + REST_TICKS, :, -1] = grippers
+        arm_actions[ticks + REST_TICKS :, :, -1] = opened
+        return Plan(arm_actions.reshape(-1, ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)
+
+
+def _require_inside(arm: Arm, target: Pose) -> None:
+    if not VOXEL_WORKSPACE.contains(target.position):
+        raise KeyposeFailure(
+            arm,
+            f"outside the workspace: position {_numbers(target.position)} m, allowed from "
+            f"{VOXEL_WORKSPACE.lower} to below {VOXEL_WORKSPACE.upper}",
+        )
+
+
+def _numbers(values: Array) -> str:
+    return "(" + ", ".join(f"{value:.3f}" for value in values) + ")"

@@ -1,0 +1,174 @@
+"""Going through a whole script without physics, to find out whether both arms can do it from here.
+
+Scripts read the scene while they run, so a rehearsal hands them a `RehearsalScene`: a scene with its own state,
+in which arms are moved by kinematics and grasped props move rigidly with the hand.
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.contacts import ContactQueries
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.motion.carrying import Carried
+from lerobot_env_bimanual.motion.collision import CollisionChecker
+from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.task import Stage
+
+Array = NDArray[np.floating]
+Script = Callable[[Scene], Iterable[Stage]]
+Postures = dict[Arm, Array]
+
+MIN_MARGIN = 0.04
+"""Least distance of a joint to its limits at the end of a stage, as a fraction of its range (design study)."""
+MIN_MARGIN_ROUNDED = 0.03
+
+
+def rehearse(scene: Scene, script: Script, codec: KeyposeCodec | None = None) -> str | None:
+    """Whether both arms can go through a script from the scene's present state.
+
+    Checked at every stage: targets inside the workspace, a collision-free goal for planned stages and feasible
+    straight lines for the others, joint margins, no arm in itself, the table or the other arm.
+
+    Args:
+        scene: Props placed, arms where the script starts. Not changed.
+        script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
+            It is called with the rehearsal's own scene, where earlier stages have had their effect.
+        codec: Rehearse the keyposes rounded to these voxels and bins instead of the exact ones.
+
+    Returns:
+        None if the script is feasible, else a short reason.
+    """
+    view = RehearsalScene(scene)
+    rehearsal = _Rehearsal(view, MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED)
+    keypose = rehearsal.present_keypose()
+    for stage in script(view):
+        keypose = stage.keypose(keypose)
+        if not all(VOXEL_WORKSPACE.contains(keypose[arm].pose.position) for arm in ARMS):
+            return f"{stage.name}: target outside the workspace"
+        reason = rehearsal.execute(stage, keypose if codec is None else codec.discretise(keypose))
+        if reason is not None:
+            return f"{stage.name}: {reason}"
+    return None
+
+
+class RehearsalScene(Scene):
+    """A scene to read from, whose arms are set rather than driven; starts as a copy of another scene."""
+
+    def __init__(self, scene: Scene):
+        self.arm_pair = scene.arm_pair
+        self.model = scene.model
+        self.data = mujoco.MjData(scene.model)
+        self.data.qpos[:] = scene.data.qpos
+        self.ticks = 0
+        self._contacts = ContactQueries(self.model, self.data)
+        self._commanded = scene.commanded
+        self._latched_unstable = False
+        self._carried: dict[Arm, Carried] = {}
+        self._carried_names: dict[Arm, str] = {}
+        self._index_arms()
+        self._refresh()
+
+    @property
+    def carried(self) -> list[tuple[Arm, str]]:
+        """Hand and prop, for all props that move with a hand."""
+        return list(self._carried_names.items())
+
+    def move_arms(self, joints: Postures) -> None:
+        """Set the arms' joints, (7,) rad each, and take carried props along."""
+        action = self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        for arm, posture in joints.items():
+            self.data.qpos[self._joint_qpos[arm.index]] = posture
+            action[arm.index, :-1] = posture
+        mujoco.mj_kinematics(self.model, self.data)
+        for carried in self._carried.values():
+            carried.follow(self.data)
+        self._refresh()
+
+    def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
+        """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""
+        self.data.qpos[self._finger_qpos[arm.index]] = self.arm_pair.finger_travel_m * is_open
+        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.index, -1] = is_open
+        self._refresh()
+        if is_open:
+            self._carried.pop(arm, None)
+            self._carried_names.pop(arm, None)
+        elif holds is not None:
+            self._carried[arm] = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
+            self._carried_names[arm] = holds
+
+
+class _Rehearsal:
+    """Moves the arms of a rehearsal scene from keypose to keypose, as the planner would."""
+
+    def __init__(self, view: RehearsalScene, min_margin: float):
+        self._view = view
+        self._min_margin = min_margin
+        self._kinematics = {arm: ArmKinematics.of(view.arm_pair, arm) for arm in ARMS}
+        self._checker = CollisionChecker(view)
+        commanded = view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        self._joints = {arm: commanded[arm.index, :-1].astype(np.float64) for arm in ARMS}
+
+    def present_keypose(self) -> BimanualKeypose:
+        """The keypose that keeps everything as it is."""
+        openings = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[:, -1]
+        targets = [
+            Keypose(self._kinematics[arm].pose(self._joints[arm]), bool(openings[arm.index] > 0.5), True)
+            for arm in ARMS
+        ]
+        return BimanualKeypose(*targets)
+
+    def execute(self, stage: Stage, keypose: BimanualKeypose) -> str | None:
+        """Go to a keypose, or say why not."""
+        moving = {
+            arm: keypose[arm].pose.matrix
+            for arm in ARMS
+            if not stays(self._kinematics[arm], self._joints[arm], keypose[arm].pose)
+        }
+        goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
+        if isinstance(goals, str):
+            return goals
+        self._joints |= goals
+        for arm, joints in goals.items():
+            if self._kinematics[arm].margins(joints).min() < self._min_margin:
+                return f"{arm} arm close to a joint limit"
+        self._view.move_arms(goals)
+        for arm in ARMS:
+            self._view.set_gripper(arm, keypose[arm].gripper_open, stage.holds(arm))
+        self._checker.begin_contact_motion()
+        obstacle = self._checker.obstacle(self._joints[Arm.LEFT], self._joints[Arm.RIGHT])
+        return None if obstacle is None else f"collision of {obstacle}"
+
+    def _free_goals(self, targets: dict[Arm, Array]) -> Postures | str:
+        candidates = {
+            arm: goal_postures(self._kinematics[arm], self._joints[arm], target)
+            for arm, target in targets.items()
+        }
+        for arm, postures in candidates.items():
+            if not postures:
+                return f"{arm} arm out of reach"
+        now = self._joints
+        self._checker.begin_free_motion(targets, self._view.carried, now[Arm.LEFT], now[Arm.RIGHT])
+        for goals in ranked_combinations(candidates):
+            both = now | goals
+            if self._checker.free(both[Arm.LEFT], both[Arm.RIGHT]):
+                return goals
+        return "no collision-free posture"
+
+    def _line_ends(self, targets: dict[Arm, Array]) -> Postures | str:
+        ends = {}
+        for arm, target in targets.items():
+            line = cartesian_line(self._kinematics[arm], self._joints[arm], target)
+            if line is None:
+                return f"{arm} arm cannot follow its line"
+            # The planner starts its next motion from the float32 action that ended this one.
+            ends[arm] = line[-1].astype(np.float32).astype(np.float64)
+        return ends

@@ -1,0 +1,50 @@
+"""A wooden block that one hand can pinch and hand over."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+RED = (1.0, 0.0, 0.0, 1.0)
+LABEL_THICKNESS_M = 0.0003
+
+
+@dataclass(frozen=True)
+class Block:
+    """A free block standing on its square end, its frame in the middle.
+
+    Attributes:
+        name: body and geom.
+        size_m: full sizes; PerAct2's easy handover item is twice the cube of the hard one.
+        mass_kg: that of light wood.
+        rgba: colour.
+    """
+
+    name: str = "item"
+    size_m: tuple[float, float, float] = (0.04, 0.04, 0.08)
+    mass_kg: float = 0.128
+    rgba: tuple[float, float, float, float] = RED
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the block and a paper label around its waist."""
+        half = np.array(self.size_m) / 2
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        body.add_geom(
+            name=self.name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=half,
+            mass=self.mass_kg,
+            rgba=self.rgba,
+            friction=(0.8, 0.005, 0.0001),
+            condim=4,
+            solref=(0.006, 1),
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=(half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2]),
+            rgba=(0.97, 0.96, 0.92, 1),
+            **VISUAL_ONLY,
+        )

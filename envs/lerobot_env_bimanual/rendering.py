@@ -1,0 +1,205 @@
+"""RGB-D images of a scene, and the calibration of its cameras."""
+
+import contextlib
+import weakref
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.scene import Scene
+
+MAX_GEOMS = 2000
+OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+"""MuJoCo's camera axes (x right, y up, z backward) as columns in OpenCV's (x right, y down, z forward)."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Cost and look of an image.
+
+    Attributes:
+        samples: per pixel; 0 is no anti-aliasing.
+        shadow_map_size: pixels of the shadow map's side; 0 is no shadows.
+        slices: facets around a round shape; half as many along it.
+    """
+
+    samples: int
+    shadow_map_size: int
+    slices: int
+
+
+# On a software rasteriser shadows and anti-aliasing each cost several times the image itself. Twenty facets keep
+# the largest prop, a ball of 30 cm, round to 2 mm and cost a quarter less than MuJoCo's 28.
+QUALITIES = {
+    "observation": Quality(samples=0, shadow_map_size=0, slices=20),
+    "high": Quality(samples=8, shadow_map_size=4096, slices=64),
+}
+
+
+class Renderer:
+    """Renders one scene from some of its cameras, at one size.
+
+    The OpenGL context is created at the first image and freed by `close`, by the end of a `with` block, or at
+    interpreter exit.
+
+    Attributes:
+        cameras: names, in the order of the images.
+        height: pixels.
+        width: pixels.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Sequence[str] = CAMERA_NAMES,
+        height: int = 256,
+        width: int = 256,
+        quality: str = "observation",
+    ):
+        """Prepare; raises `UnknownCamera` or `InvalidChoice` for names that do not exist."""
+        for camera in cameras:
+            if camera not in CAMERA_NAMES:
+                raise UnknownCamera(camera, CAMERA_NAMES)
+        if quality not in QUALITIES:
+            raise InvalidChoice("quality", quality, QUALITIES)
+        self.cameras = tuple(cameras)
+        self.height = height
+        self.width = width
+        self._quality = QUALITIES[quality]
+        self._model = scene.model
+        self._data = scene.data
+        self._context: _Context | None = None
+
+    def render(self) -> dict[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]:
+        """One pass per camera.
+
+        Returns:
+            Per camera a fresh pair: RGB (height, width, 3) uint8, and depth (height, width) float32 in metres
+            along the optical axis. Where nothing is hit, depth is the far plane.
+
+        Raises:
+            MissingGL: no OpenGL context can be made on this machine.
+        """
+        if self._context is None:
+            self._context = _Context(self._model, self.height, self.width, self._quality)
+        context = self._context
+        context.begin(self._data)
+        return {camera: context.image(self._data, self._model.camera(camera).id) for camera in self.cameras}
+
+    def close(self) -> None:
+        """Free the OpenGL context; the next `render` makes a new one."""
+        if self._context is not None:
+            self._context.free()
+            self._context = None
+
+    def __enter__(self) -> "Renderer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Context:
+    """An off-screen OpenGL context with the model's meshes and textures in it."""
+
+    def __init__(self, model: mujoco.MjModel, height: int, width: int, quality: Quality):
+        self._model = model
+        self._shape = (height, width)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+        try:
+            gl = mujoco.GLContext(width, height)
+            gl.make_current()
+            with _offscreen_settings(model, height, width, quality):
+                self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        except (AttributeError, ImportError, RuntimeError, mujoco.FatalError) as error:
+            raise MissingGL(f"{type(error).__name__}: {error}") from error
+        self._gl = gl
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
+        self._scene = mujoco.MjvScene(model, MAX_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_size > 0
+        self._options = mujoco.MjvOption()
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = 0
+        # Left to the garbage collector at interpreter exit, the driver is gone before the context.
+        self.free = weakref.finalize(self, _free, gl, self._mjr)
+
+    def begin(self, data: mujoco.MjData) -> None:
+        """Take over the positions of all geoms; images of several cameras may follow."""
+        self._gl.make_current()
+        mujoco.mjv_updateScene(
+            self._model, data, self._options, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+
+    def image(self, data: mujoco.MjData, camera_id: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """RGB and metric depth from one camera."""
+        rgb = np.empty((*self._shape, 3), np.uint8)
+        depth = np.empty(self._shape, np.float32)
+        self._camera.fixedcamid = camera_id
+        mujoco.mjv_updateCamera(self._model, data, self._camera, self._scene)
+        mujoco.mjr_render(self._rect, self._scene, self._mjr)
+        mujoco.mjr_readPixels(rgb, depth, self._rect, self._mjr)
+        return np.ascontiguousarray(rgb[::-1]), self._metric(depth[::-1])
+
+    def _metric(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Metres along the optical axis of a depth buffer with values 0 (near plane) to 1 (far plane)."""
+        extent = self._model.stat.extent
+        near, far = self._model.vis.map.znear * extent, self._model.vis.map.zfar * extent
+        return (near * far / (far - depth.astype(np.float64) * (far - near))).astype(np.float32)
+
+
+def _free(gl, mjr) -> None:
+    gl.make_current()
+    mjr.free()
+    gl.free()
+
+
+@contextlib.contextmanager
+def _offscreen_settings(
+    model: mujoco.MjModel, height: int, width: int, quality: Quality
+) -> Iterator[None]:
+    """Lend the model the frame-buffer settings that MuJoCo reads from it when a context is made."""
+    lent = (
+        (model.vis.global_, "offheight", height),
+        (model.vis.global_, "offwidth", width),
+        (model.vis.quality, "offsamples", quality.samples),
+        (model.vis.quality, "shadowsize", quality.shadow_map_size),
+        (model.vis.quality, "numslices", quality.slices),
+        (model.vis.quality, "numstacks", quality.slices // 2),
+    )
+    kept = [getattr(section, field) for section, field, _ in lent]
+    for section, field, value in lent:
+        setattr(section, field, value)
+    try:
+        yield
+    finally:
+        for (section, field, _), value in zip(lent, kept, strict=True):
+            setattr(section, field, value)
+
+
+def calibration(scene: Scene, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where the five cameras are now, and how they project.
+
+    Args:
+        scene: the scene.
+        height: of the images, pixels.
+        width: of the images, pixels.
+
+    Returns:
+        Extrinsics (80,) float32: world_T_camera of every camera of `CAMERA_NAMES`, row-major 4x4, OpenCV axes.
+        Intrinsics (45,) float32: their row-major 3x3 pinhole matrices in pixels.
+    """
+    extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
+    intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
+    for index, name in enumerate(CAMERA_NAMES):
+        camera = scene.model.camera(name).id
+        extrinsics[index, :3, :3] = scene.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
+        extrinsics[index, :3, 3] = scene.data.cam_xpos[camera]
+        extrinsics[index, 3, 3] = 1
+        intrinsics[index] = intrinsics_from_fovy(np.deg2rad(scene.model.cam_fovy[camera]), height, width)
+    return extrinsics.astype(np.float32).ravel(), intrinsics.astype(np.float32).ravel()

@@ -1,0 +1,138 @@
+"""Writes episodes as LeRobotDataset v3, one dataset per view."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
+from lerobot.datasets.dataset_writer import DatasetWriter
+from numpy.typing import NDArray
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, count_frames, depth_encoder, rgb_encoder
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.errors import DatasetError
+
+
+class ViewWriter:
+    """Writes one view of episodes into a new folder.
+
+    Used as a context manager it finishes the dataset when the block ends well, and only then: without LeRobot's
+    final footers a dataset cannot be opened, so nobody mistakes a broken one for a whole one.
+
+    Args:
+        root: folder of the dataset; must not exist.
+        repo_id: LeRobot's name of the dataset.
+        view: which rows are stored, and how their images.
+        cameras: cameras whose images are stored.
+        height: image height in pixels.
+        width: image width in pixels.
+        intermediate: see `rows_of_view`.
+    """
+
+    def __init__(
+        self,
+        root: Path,
+        repo_id: str,
+        view: View,
+        cameras: Sequence[str],
+        height: int,
+        width: int,
+        intermediate: Sequence[float] = (),
+    ):
+        self.root = root
+        self.view: View = view
+        self._intermediate = tuple(intermediate)
+        self._cameras = tuple(cameras)
+        self._meta = LeRobotDatasetMetadata.create(
+            repo_id=repo_id,
+            fps=schema.FPS,
+            features=schema.features(self._cameras, height, width, view),
+            robot_type=schema.ROBOT_TYPE,
+            root=root,
+            use_videos=view == "frames",
+        )
+        self._writer = DatasetWriter(
+            meta=self._meta,
+            root=root,
+            rgb_encoder=rgb_encoder(),
+            depth_encoder=depth_encoder(),
+            encoder_threads=1,
+            batch_encoding_size=1,
+            streaming_encoder=EpisodeVideoEncoder() if view == "frames" else None,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Finish the dataset unless the block failed."""
+        if error is None:
+            self.finish()
+        else:
+            self._writer.cancel_pending_videos()
+
+    def rows(self, episode: Episode) -> list[int]:
+        """Rows of an episode that this view stores."""
+        return rows_of_view(episode, self.view, self._intermediate)
+
+    def add_row(self, episode: Episode, row: int, images: dict[str, NDArray]) -> None:
+        """Append a row of the running episode; rows come in the order of `rows`."""
+        frame = row_columns(episode, row, self.view)
+        for camera in self._cameras:
+            rgb, depth = schema.image_key(camera), schema.depth_key(camera)
+            frame[rgb] = images[rgb]
+            frame[depth] = np.rint(images[depth]).astype(np.uint16)[0, ..., None]  # (H, W, 1) mm
+        self._writer.add_frame(frame | {"task": episode.meta.instruction})
+
+    def end_episode(self) -> None:
+        """Store the rows added since the last call as an episode."""
+        self._writer.save_episode()
+
+    def finish(self) -> None:
+        """Write what makes the folder a dataset, and check that no video lost a frame.
+
+        Raises:
+            DatasetError: a video decodes to another number of frames than its episodes have rows.
+        """
+        self._writer.finalize()
+        check_videos(self.root)
+
+
+def write_episode(episode: Episode, writers: Sequence[ViewWriter]) -> None:
+    """Write an episode into several views at once, asking for the images of each row only once."""
+    wanted = [set(writer.rows(episode)) for writer in writers]
+    for row in range(episode.rows):
+        users = [writer for writer, rows in zip(writers, wanted, strict=True) if row in rows]
+        images = episode.images(row) if users else {}
+        for writer in users:
+            writer.add_row(episode, row, images)
+    for writer in writers:
+        writer.end_episode()
+
+
+def check_videos(root: Path) -> None:
+    """Decode every video of a dataset and compare its frames with the rows of the episodes in it.
+
+    Raises:
+        DatasetError: they differ; the message names the file and both numbers.
+    """
+    meta = LeRobotDatasetMetadata("local/check", root=root)
+    for key in meta.video_keys:
+        rows = Counter()
+        for episode in range(meta.total_episodes):
+            rows[meta.get_video_file_path(episode, key)] += meta.episodes[episode]["length"]
+        for path, expected in rows.items():
+            found = count_frames(root / path)
+            if found != expected:
+                raise DatasetError(
+                    f"{root / path} holds {found} frames, but its episodes have {expected} rows. "
+                    "Delete the dataset and generate it again; if it happens twice, the encoder loses frames."
+                )

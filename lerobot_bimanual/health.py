@@ -1,0 +1,192 @@
+"""What a machine must offer, checked one subject at a time; `lerobot-bimanual doctor` prints the findings.
+
+The plugins are examined as LeRobot sees them, through distribution metadata and its registries: core imports
+neither of them.
+"""
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib import metadata
+
+from lerobot_bimanual.errors import MissingGL
+
+CORE, ENVS, POLICIES = "lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual"
+ENV_TYPE = "bimanual"
+# The packages whose version decides whether we work, or (MuJoCo) whether trajectories are the same.
+WATCHED = ("lerobot", "mujoco", "gymnasium", "frankik", "torch", "numpy")
+REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies"
+
+# Runs in its own process, because a broken OpenGL driver can take the process with it.
+RENDER_8X8 = f"""
+import os
+from {ENVS}.gl import mujoco
+world = "<mujoco><worldbody><light pos='0 0 2'/><geom size='1'/></worldbody></mujoco>"
+model = mujoco.MjModel.from_xml_string(world)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 8, 8) as renderer:
+    renderer.update_scene(data)
+    assert renderer.render().any(), "the image is black"
+print("off-screen image rendered, MUJOCO_GL=" + os.environ.get("MUJOCO_GL", ""))
+"""
+
+
+class Level(StrEnum):
+    """How a finding is to be taken."""
+
+    OK = "ok"
+    INFO = "info"  # nothing is wrong, but worth knowing
+    WARN = "warn"  # a part of the project will not work
+    FAIL = "fail"  # the project will not work
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Result of one check.
+
+    Attributes:
+        subject: What was looked at.
+        level: The verdict.
+        detail: What was found.
+        remedy: How to mend it; "" if nothing is to be done.
+    """
+
+    subject: str
+    level: Level
+    detail: str
+    remedy: str = ""
+
+
+def examine() -> Iterator[Finding]:
+    """All findings, the quick ones first."""
+    yield check_python()
+    yield from check_distributions()
+    yield from check_versions()
+    yield check_machine()
+    yield check_gl()
+    yield from check_plugins()
+    yield check_video()
+    yield check_gpu()
+
+
+def check_python() -> Finding:
+    """The interpreter against the range that our package declares."""
+    from packaging.specifiers import SpecifierSet
+
+    version = ".".join(map(str, sys.version_info[:3]))
+    required = metadata.metadata(CORE)["Requires-Python"]
+    if version in SpecifierSet(required):
+        return Finding("Python", Level.OK, version)
+    return Finding("Python", Level.FAIL, f"{version}, but {required} is needed", "make setup")
+
+
+def check_distributions() -> Iterator[Finding]:
+    """Our three distributions: core and, optionally, each plugin, all of one version."""
+    core = metadata.version(CORE)
+    yield Finding(CORE, Level.OK, core)
+    for plugin in (ENVS, POLICIES):
+        installed = _version(plugin)
+        if installed is None:
+            yield Finding(plugin, Level.WARN, "not installed", REPAIR)
+        elif installed != core:
+            yield Finding(plugin, Level.FAIL, f"{installed}, but {CORE} is {core}", REPAIR)
+        else:
+            yield Finding(plugin, Level.OK, installed)
+
+
+def check_versions() -> Iterator[Finding]:
+    """Installed versions of the watched packages against the ranges that our distributions declare."""
+    from packaging.requirements import Requirement
+    from packaging.specifiers import SpecifierSet
+
+    allowed: dict[str, SpecifierSet] = {}
+    for distribution in (CORE, ENVS, POLICIES):
+        for line in (metadata.requires(distribution) or []) if _version(distribution) else []:
+            requirement = Requirement(line)
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                allowed[requirement.name] = (
+                    allowed.get(requirement.name, SpecifierSet()) & requirement.specifier
+                )
+    for package in WATCHED:
+        if package not in allowed:
+            continue
+        installed, remedy = _version(package), f"pip install '{package}{allowed[package]}'"
+        if installed is None:
+            yield Finding(package, Level.FAIL, "not installed", remedy)
+        elif not allowed[package].contains(installed, prereleases=True):
+            yield Finding(package, Level.FAIL, f"{installed}, but {allowed[package]} is needed", remedy)
+        else:
+            yield Finding(package, Level.OK, installed)
+
+
+def check_machine() -> Finding:
+    """Processor cores this process may use, and memory."""
+    cores = len(os.sched_getaffinity(0))
+    memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    return Finding("machine", Level.INFO, f"{cores} cores, {memory_gib:.0f} GiB memory")
+
+
+def check_gl() -> Finding:
+    """Renders an 8 x 8 image off-screen in another process."""
+    if _version(ENVS) is None:
+        return Finding("OpenGL", Level.INFO, f"not tried: {ENVS} is not installed")
+    child = subprocess.run([sys.executable, "-c", RENDER_8X8], capture_output=True, text=True, check=False)
+    if child.returncode == 0:
+        return Finding("OpenGL", Level.OK, child.stdout.strip())
+    reason = (child.stderr.strip().splitlines() or [f"the process ended with {child.returncode}"])[-1]
+    return Finding("OpenGL", Level.FAIL, reason, str(MissingGL("rendering failed")))
+
+
+def check_plugins() -> Iterator[Finding]:
+    """Environment and policy types after LeRobot's own plugin discovery."""
+    from lerobot.configs.policies import PreTrainedConfig
+    from lerobot.envs.configs import EnvConfig
+    from lerobot.utils.import_utils import register_third_party_plugins
+
+    logging.disable(logging.CRITICAL)  # discovery logs tracebacks; the findings say the same in a line
+    register_third_party_plugins()
+    logging.disable(logging.NOTSET)
+    for kind, plugin, choices in (
+        ("environment types", ENVS, EnvConfig.get_known_choices()),
+        ("policy types", POLICIES, PreTrainedConfig.get_known_choices()),
+    ):
+        if _version(plugin) is None:
+            continue
+        ours = [name for name, config in choices.items() if config.__module__.partition(".")[0] == plugin]
+        if ours:
+            yield Finding(kind, Level.OK, ", ".join(sorted(ours)))
+        else:
+            remedy = f'python -c "import lerobot, {plugin}" shows why'
+            yield Finding(kind, Level.FAIL, f"LeRobot found none of {plugin}", remedy)
+
+
+def check_video() -> Finding:
+    """The decoder of dataset videos: torchcodec with FFmpeg's libraries, else PyAV."""
+    try:
+        import torchcodec.decoders  # noqa: F401
+    except (ImportError, RuntimeError, OSError):
+        detail = "torchcodec cannot load FFmpeg; datasets are decoded by PyAV, slower"
+        return Finding("video", Level.INFO, detail, "optional: sudo apt-get install ffmpeg")
+    return Finding("video", Level.OK, f"torchcodec {metadata.version('torchcodec')} with FFmpeg")
+
+
+def check_gpu() -> Finding:
+    """A CUDA device for training at full size."""
+    import torch
+
+    if torch.cuda.is_available():
+        names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
+        return Finding("GPU", Level.OK, ", ".join(names))
+    return Finding("GPU", Level.INFO, "none: simulation and small policies run on the processor")
+
+
+def _version(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None

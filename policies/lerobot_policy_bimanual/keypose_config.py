@@ -1,0 +1,205 @@
+"""What all keypose policies have in common in their configs."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from lerobot.configs import NormalizationMode, PreTrainedConfig
+from lerobot.optim import AdamWConfig, CosineDecayWithWarmupSchedulerConfig, LRSchedulerConfig, OptimizerConfig
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.dataset.schema import (
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    GRIPPER_FINGERS,
+    KEYPOSE_STEP,
+    STATE,
+    depth_key,
+    image_key,
+)
+from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_policy_bimanual.optimizers import LambConfig
+
+DTYPES = ("float32", "bfloat16")
+DECODINGS = ("voxel", "expectation")
+OPTIMIZERS = ("adamw", "lamb")
+LR_SCHEDULES = ("cosine", "constant")
+
+SCHEDULE_STEPS = 1_000_000
+"""LeRobot shrinks a longer schedule to the length of the training, which is what we want for any length."""
+
+
+@dataclass
+class KeyposePolicyConfig(PreTrainedConfig):
+    """Base config of policies that predict the next keypose of both arms.
+
+    Args:
+        cameras: RGB-D cameras to use, any subset of the five.
+        workspace_lower: Lower corner of the workspace in metres. Keyposes outside it cannot be predicted.
+        workspace_upper: Upper corner of the workspace in metres.
+        voxel_size: Voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
+        rotation_bin_deg: Width of the rotation bins; 72 bins per axis.
+        keypose_horizon: Keyposes over which the time feature falls from +1 to -1 (PerAct2 code: 25, its
+            longest episode). Fewer make it a stronger signal for short tasks.
+        decode: "voxel" commands the centre of the most probable voxel (the paper's), "expectation" the mean
+            over the 3x3x3 voxels around it. The latter halved the error in our study but lost pushes that the
+            rounding had helped, so choose on validation episodes.
+        language_encoder: "learned", trained with the policy, or "clip:<local path or hub id>" for the paper's
+            frozen CLIP tokens.
+        language_tokens: Tokens per instruction (CLIP: 77).
+        language_dim: Width of a language token (CLIP: 512).
+        dtype: "bfloat16" runs the network under autocast. Geometry, softmax and losses stay in float32.
+        compile: Compile the network with torch.compile at its first use.
+        augmentation: Move the scene and its labels at random during training.
+        augmentation_shift_m: Largest shift along x, y, z (paper: 12.5 % of a metre).
+        augmentation_yaw_deg: Largest rotation about the vertical (paper: 45). Learning in minutes instead of
+            days wants less, see docs/policies.md.
+        augmentation_yaw_step_deg: Rotations are multiples of this (PerAct2 code: 5).
+        optimizer: "adamw" or "lamb". PerAct2 trained with LAMB at 5e-4 without warm-up; in our study at small
+            size that learned nothing in the steps in which AdamW had finished, so AdamW is the default.
+        optimizer_lr: Learning rate.
+        optimizer_weight_decay: Weight decay.
+        optimizer_grad_clip_norm: Largest gradient norm; 0 for no clipping.
+        lr_schedule: "cosine" (with warm-up) or "constant" (PerAct2 code).
+        warmup_fraction: Share of the training steps in which the learning rate rises.
+        final_lr_fraction: Learning rate at the end over the one at the peak.
+    """
+
+    # Input and output. The policy normalises inside, with constants, so LeRobot's statistics stay out:
+    # they would treat depth and calibration like any other image or state.
+    normalization_mapping: dict[str, NormalizationMode] = field(
+        default_factory=lambda: {
+            "VISUAL": NormalizationMode.IDENTITY,
+            "STATE": NormalizationMode.IDENTITY,
+            "ACTION": NormalizationMode.IDENTITY,
+        }
+    )
+    cameras: tuple[str, ...] = CAMERA_NAMES
+    workspace_lower: tuple[float, float, float] = VOXEL_WORKSPACE.lower
+    workspace_upper: tuple[float, float, float] = VOXEL_WORKSPACE.upper
+    voxel_size: int = 100
+    rotation_bin_deg: float = 5.0
+    keypose_horizon: int = 25
+    decode: str = "voxel"
+
+    # Language.
+    language_encoder: str = "learned"
+    language_tokens: int = 77
+    language_dim: int = 512
+
+    # Execution.
+    dtype: str = "float32"
+    compile: bool = False
+
+    # Augmentation.
+    augmentation: bool = True
+    augmentation_shift_m: tuple[float, float, float] = (0.125, 0.125, 0.125)
+    augmentation_yaw_deg: float = 45.0
+    augmentation_yaw_step_deg: float = 5.0
+
+    # Training preset.
+    optimizer: str = "adamw"
+    optimizer_lr: float = 5e-4
+    optimizer_weight_decay: float = 1e-2
+    optimizer_grad_clip_norm: float = 5.0
+    lr_schedule: str = "cosine"
+    warmup_fraction: float = 0.05
+    final_lr_fraction: float = 0.02
+
+    def __post_init__(self):
+        """Refuse values that no policy can work with."""
+        super().__post_init__()
+        for option, valid in (
+            ("dtype", DTYPES),
+            ("decode", DECODINGS),
+            ("optimizer", OPTIMIZERS),
+            ("lr_schedule", LR_SCHEDULES),
+        ):
+            if getattr(self, option) not in valid:
+                raise InvalidChoice(option, getattr(self, option), valid)
+        if self.language_encoder != "learned" and not self.language_encoder.startswith("clip:"):
+            raise InvalidChoice(
+                "language_encoder", self.language_encoder, ("learned", "clip:<local path or hub id>")
+            )
+        for camera in self.cameras:
+            if camera not in CAMERA_NAMES:
+                raise UnknownCamera(camera, CAMERA_NAMES)
+        if not self.cameras or self.keypose_horizon < 2:
+            raise ValueError(
+                f"cameras={self.cameras} must name at least one camera, and "
+                f"keypose_horizon={self.keypose_horizon} must be at least 2"
+            )
+
+    @property
+    def workspace(self) -> Workspace:
+        """The box that keyposes must lie in."""
+        return Workspace(self.workspace_lower, self.workspace_upper)
+
+    @property
+    def codec(self) -> KeyposeCodec:
+        """The discretisation of keyposes."""
+        return KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg)
+
+    @property
+    def observation_keys(self) -> tuple[str, ...]:
+        """Batch keys that the policy reads, apart from `task`."""
+        images = [key(camera) for camera in self.cameras for key in (image_key, depth_key)]
+        return (*images, CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, KEYPOSE_STEP)
+
+    def validate_features(self) -> None:
+        """Keep the inputs that the policy reads, and check that none is missing.
+
+        The label `observation.next_keypose` and unused cameras go, so that neither the environment nor a
+        user of the checkpoint is asked for them. `output_features` is left alone and never read: LeRobot fills
+        it with the environment's action, which is a joint action.
+
+        Raises:
+            SchemaMismatch: If inputs are listed but some are missing.
+        """
+        if not self.input_features:
+            return
+        missing = [key for key in self.observation_keys if key not in self.input_features]
+        if missing:
+            raise SchemaMismatch(
+                f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
+                "`lerobot-bimanual generate`, or choose cameras with --policy.cameras"
+            )
+        self.input_features = {key: self.input_features[key] for key in self.observation_keys}
+
+    def get_optimizer_preset(self) -> OptimizerConfig:
+        """The optimizer of `optimizer*`."""
+        shared: dict[str, Any] = {
+            "lr": self.optimizer_lr,
+            "weight_decay": self.optimizer_weight_decay,
+            "grad_clip_norm": self.optimizer_grad_clip_norm,
+        }
+        if self.optimizer == "lamb":
+            return LambConfig(**shared)
+        return AdamWConfig(**shared, betas=(0.9, 0.99))
+
+    def get_scheduler_preset(self) -> LRSchedulerConfig | None:
+        """Warm-up and cosine over the whole training, however long, or nothing."""
+        if self.lr_schedule == "constant":
+            return None
+        return CosineDecayWithWarmupSchedulerConfig(
+            num_warmup_steps=round(self.warmup_fraction * SCHEDULE_STEPS),
+            num_decay_steps=SCHEDULE_STEPS,
+            peak_lr=self.optimizer_lr,
+            decay_lr=self.final_lr_fraction * self.optimizer_lr,
+        )
+
+    @property
+    def observation_delta_indices(self) -> None:
+        """One observation is enough."""
+        return None
+
+    @property
+    def action_delta_indices(self) -> None:
+        """The joint actions of the dataset are not used."""
+        return None
+
+    @property
+    def reward_delta_indices(self) -> None:
+        """Rewards are not used."""
+        return None

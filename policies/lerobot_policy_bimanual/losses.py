@@ -1,0 +1,51 @@
+"""The training loss of keypose policies, and the errors that tell what it means."""
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.geometry.rotations_torch import rotation_angle_rad
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+FAR_M = 0.05
+"""Position errors beyond this are counted as misses."""
+
+
+def keypose_losses(prediction: KeyposePrediction, target: DiscreteKeypose) -> dict[str, Tensor]:
+    """Cross-entropies of all parts, each summed over arms and rotation axes and averaged over the batch.
+
+    The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
+    """
+    return {
+        "translation": prediction.translation.cross_entropy(target.voxel).sum(dim=1).mean(),
+        "rotation": _cross_entropy(prediction.rotation, target.rotation),
+        "gripper_open": _cross_entropy(prediction.gripper_open, target.gripper_open),
+        "ignore_collisions": _cross_entropy(prediction.ignore_collisions, target.ignore_collisions),
+    }
+
+
+def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
+    """Mean over the batch of the sum over all other dimensions of target (b, ...)."""
+    losses = F.cross_entropy(logits.flatten(0, -2), target.flatten(), reduction="none")
+    return losses.view_as(target).flatten(1).sum(dim=1).mean()
+
+
+@torch.no_grad()
+def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
+    """Distances between predicted and true flat keyposes (b, 18), averaged over the batch, per arm.
+
+    Returns:
+        `<arm>_position_cm`, `<arm>_rotation_deg`, and `<arm>_far`, the share beyond `FAR_M`.
+    """
+    predicted, keyposes = (vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes))
+    distance_m = (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1)  # (b, arms)
+    angle_rad = rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION])
+    errors = {}
+    for arm in ARMS:
+        errors[f"{arm}_position_cm"] = 100 * distance_m[:, arm.index].mean()
+        errors[f"{arm}_rotation_deg"] = torch.rad2deg(angle_rad[:, arm.index]).mean()
+        errors[f"{arm}_far"] = (distance_m[:, arm.index] > FAR_M).float().mean()
+    return errors

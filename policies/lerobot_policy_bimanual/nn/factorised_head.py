@@ -1,0 +1,169 @@
+"""A cheaper translation head: the same distribution over voxels, factored into patch and voxel in patch.
+
+p(voxel) = p(patch) p(voxel | patch) is exact, so nothing is lost but the second factor is only evaluated for
+the patches that matter: the true one in training, the most probable ones at inference. It replaces the
+full-resolution decoder, about five times cheaper per step at 25 voxels (design study).
+"""
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor, nn
+
+from lerobot_policy_bimanual.nn.conv3d import PATCH, ActivatedConv3d, activate
+from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+
+BEAM = 8
+"""Patches whose voxels are scored at inference."""
+
+FINE_CHANNELS = 32
+"""Width of the voxel-in-patch branch."""
+
+
+@dataclass(frozen=True, eq=False)
+class FactorisedTranslation:
+    """A softmax over patches and one over the voxels of some patches.
+
+    Attributes:
+        patch_logits: (b, arms, p^3) float32.
+        patches: (b, arms, n) int64, the most probable patches.
+        voxel_logits: (b, arms, n, PATCH^3) float32, over the voxels of `patches`.
+        target_voxel_logits: (b, arms, PATCH^3) float32, over the voxels of the target's patch; None if the
+            head was given no target.
+    """
+
+    patch_logits: Tensor
+    patches: Tensor
+    voxel_logits: Tensor
+    target_voxel_logits: Tensor | None
+
+    def cross_entropy(self, voxel: Tensor) -> Tensor:
+        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3) that the head was given."""
+        if self.target_voxel_logits is None:
+            raise ValueError("the head was run without target voxels, so their likelihood is not known")
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        patch, inner = split_voxel(voxel, P)
+        coarse = F.cross_entropy(self.patch_logits.flatten(0, 1), patch.flatten(), reduction="none")
+        fine = F.cross_entropy(self.target_voxel_logits.flatten(0, 1), inner.flatten(), reduction="none")
+        return (coarse + fine).view_as(patch)
+
+    def candidates(self) -> VoxelCandidates:
+        """All voxels of the scored patches with their joint log-probabilities."""
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        prior = self.patch_logits.log_softmax(dim=-1).gather(-1, self.patches)
+        score = prior[..., None] + self.voxel_logits.log_softmax(dim=-1)
+        corner = torch.stack([self.patches // P**2, self.patches // P % P, self.patches % P], dim=-1) * PATCH
+        step = torch.arange(PATCH, device=score.device)
+        voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
+        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2))
+
+
+def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
+    """Flat indices of the patch and of the voxel in it, (...) each, of voxels (..., 3)."""
+    outer, inner = voxel // PATCH, voxel % PATCH
+    return (
+        (outer[..., 0] * patches + outer[..., 1]) * patches + outer[..., 2],
+        (inner[..., 0] * PATCH + inner[..., 1]) * PATCH + inner[..., 2],
+    )
+
+
+class VoxelInPatch(nn.Module):
+    """Scores the voxels of single patches from the stem around them and the trunk's answer."""
+
+    def __init__(self, channels: int, token_dim: int):
+        super().__init__()
+        self.stem = nn.Conv3d(channels, FINE_CHANNELS, 3)
+        self.answer = nn.Linear(token_dim, FINE_CHANNELS * PATCH**3)
+        self.out = nn.Linear(FINE_CHANNELS, 1)
+
+    def forward(self, crops: Tensor, answers: Tensor) -> Tensor:
+        """Crops (m, channels, PATCH + 2, ...) and answers (m, token_dim) -> logits (m, PATCH^3) float32."""
+        hidden = self.stem(crops).flatten(2) + self.answer(answers).unflatten(1, (FINE_CHANNELS, -1))
+        return self.out(activate(hidden).transpose(1, 2)).squeeze(-1).float()
+
+
+class FactorisedTranslationHead(nn.Module):
+    """Logits over patches for every arm, and over the voxels of chosen patches."""
+
+    def __init__(self, *, arms: int, channels: int, token_dim: int):
+        super().__init__()
+        self.refine = ActivatedConv3d(token_dim, token_dim, 3)
+        self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
+        self.voxel_logits = nn.ModuleList(VoxelInPatch(channels, token_dim) for _ in range(arms))
+        self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
+
+    def forward(
+        self, stem: Tensor, answers: Tensor, target_voxel: Tensor | None
+    ) -> tuple[FactorisedTranslation, Tensor]:
+        """Score the patches, and the voxels of the patches that matter.
+
+        Args:
+            stem: (b, channels, v, v, v) voxel features.
+            answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
+            target_voxel: (b, arms, 3) in training: its patch is scored too, and its token feeds the other
+                heads (teacher forcing). None at inference: the most probable patch takes its place.
+
+        Returns:
+            The distribution, and features (b, arms, feature_dim): pooled stem and answers, and the token of
+            the chosen patch. The stem is only max-pooled, as a softmax over all voxels would cost as much as
+            the rest of the head (design study).
+        """
+        A, P = answers.shape[1], answers.shape[-1]
+        refined = self.refine(answers.flatten(0, 1)).unflatten(0, (-1, A))  # (b, arms, token_dim, p, p, p)
+        tokens = refined.flatten(3).transpose(2, 3)  # (b, arms, p^3, token_dim)
+        patch_logits = torch.stack(
+            [head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1
+        ).float()
+        # Zero border: a crop is one voxel wider than its patch on every side.
+        padded = F.pad(stem, (1,) * 6)
+        # In training the prediction is only reported: one patch, no gradient.
+        training = target_voxel is not None
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
+            patches = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
+            voxel_logits = self._score(padded, tokens, patches)
+        if target_voxel is None:
+            target_logits = None
+            patch = self._patch_of_best_voxel(patch_logits, patches, voxel_logits)
+        else:
+            patch = split_voxel(target_voxel, P)[0]
+            target_logits = self._score(padded, tokens, patch[..., None])[:, :, 0]
+        features = [
+            stem.amax((2, 3, 4)).float()[:, None].expand(-1, A, -1),
+            pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
+            pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
+            _take(tokens, patch[..., None])[:, :, 0].float(),
+        ]
+        prediction = FactorisedTranslation(patch_logits, patches, voxel_logits, target_logits)
+        return prediction, torch.cat(features, dim=-1)
+
+    def _score(self, padded: Tensor, tokens: Tensor, patches: Tensor) -> Tensor:
+        """Logits (b, arms, n, PATCH^3) of the voxels in patches (b, arms, n)."""
+        P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
+        sample = torch.arange(len(padded), device=padded.device).repeat_interleave(n)
+        reach = torch.arange(PATCH + 2, device=padded.device)
+        logits = []
+        for arm, head in enumerate(self.voxel_logits):
+            patch = patches[:, arm].flatten()
+            x, y, z = (
+                (index * PATCH)[:, None] + reach for index in (patch // P**2, patch // P % P, patch % P)
+            )
+            crops = padded[
+                sample[:, None, None, None], :, x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]
+            ]  # (b n, 7, 7, 7, channels)
+            answers = _take(tokens[:, arm, None], patches[:, arm, None]).flatten(0, 2)
+            logits.append(head(crops.permute(0, 4, 1, 2, 3), answers).unflatten(0, (-1, n)))
+        return torch.stack(logits, dim=1)
+
+    @staticmethod
+    def _patch_of_best_voxel(patch_logits: Tensor, patches: Tensor, voxel_logits: Tensor) -> Tensor:
+        """The patch (b, arms) that holds the most probable voxel."""
+        prior = patch_logits.gather(-1, patches)
+        score = prior + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
+        return patches.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)
+
+
+def _take(tokens: Tensor, patches: Tensor) -> Tensor:
+    """Rows `patches` (b, arms, n) of tokens (b, arms, p^3, token_dim)."""
+    return tokens.gather(2, patches[..., None].expand(-1, -1, -1, tokens.shape[-1]))

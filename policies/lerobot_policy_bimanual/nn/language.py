@@ -1,0 +1,118 @@
+"""Instructions to token vectors: a small encoder trained with the policy, or frozen CLIP."""
+
+import re
+import zlib
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_policy_bimanual.nn.perceiver import Attention, FeedForward
+
+BUCKETS = 2048
+"""Word slots. All instructions of the benchmark use about a hundred words, so few of them share a slot."""
+
+WORD_DIM = 128
+MAX_WORDS = 77
+"""Words read of an instruction; the context length of CLIP."""
+
+START = 0
+CLIP_PREFIX = "clip:"
+
+
+def word_ids(instruction: str) -> list[int]:
+    """Stable slots of an instruction's words, after a start symbol. Any word has a slot, known or not."""
+    words = re.findall(r"[a-z0-9]+", instruction.lower())
+    ids = [1 + zlib.crc32(word.encode()) % (BUCKETS - 1) for word in words]
+    return [START, *ids][:MAX_WORDS]
+
+
+class LearnedLanguage(nn.Module):
+    """Hashed words, read by a fixed number of learned queries. Needs no download and no vocabulary."""
+
+    def __init__(self, *, tokens: int, dim: int):
+        super().__init__()
+        self.words = nn.Embedding(BUCKETS, WORD_DIM)
+        self.positions = nn.Parameter(torch.randn(MAX_WORDS, WORD_DIM))
+        self.queries = nn.Parameter(torch.randn(tokens, WORD_DIM))
+        self.read = Attention(WORD_DIM, context_dim=WORD_DIM, heads=4, head_dim=WORD_DIM // 4)
+        self.feed_forward = FeedForward(WORD_DIM, 2)
+        self.out = nn.Linear(WORD_DIM, dim)
+
+    def forward(self, instructions: list[str]) -> Tensor:
+        """Instructions -> (b, tokens, dim)."""
+        device = self.queries.device
+        ids = [word_ids(instruction) for instruction in instructions]
+        longest = max(len(row) for row in ids)
+        padded = torch.tensor([row + [START] * (longest - len(row)) for row in ids], device=device)
+        present = torch.arange(longest, device=device) < torch.tensor(
+            [len(row) for row in ids], device=device
+        ).unsqueeze(1)
+        words = self.words(padded) + self.positions[:longest]
+        queries = self.queries.expand(len(ids), -1, -1)
+        hidden = queries + self.read(queries, words, present)
+        return self.out(hidden + self.feed_forward(hidden))
+
+
+class ClipLanguage(nn.Module):
+    """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.
+
+    The tower is not part of the policy's parameters and never enters a checkpoint. Every instruction is encoded
+    once. Padding tokens are kept and not masked (PerAct2 code).
+
+    Args:
+        source: Local path or hub id of a CLIP model in the transformers format.
+        tokens: Tokens per instruction.
+        dim: Expected width of the token features.
+
+    Raises:
+        ImportError: If transformers is not installed.
+        ValueError: If the tower has another width or context length.
+    """
+
+    def __init__(self, source: str, *, tokens: int, dim: int):
+        super().__init__()
+        try:
+            from transformers import CLIPTextModel, CLIPTokenizer  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise ImportError(
+                f"language_encoder='{CLIP_PREFIX}{source}' needs the transformers package: "
+                "pip install 'transformers>=4.40', or use language_encoder='learned'"
+            ) from error
+        model = CLIPTextModel.from_pretrained(source).eval().requires_grad_(False)
+        limit = model.config.max_position_embeddings
+        if model.config.hidden_size != dim or tokens > limit:
+            raise ValueError(
+                f"{source} gives up to {limit} tokens of width {model.config.hidden_size}, but the policy has "
+                f"language_tokens={tokens} and language_dim={dim}: set these to fit"
+            )
+        # Stored past nn.Module's registration, which would save the tower with every checkpoint.
+        self.__dict__["_model"] = model
+        self._tokenizer = CLIPTokenizer.from_pretrained(source)
+        self._tokens = tokens
+        self._cache: dict[str, Tensor] = {}
+        self.register_buffer("_place", torch.empty(0), persistent=False)
+
+    def forward(self, instructions: list[str]) -> Tensor:
+        """Instructions -> (b, tokens, dim), without gradient."""
+        return torch.stack([self._encode(instruction) for instruction in instructions])
+
+    @torch.no_grad()
+    def _encode(self, instruction: str) -> Tensor:
+        device = self._place.device  # pyright: ignore[reportAttributeAccessIssue]
+        if instruction not in self._cache:
+            ids = self._tokenizer(
+                instruction,
+                padding="max_length",
+                truncation=True,
+                max_length=self._tokens,
+                return_tensors="pt",
+            ).input_ids
+            self._cache[instruction] = self._model(input_ids=ids).last_hidden_state[0].to(device)
+        return self._cache[instruction]
+
+
+def make_language(encoder: str, *, tokens: int, dim: int) -> nn.Module:
+    """The module for `language_encoder`: "learned", or "clip:<local path or hub id>"."""
+    if encoder.startswith(CLIP_PREFIX):
+        return ClipLanguage(encoder.removeprefix(CLIP_PREFIX), tokens=tokens, dim=dim)
+    return LearnedLanguage(tokens=tokens, dim=dim)

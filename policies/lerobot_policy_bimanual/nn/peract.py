@@ -1,0 +1,142 @@
+"""The PerAct family's voxel transformer, for one arm (PerAct) or two (PerAct2)."""
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_policy_bimanual.nn.conv3d import (
+    LEAK,
+    PATCH,
+    ActivatedConv3d,
+    ActivatedLinear,
+    init_activated,
+    init_linear,
+)
+from lerobot_policy_bimanual.nn.dense_head import DenseTranslationHead
+from lerobot_policy_bimanual.nn.factorised_head import FactorisedTranslationHead
+from lerobot_policy_bimanual.nn.perceiver import PerceiverIO
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.nn.voxel_grid import GRID_CHANNELS
+
+HIDDEN = (256, 64)
+"""Widths of the rotation and flags head (PerAct2 code)."""
+
+
+class PerActNetwork(nn.Module):
+    """Voxels, proprioception and language to one discrete keypose per arm.
+
+    With the defaults of `PerAct2Config` it has the 66 180 794 parameters of PerAct2's reference network; with
+    one arm the 33 240 669 of PerAct's.
+
+    Args:
+        arms: Arms to predict.
+        voxels: Voxels per axis, a multiple of `PATCH`.
+        channels: Voxel feature channels.
+        token_dim: Width of the transformer's input tokens; half voxels, half proprioception.
+        proprio_dim: Numbers in the proprioception vector.
+        language_tokens: Language tokens per instruction.
+        language_dim: Width of the language tokens.
+        num_latents: Perceiver latents, shared evenly by the arms.
+        latent_dim: Width of the latents.
+        depth: Self-attention blocks per arm.
+        heads: Heads of the self-attentions.
+        feedforward_multiplier: Inner over outer width of the feed-forwards.
+        attention_dropout: Of the attention weights, in the reading and the self-attentions.
+        rotation_bins: Bins per rotation axis.
+        translation_head: "dense" (the paper's) or "factorised".
+        checkpointing: Recompute the dense head in the backward pass instead of storing it.
+    """
+
+    def __init__(
+        self,
+        *,
+        arms: int,
+        voxels: int,
+        channels: int,
+        token_dim: int,
+        proprio_dim: int,
+        language_tokens: int,
+        language_dim: int,
+        num_latents: int,
+        latent_dim: int,
+        depth: int,
+        heads: int,
+        feedforward_multiplier: int,
+        attention_dropout: float,
+        rotation_bins: int,
+        translation_head: str,
+        checkpointing: bool,
+    ):
+        super().__init__()
+        self.rotation_bins = rotation_bins
+        patches = voxels // PATCH
+        dense = translation_head == "dense"
+        self.stem = ActivatedConv3d(GRID_CHANNELS, channels, 1)
+        # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
+        # tokens that see exactly the voxels it then chooses from.
+        self.patchify = ActivatedConv3d(
+            channels, token_dim // 2, PATCH, stride=PATCH, padding=PATCH // 2 if dense else 0
+        )
+        self.proprio = ActivatedLinear(proprio_dim, token_dim // 2)
+        self.language = nn.Linear(language_dim, token_dim)
+        init_linear(self.language)
+        # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
+        self.positions = nn.Parameter(torch.randn(language_tokens + patches**3, token_dim))
+        self.perceiver = PerceiverIO(
+            streams=arms,
+            token_dim=token_dim,
+            num_latents=num_latents,
+            latent_dim=latent_dim,
+            depth=depth,
+            heads=heads,
+            multiplier=feedforward_multiplier,
+            dropout=attention_dropout,
+        )
+        self.translation = (
+            DenseTranslationHead(
+                arms=arms, channels=channels, token_dim=token_dim, checkpointing=checkpointing
+            )
+            if dense
+            else FactorisedTranslationHead(arms=arms, channels=channels, token_dim=token_dim)
+        )
+        outputs = 3 * rotation_bins + 2 + 2
+        self.pose_heads = nn.ModuleList(
+            _mlp((self.translation.feature_dim, *HIDDEN, outputs)) for _ in range(arms)
+        )
+
+    def forward(
+        self, grid: Tensor, proprio: Tensor, language: Tensor, target_voxel: Tensor | None = None
+    ) -> KeyposePrediction:
+        """Predict the next keypose of every arm.
+
+        Args:
+            grid: (b, 10, v, v, v) as made by `voxelise`.
+            proprio: (b, proprio_dim).
+            language: (b, language_tokens, language_dim).
+            target_voxel: (b, arms, 3) int64 in training; see `FactorisedTranslationHead`.
+        """
+        stem = self.stem(grid)  # (b, channels, v, v, v)
+        patches = self.patchify(stem)  # (b, token_dim / 2, p, p, p)
+        P, words = patches.shape[-1], language.shape[1]
+        body = self.proprio(proprio)[:, None].expand(-1, P**3, -1)
+        voxel_tokens = torch.cat([patches.flatten(2).transpose(1, 2), body], dim=-1)  # (b, p^3, token_dim)
+        tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
+        # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
+        answers = self.perceiver(tokens, tokens[:, words:])  # (b, arms, p^3, token_dim)
+        answers = answers.transpose(2, 3).unflatten(-1, (P, P, P))
+        translation, features = self.translation(stem, answers, target_voxel)
+        logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
+        rotation, gripper_open, ignore_collisions = logits.float().split((3 * self.rotation_bins, 2, 2), dim=-1)
+        rotation = rotation.unflatten(-1, (3, self.rotation_bins))
+        return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
+
+
+def _mlp(widths: tuple[int, ...]) -> nn.Sequential:
+    """Linear layers with LeakyReLU between them."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(widths[:-2], widths[1:-1], strict=True):
+        layer = nn.Linear(inputs, outputs)
+        init_activated(layer)
+        layers += [layer, nn.LeakyReLU(LEAK)]
+    last = nn.Linear(*widths[-2:])
+    init_linear(last)
+    return nn.Sequential(*layers, last)

@@ -1,0 +1,111 @@
+"""What every task has to satisfy; a new task is tested by being registered."""
+
+import ast
+import inspect
+import sys
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_tasks
+
+SEEDS = (11, 12, 13)
+
+
+@pytest.fixture(params=list_tasks())
+def name(request):
+    return request.param
+
+
+@pytest.fixture
+def task(name):
+    return get_task(name)
+
+
+@pytest.fixture
+def env(name):
+    env = BimanualEnv(name, obs="state", split="val")
+    yield env
+    env.close()
+
+
+def test_the_specification_is_consistent(name, task):
+    spec = task.spec
+    assert spec.name == name
+    assert [variation.index for variation in spec.variations] == list(range(len(spec.variations)))
+    assert spec.horizon_ticks > 0
+    props = [prop.name for prop in spec.props]
+    assert len(set(props)) == len(props) > 0
+
+
+def test_every_variation_has_distinct_non_empty_instructions(task):
+    for variation in task.spec.variations:
+        instructions = task.spec.instructions_for(variation)
+        assert all(instruction.strip() == instruction != "" for instruction in instructions)
+        assert not any("{" in instruction for instruction in instructions)
+        assert len(set(instructions)) == len(instructions) > 0
+    canonical = [task.spec.instructions_for(variation)[0] for variation in task.spec.variations]
+    assert len(set(canonical)) == len(canonical), "a policy could not tell the variations apart"
+
+
+def test_conditions_have_distinct_names_in_every_variation(task):
+    for variation in task.spec.variations:
+        names = [condition.name for condition in task.conditions(variation)]
+        assert len(set(names)) == len(names) > 0
+
+
+def test_the_file_has_the_shop_form(task):
+    module = sys.modules[type(task).__module__]
+    source = inspect.getsource(module)
+    docstring = inspect.getdoc(module)
+    assert "Bimanual because" in docstring
+    assert "Departures from the original" in docstring
+    assert len(source.splitlines()) <= 200
+    imported = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    modules = [getattr(node, "module", None) or node.names[0].name for node in imported]
+    assert not any(name.endswith((".gl", "mujoco", ".env")) for name in modules)
+
+
+def test_resets_are_quiet_unsolved_and_different(env):
+    hashes = set()
+    for seed in SEEDS:
+        _, info = env.reset(seed=seed)
+        assert not env.scene.unstable
+        assert not info["is_success"]
+        assert not all(info["conditions"].values())
+        assert info["failure"] == ""
+        hashes.add(env.state_hash())
+    assert len(hashes) == len(SEEDS)
+
+
+def test_props_are_at_rest_after_a_reset(env):
+    env.reset(seed=SEEDS[0])
+    for prop in env.task_definition.spec.props:
+        assert env.scene.speed(prop.name) < 0.01
+
+
+def test_the_same_seed_gives_the_same_state_after_any_history(name, env):
+    env.reset(seed=SEEDS[0])
+    fresh = env.state_hash()
+    env.reset(seed=SEEDS[1])
+    for _ in range(5):
+        env.step(np.zeros(16, dtype=np.float32))
+    env.reset(seed=SEEDS[0])
+    assert env.state_hash() == fresh
+    other = BimanualEnv(name, obs="state", split="val")
+    other.reset(seed=SEEDS[0])
+    assert other.state_hash() == fresh
+    other.close()
+
+
+def test_the_script_begins_with_a_planned_move_inside_the_voxel_grid(env):
+    env.reset(seed=SEEDS[0])
+    script = env.task_definition.script(env.scene, env.progress.variation)
+    first = next(script)
+    assert first.planned
+    for arm in ARMS:
+        pose = getattr(first, arm.value)
+        assert pose is None or VOXEL_WORKSPACE.contains(pose.position)

@@ -1,0 +1,98 @@
+"""Each condition on a scene made by hand, on both sides of its limit."""
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.conditions import Above, AtRest, CentredOn, Held, Touched, Untouched
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.scene import Scene
+
+HIGH_IN_THE_AIR = Pose.upright((0.25, 0.3, 1.2))
+
+
+@pytest.fixture(scope="module")
+def compiled_scene():
+    return Scene([Target("target"), Block("item")])
+
+
+@pytest.fixture
+def scene(compiled_scene):
+    compiled_scene.reset()
+    compiled_scene.place("item", HIGH_IN_THE_AIR)
+    return compiled_scene
+
+
+def close(scene, arm):
+    """Tick until the arm's hand has closed on whatever is in it."""
+    action = scene.commanded
+    action[8 * arm.index + 7] = 0.0
+    for _ in range(8):
+        scene.tick(action)
+
+
+def put_into_hand(scene, arm):
+    tcp = scene.tcp(arm)
+    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
+
+
+def test_names_are_those_of_the_reports():
+    assert Above("ball", 0.95).name == "above(ball, 0.95)"
+    assert CentredOn("box", "target", 0.05).name == "centred_on(box, target)"
+    assert AtRest("box").name == "at_rest(box)"
+    assert Touched("ball", Arm.LEFT).name == "touched(ball, left)"
+    assert Untouched("item", Arm.RIGHT).name == "untouched(item, right)"
+    assert Held("item", Arm.RIGHT).name == "held(item, right)"
+
+
+def test_above_compares_the_height_of_the_origin(scene):
+    assert Above("item", 1.199)(scene)
+    assert not Above("item", 1.201)(scene)
+
+
+@pytest.mark.parametrize(
+    ("offset", "met"), [((0.049, -0.049), True), ((0.051, 0), False), ((0, -0.051), False)]
+)
+def test_centred_on_measures_in_the_axes_of_the_target(scene, offset, met):
+    target = Pose.upright((0.3, 0.1, 0.75), np.deg2rad(30))
+    scene.place("target", target)
+    scene.place("item", Pose.upright(target.apply((*offset, 0.1)), 1.0))
+    assert CentredOn("item", "target", 0.05)(scene) == met
+
+
+def test_at_rest_is_about_speed(scene):
+    assert AtRest("item")(scene)
+    for _ in range(2):
+        scene.tick(scene.commanded)
+    assert scene.speed("item") > 0.3
+    assert not AtRest("item")(scene)
+    assert AtRest("item", speed_m_s=2.0)(scene)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_closed_hand_holds_and_touches_what_is_between_its_fingers(scene, arm):
+    put_into_hand(scene, arm)
+    close(scene, arm)
+    assert Held("item", arm)(scene)
+    assert Touched("item", arm)(scene)
+    assert not Untouched("item", arm)(scene)
+    assert not Held("item", arm.other)(scene)
+    assert not Touched("item", arm.other)(scene)
+    assert Untouched("item", arm.other)(scene)
+
+
+def test_one_finger_touches_but_does_not_hold(scene):
+    tcp = scene.tcp(Arm.LEFT)
+    beside = tcp.position + tcp.rotation[:, 1] * 0.0205  # the pads stand 4 cm to either side
+    scene.place("item", Pose.looking(beside, (0, 0, 1), tcp.rotation[:, 1]))
+    assert Touched("item", Arm.LEFT)(scene)
+    assert not Held("item", Arm.LEFT)(scene)
+
+
+def test_a_forearm_is_part_of_the_arm_but_not_of_the_hand(scene):
+    geom = scene.model.body("left_link5").geomadr[0]
+    scene.place("item", Pose.upright(scene.data.geom_xpos[geom]))
+    assert not Untouched("item", Arm.LEFT)(scene)
+    assert not Touched("item", Arm.LEFT)(scene)

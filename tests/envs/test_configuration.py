@@ -1,0 +1,126 @@
+"""LeRobot's configuration of the environment."""
+
+from dataclasses import dataclass
+
+import draccus
+import numpy as np
+import pytest
+from lerobot.configs import FeatureType
+from lerobot.envs.configs import EnvConfig
+from lerobot.envs.factory import make_env
+from lerobot.envs.utils import env_to_policy_features
+from lerobot_env_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_suites
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownTask, UnknownVariation
+
+
+@dataclass
+class CommandLine:
+    env: EnvConfig
+
+
+def parse(*arguments: str) -> EnvConfig:
+    return draccus.parse(CommandLine, args=["--env.type=bimanual", *arguments]).env
+
+
+def test_the_type_is_registered():
+    assert EnvConfig.get_choice_class("bimanual") is BimanualEnvConfig
+    assert BimanualEnvConfig().type == "bimanual"
+
+
+def test_flags_reach_the_environment():
+    config = parse(
+        "--env.task=lift_ball",
+        "--env.variation=0",
+        "--env.split=val",
+        "--env.cameras=front,left_wrist",
+        "--env.image_size=24x32",
+        "--env.obs=rgb",
+        "--env.control_mode=joint",
+        "--env.video_dir=films",
+        "--env.max_keyposes=7",
+    )
+    settings = BimanualEnv("lift_ball", **config.gym_kwargs).settings
+    assert (settings.variation, settings.split, settings.cameras) == (0, "val", ("front", "left_wrist"))
+    assert (settings.height, settings.width, settings.obs) == (24, 32, "rgb")
+    assert (settings.control_mode, str(settings.video_dir), settings.max_keyposes) == ("joint", "films", 7)
+
+
+def test_defaults_of_configuration_and_environment_agree():
+    task = BimanualEnvConfig().tasks[0]
+    assert BimanualEnv(task, **BimanualEnvConfig().gym_kwargs).settings == BimanualEnv(task).settings
+
+
+def test_a_square_image_size_is_a_number():
+    assert parse("--env.image_size=64").features[schema.image_key("front")].shape == (64, 64, 3)
+
+
+def test_policies_see_the_names_and_shapes_of_the_dataset():
+    features = env_to_policy_features(BimanualEnvConfig(image_size="24x32"))
+    dataset = schema.features(CAMERA_NAMES, 24, 32, "frames")
+    assert set(features) == {schema.ACTION, schema.STATE, *map(schema.image_key, CAMERA_NAMES)}
+    for key, feature in features.items():
+        shape = dataset[key]["shape"]
+        if feature.type is FeatureType.VISUAL:
+            shape = (shape[2], *shape[:2])
+        assert feature.shape == shape
+    assert features[schema.ACTION].type is FeatureType.ACTION
+    assert features[schema.STATE].type is FeatureType.STATE
+
+
+@pytest.mark.parametrize(("mode", "length"), [("auto", 16), ("joint", 16), ("keypose", 18)])
+def test_the_declared_action_follows_the_control_mode(mode, length):
+    config = BimanualEnvConfig(control_mode=mode)
+    assert config.features[schema.ACTION].shape == (length,)
+    assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
+
+
+def test_without_images_no_camera_is_declared():
+    assert set(BimanualEnvConfig(obs="state").features) == {schema.ACTION, "agent_pos"}
+
+
+def test_environments_are_grouped_by_task():
+    envs = make_env(parse("--env.task=push_box,symmetric"), n_envs=2)
+    expected = dict.fromkeys(("push_box", *list_suites()["symmetric"]))
+    assert list(envs) == list(expected)
+    for task, by_id in envs.items():
+        ((task_id, env),) = by_id.items()
+        assert task_id == get_task(task).spec.id
+        assert env.num_envs == 2
+        assert env.call("task") == (task, task)
+
+
+def test_a_new_rollout_thaws_what_autoreset_leaves_frozen():
+    (env,) = make_env(parse("--env.task=lift_ball", "--env.obs=state"))["lift_ball"].values()
+    env.reset(seed=[0], options={"lerobot_new_rollout": True})
+    impossible = np.zeros((1, 18), dtype=np.float32)
+    for _ in range(3):
+        _, _, _, _, info = env.step(impossible)
+        assert "quaternion" in info["failure"][0]
+    _, info = env.reset(seed=[1], options={"lerobot_new_rollout": True})
+    assert info["failure"][0] == ""
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "complaint"),
+    [
+        ({"task": "lift_bal"}, UnknownTask, "lift_ball"),
+        ({"task": ""}, UnknownTask, "lift_ball"),
+        ({"task": "symetric"}, UnknownTask, "symmetric"),
+        ({"variation": 50}, UnknownVariation, "any"),
+        ({"split": "dev"}, InvalidChoice, "train"),
+        ({"cameras": "front,top"}, UnknownCamera, "left_wrist"),
+        ({"obs": "depth"}, InvalidChoice, "rgbd"),
+        ({"control_mode": "ee"}, InvalidChoice, "keypose"),
+        ({"image_size": 2}, InvalidChoice, "480x640"),
+        ({"fps": 30}, InvalidChoice, "20"),
+    ],
+)
+def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
+    with pytest.raises(error, match=complaint):
+        BimanualEnvConfig(**options)

@@ -1,0 +1,197 @@
+"""Experts solve their episodes, and the controls do not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.errors import BimanualError, UnknownTask
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
+from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
+from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
+from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.registry import list_tasks
+
+SEEDS = (0, 1, 2)
+IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball")
+"""Of the tasks of which the PerAct2 paper says so."""
+
+TASK_NAMES = list_tasks()
+
+
+@pytest.fixture(scope="module")
+def env_of():
+    envs = {}
+
+    def get(name):
+        if name not in envs:
+            envs[name] = BimanualEnv(name, obs="state", split="val")
+        return envs[name]
+
+    yield get
+    for env in envs.values():
+        env.close()
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("name", TASK_NAMES)
+def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name):
+    for seed in SEEDS:
+        for codec in (None, KeyposeCodec()):
+            outcome = run_expert(env_of(name), seed, codec)
+            assert outcome.success, outcome
+            assert outcome.failure == ""
+            assert outcome.unmet == ()
+            assert outcome.line_fallbacks == 0, outcome
+            assert outcome.draws >= 1
+            assert outcome.ticks <= 0.8 * env_of(name).task_definition.spec.horizon_ticks
+
+
+@pytest.mark.sim
+def test_the_outcome_reports_the_keyposes_as_they_were_executed(env_of):
+    moves = []
+    outcome = run_expert(env_of("handover_item_easy"), SEEDS[0], KeyposeCodec(), on_move=moves.append)
+    assert [report.name for report in outcome.keyposes] == [move.name for move in moves]
+    assert outcome.last_move == moves[-1].name
+    assert sum(report.ticks for report in outcome.keyposes) == outcome.ticks
+    codec = KeyposeCodec()
+    for report, move in zip(outcome.keyposes, moves, strict=True):
+        assert np.array_equal(np.float32(report.keypose), move.action)
+        rounded = codec.discretise(BimanualKeypose.from_vector(move.action)).to_vector()
+        assert np.allclose(rounded, move.action, atol=1e-5)
+    in_free_space = outcome.keyposes[0]
+    assert max(in_free_space.tip_error_mm) < 3
+
+
+@pytest.mark.sim
+def test_the_same_episode_ends_in_the_same_state(env_of):
+    outcomes = [run_expert(env_of("lift_ball"), SEEDS[0]), run_expert(env_of("lift_ball"), SEEDS[1])]
+    again = BimanualEnv("lift_ball", obs="state", split="val")
+    assert run_expert(again, SEEDS[0]) == outcomes[0]
+    assert outcomes[0].state_hash != outcomes[1].state_hash
+    again.close()
+
+
+@pytest.mark.parametrize("name", TASK_NAMES)
+def test_holding_still_until_the_end_achieves_nothing(env_of, name):
+    env = env_of(name)
+    outcome = run_episode(env, SEEDS[0], make_control("noop", seed=0))
+    assert not outcome.success
+    assert outcome.failure == "out of time"
+    assert outcome.unmet
+    assert outcome.ticks == env.task_definition.spec.horizon_ticks
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("control", ["freeze_left", "freeze_right"])
+@pytest.mark.parametrize("name", sorted(set(IMPOSSIBLE_WITH_ONE_ARM) & set(TASK_NAMES)))
+def test_one_arm_alone_fails(env_of, name, control):
+    outcome = run_episode(env_of(name), SEEDS[0], make_control(control, seed=0))
+    assert not outcome.success, outcome
+
+
+def test_a_frozen_arm_keeps_its_keypose_and_its_open_hand(env_of):
+    env = env_of("push_box")
+    env.reset(seed=SEEDS[0])
+    home = env.scene.tcp(Arm.LEFT)
+    moves = [BimanualKeypose.from_vector(move.action) for move in expert(frozen=Arm.LEFT)(env)]
+    assert len(moves) == 3
+    for move in moves:
+        assert move.left.pose.distance_to(home) == pytest.approx((0, 0), abs=1e-3)
+        assert move.left.gripper_open
+        assert not move.right.gripper_open
+
+
+@pytest.mark.sim
+def test_random_keyposes_are_played_leniently_and_fail(env_of):
+    outcome = run_episode(env_of("lift_ball"), SEEDS[0], make_control("random", seed=3))
+    assert not outcome.success
+    assert len(outcome.keyposes) > 3
+
+
+@pytest.mark.sim
+def test_the_blind_control_plays_the_given_keyposes_and_skips_what_it_cannot_reach(env_of):
+    solved = run_expert(env_of("lift_ball"), SEEDS[0])
+    keyposes = [report.keypose for report in solved.keyposes]
+    replayed = run_episode(env_of("lift_ball"), SEEDS[0], make_control("blind", 0, blind_keyposes=keyposes))
+    assert replayed.success
+    assert replayed.state_hash == solved.state_hash
+
+    far = np.array(keyposes[1])
+    far[KEYPOSE_NAMES.index("left_x")] = 5.0
+    with_detour = make_control("blind", 0, blind_keyposes=[keyposes[0], far])
+    outcome = run_episode(env_of("lift_ball"), SEEDS[0], with_detour)
+    assert outcome.failure == "no move left"
+    assert outcome.keyposes[1].keypose[:3] == pytest.approx(keyposes[0][:3])
+    assert outcome.keyposes[1].keypose[9:12] == pytest.approx(keyposes[1][9:12])
+
+
+def keypose(position, angle_rad, gripper_open):
+    arm = Keypose(Pose(position, quat_wxyz_from_axis_angle((0, 0, 1), angle_rad)), gripper_open, True)
+    return BimanualKeypose(arm, arm).to_vector()
+
+
+def test_mean_keyposes_average_positions_rotations_and_flags():
+    episodes = [[keypose((x, 0, 1), angle, is_open)] for x, angle, is_open in
+                [(0.1, 3.0, True), (0.2, 3.2, True), (0.3, 3.4, False)]]  # fmt: skip
+    (mean,) = mean_keyposes(episodes)
+    target = BimanualKeypose.from_vector(mean)
+    for arm in (target.left, target.right):
+        assert arm.pose.position == pytest.approx((0.2, 0, 1))
+        expected = quat_wxyz_from_axis_angle((0, 0, 1), 3.2)
+        assert rotation_angle_rad(arm.pose.quat_wxyz, expected) == pytest.approx(0, abs=1e-4)
+        assert arm.gripper_open
+        assert arm.ignore_collisions
+
+
+def test_mean_keyposes_leave_out_episodes_of_unusual_length():
+    usual, other = keypose((0.1, 0, 1), 0, True), keypose((0.5, 0, 1), 0, True)
+    mean = mean_keyposes([[usual], [other, other], [usual]])
+    assert mean.shape == (1, 18)
+    assert mean[0] == pytest.approx(usual)
+
+
+@pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2"])
+def test_seeds_that_are_no_range_are_refused(text):
+    with pytest.raises(BimanualError, match="half-open range"):
+        parse_seeds(text)
+
+
+def test_seeds_are_a_half_open_range():
+    assert list(parse_seeds("3:6")) == [3, 4, 5]
+
+
+def test_certify_refuses_unknown_tasks_before_it_starts_anything():
+    with pytest.raises(UnknownTask, match="lift_ball"):
+        certify(CertifyConfig(task="lift_bal"))
+
+
+@pytest.mark.sim
+def test_certify_writes_every_episode_with_rates_and_versions(tmp_path, capsys):
+    output = tmp_path / "certificates" / "ball.json"
+    certify(CertifyConfig(task="lift_ball", seeds="0:3", discretise=100, workers=2, output=output))
+    certificate = json.loads(output.read_text())
+    assert [episode["seed"] for episode in certificate["episodes"]] == [0, 1, 2]
+    (rate,) = certificate["rates"]
+    assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
+    assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
+    assert {"mujoco", "lerobot_env_bimanual", "python"} <= set(certificate["versions"])
+    assert "3/3" in capsys.readouterr().out
+    codec = KeyposeCodec()
+    first = BimanualKeypose.from_vector(certificate["episodes"][0]["keyposes"][0]["keypose"])
+    assert codec.discretise(first).to_vector() == pytest.approx(first.to_vector(), abs=1e-5)
+
+
+@pytest.mark.sim
+def test_a_certificate_does_not_depend_on_the_number_of_workers(tmp_path):
+    certificates = []
+    for workers in (1, 2):
+        output = tmp_path / f"{workers}.json"
+        certify(CertifyConfig(task="lift_ball", seeds="0:3", split="val", workers=workers, output=output))
+        certificates.append(json.loads(output.read_text())["episodes"])
+    assert certificates[0] == certificates[1]

@@ -1,0 +1,86 @@
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from lerobot_bimanual.errors import UnknownTask
+from lerobot_env_bimanual.registration import gym_id
+from lerobot_env_bimanual.registry import get_task, list_suites, list_tasks, register, resolve_tasks
+from lerobot_env_bimanual.task import Prehension, Taxonomy
+
+
+def test_tasks_are_listed_sorted_and_named_after_their_modules():
+    names = list_tasks()
+    assert list(names) == sorted(names)
+    for name in names:
+        assert type(get_task(name)).__module__ == f"lerobot_env_bimanual.tasks.{name}"
+        assert gym_id(name) == f"bimanual/{type(get_task(name)).__name__}-v0"
+
+
+def test_no_two_tasks_share_an_id():
+    ids = [get_task(name).spec.id for name in list_tasks()]
+    assert len(set(ids)) == len(ids)
+    assert all(0 <= task_id <= 12 for task_id in ids)
+
+
+def test_each_call_gives_a_fresh_task():
+    assert get_task("push_box") is not get_task("push_box")
+
+
+@pytest.mark.parametrize("changes", [{"name": "new_name"}, {"id": 99}])
+def test_a_second_task_with_the_same_name_or_id_is_refused(changes):
+    original = type(get_task("push_box"))
+    twin = type("Twin", (original,), {"spec": replace(original.spec, **changes)})
+    with pytest.raises(ValueError, match="clashes with 'push_box'"):
+        register(twin)
+    assert get_task("push_box").__class__ is original
+
+
+def test_unknown_names_are_answered_with_the_valid_ones():
+    for ask in (get_task, resolve_tasks):
+        with pytest.raises(UnknownTask, match=r"'push_boxes'.*handover_item_easy, lift_ball.*push_box"):
+            ask("push_boxes")
+
+
+@pytest.mark.parametrize("selection", ["", "push_box,", "push_box,,lift_ball"])
+def test_an_empty_name_is_not_overlooked(selection):
+    with pytest.raises(UnknownTask, match="''"):
+        resolve_tasks(selection)
+
+
+def test_a_selection_keeps_its_order_and_loses_repetitions():
+    assert resolve_tasks("push_box, lift_ball,push_box") == ("push_box", "lift_ball")
+    assert resolve_tasks(["lift_ball", "all"])[0] == "lift_ball"
+    assert sorted(resolve_tasks("all")) == list(list_tasks())
+
+
+def test_suites_follow_from_the_taxonomy():
+    suites = list_suites()
+    for name in list_tasks():
+        taxonomy = get_task(name).spec.taxonomy
+        assert name in suites["all"]
+        assert (name in suites.get("symmetric", ())) == taxonomy.symmetric
+        assert (name in suites.get("asymmetric", ())) != taxonomy.symmetric
+        assert (name in suites.get("synchronous", ())) == taxonomy.synchronous
+        assert (name in suites.get("asynchronous", ())) != taxonomy.synchronous
+        for coupling in ("temporal", "spatial", "physical"):
+            assert (name in suites.get(coupling, ())) == getattr(taxonomy, coupling)
+        assert [kind for kind in Prehension if name in suites.get(kind, ())] == [taxonomy.prehension]
+
+
+def test_a_taxonomy_row_names_its_suites():
+    taxonomy = Taxonomy(
+        temporal=True,
+        spatial=False,
+        physical=False,
+        symmetric=False,
+        synchronous=True,
+        prehension=Prehension.MIXED,
+    )
+    assert taxonomy.suites == ("temporal", "asymmetric", "synchronous", "mixed")
+
+
+def test_what_a_task_is_can_be_imported_without_mujoco():
+    program = "import sys, lerobot_env_bimanual.task, lerobot_env_bimanual.conditions; assert 'mujoco' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True)

@@ -1,0 +1,131 @@
+"""The command line: finding verbs, running them, and what users see when something is wrong."""
+
+import json
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual import cli
+
+VERB = '''
+"""A module that only this test knows."""
+from dataclasses import dataclass
+from lerobot_bimanual.errors import BimanualError
+
+@dataclass
+class GreetConfig:
+    name: str = "you"  # who is greeted
+    fail: str = ""  # how to fail
+
+def greet(config: GreetConfig) -> int | None:
+    """Say hello.
+
+    At some length.
+
+    Examples:
+        lerobot-bimanual greet --name=all
+    """
+    if config.fail == "clearly":
+        raise BimanualError("there is nobody to greet")
+    if config.fail == "by interrupt":
+        raise KeyboardInterrupt
+    if config.fail == "with a code":
+        return 5
+    print("hello", config.name)
+'''
+
+
+@pytest.fixture(autouse=True)
+def greet_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make `greet` the only verb."""
+    package = tmp_path / "greeting_verbs"
+    package.mkdir()
+    # The package itself cannot be imported: a summary must be had without it.
+    (package / "__init__.py").write_text("import sys\nassert 'reading summaries' not in sys.argv")
+    (package / "greet.py").write_text(VERB)
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = EntryPoint("greet", "greeting_verbs.greet:greet", cli.VERBS_GROUP)
+    monkeypatch.setattr(cli, "find_verbs", lambda: {"greet": entry})
+    for module in ("greeting_verbs", "greeting_verbs.greet"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+def test_help_lists_the_verbs_with_their_summaries_without_importing_them(
+    words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["lerobot-bimanual", "reading summaries"])
+    assert cli.main(words) == 0
+    assert "greet  Say hello.\n" in capsys.readouterr().out
+    assert "greeting_verbs" not in sys.modules
+
+
+def test_help_of_a_verb_shows_its_text_flags_and_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["greet", "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "Say hello.\n\nAt some length." in out
+    assert "--name=text               who is greeted (default: you)" in out
+    assert out.endswith("examples:\n  lerobot-bimanual greet --name=all\n")
+
+
+def test_a_verb_runs_with_its_flags(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["greet", "--name=Ada"]) == 0
+    assert capsys.readouterr().out == "hello Ada\n"
+
+
+def test_the_return_value_of_a_verb_is_the_exit_code() -> None:
+    assert cli.main(["greet", "--fail=with a code"]) == 5
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["greed"], 2, "unknown verb 'greed'. Did you mean 'greet'? The installed verbs are: greet."),
+        (["greet", "--nam=x"], 2, "unknown flag --nam. Did you mean --name? Valid flags: --name, --fail."),
+        (["greet", "--fail=clearly"], 1, "there is nobody to greet"),
+        (["greet", "--fail=by interrupt"], 130, "interrupted"),
+    ],
+)
+def test_what_goes_wrong_is_said_on_one_line(
+    words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(words) == code
+    captured = capsys.readouterr()
+    assert captured.err.strip() == f"lerobot-bimanual: {message}"
+    assert captured.out == ""
+
+
+def test_the_traceback_can_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(cli.TRACEBACK_VARIABLE, "1")
+    with pytest.raises(cli.BimanualError, match="nobody"):
+        cli.main(["greet", "--fail=clearly"])
+
+
+def test_a_function_without_a_config_is_refused_as_a_verb() -> None:
+    def no_verb(number: int) -> None: ...
+
+    with pytest.raises(TypeError, match="no_verb"):
+        cli.config_type_of(no_verb)
+
+
+def test_the_installed_verbs_show_their_help_without_loading_lerobot_or_torch() -> None:
+    program = """
+import json, sys
+from lerobot_bimanual import cli
+summaries = {name: cli.summary(entry) for name, entry in cli.find_verbs().items()}
+assert not {"torch", "lerobot", "mujoco", "draccus"} & set(sys.modules)
+loads = {}
+for name in summaries:
+    assert cli.main([name, "--help"]) == 0
+    loads[name] = sorted({"torch", "lerobot"} & set(sys.modules))
+print(json.dumps([summaries, loads]))
+"""
+    child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr
+    summaries, loads = json.loads(child.stdout.splitlines()[-1])
+    assert set(summaries) >= {"certify", "demo", "doctor", "generate", "replay", "tasks"}
+    assert all(summaries.values()), summaries
+    assert not any(loads.values()), loads

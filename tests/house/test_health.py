@@ -1,0 +1,79 @@
+"""The checks behind `lerobot-bimanual doctor`."""
+
+import importlib.metadata as metadata
+import subprocess
+
+import pytest
+
+from lerobot_bimanual import health
+from lerobot_bimanual.doctor import DoctorConfig, doctor
+from lerobot_bimanual.health import Finding, Level
+
+
+def pretend_versions(monkeypatch: pytest.MonkeyPatch, **versions: str | None) -> None:
+    """Make distributions appear in other versions; None makes one appear to be absent."""
+    real = metadata.version
+
+    def version(name: str) -> str:
+        found = versions.get(name, real(name))
+        if found is None:
+            raise metadata.PackageNotFoundError(name)
+        return found
+
+    monkeypatch.setattr(health.metadata, "version", version)
+
+
+def test_this_environment_satisfies_every_declared_version() -> None:
+    findings = [health.check_python(), *health.check_distributions(), *health.check_versions()]
+    assert {finding.level for finding in findings} == {Level.OK}
+    assert {finding.subject for finding in findings} >= set(health.WATCHED)
+
+
+def test_a_version_outside_the_declared_range_fails_with_the_command_that_mends_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pretend_versions(monkeypatch, mujoco="4.0.0", frankik=None)
+    findings = {finding.subject: finding for finding in health.check_versions()}
+    assert findings["mujoco"].level is Level.FAIL
+    assert findings["mujoco"].remedy == "pip install 'mujoco~=3.17.0'"
+    assert findings["frankik"].level is Level.FAIL
+    assert findings["numpy"].level is Level.OK
+
+
+def test_an_absent_plugin_is_a_warning_and_a_plugin_of_another_version_a_failure(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pretend_versions(monkeypatch, lerobot_env_bimanual=None, lerobot_policy_bimanual="9.9")
+    findings = {finding.subject: finding.level for finding in health.check_distributions()}
+    assert findings[health.ENVS] is Level.WARN
+    assert findings[health.POLICIES] is Level.FAIL
+    assert "mujoco" not in {finding.subject for finding in health.check_versions()}
+    assert health.check_gl().level is Level.INFO
+
+
+def test_off_screen_rendering_works_here() -> None:
+    finding = health.check_gl()
+    assert finding.level is Level.OK, finding
+
+
+def test_missing_opengl_fails_with_the_line_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    dead = subprocess.CompletedProcess([], 1, "", "Traceback\nImportError: libEGL.so.1 not found\n")
+    monkeypatch.setattr(health.subprocess, "run", lambda *_, **__: dead)
+    finding = health.check_gl()
+    assert (finding.level, finding.detail) == (Level.FAIL, "ImportError: libEGL.so.1 not found")
+    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("level", "code"), [(Level.OK, 0), (Level.INFO, 0), (Level.WARN, 0), (Level.FAIL, 1)]
+)
+def test_doctor_prints_findings_and_remedies_and_fails_only_on_failures(
+    level: Level, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    finding = Finding("OpenGL", level, "none [of any kind]", "sudo apt-get install " + "x" * 100)
+    monkeypatch.setattr("lerobot_bimanual.doctor.examine", lambda: iter([finding]))
+    assert doctor(DoctorConfig()) == code
+    out = capsys.readouterr().out
+    assert f"{level}" in out
+    assert "none [of any kind]" in out
+    assert f"OpenGL: {finding.remedy}\n" in out

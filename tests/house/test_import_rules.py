@@ -1,0 +1,77 @@
+"""The rooms and their arrows: envs -> core <- policies, and what may be imported only lazily."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CORE = ROOT / "lerobot_bimanual"
+ENVS = ROOT / "envs/lerobot_env_bimanual"
+POLICIES = ROOT / "policies/lerobot_policy_bimanual"
+
+FORBIDDEN = [
+    (CORE, {"lerobot_env_bimanual", "lerobot_policy_bimanual", "mujoco"}),
+    (ENVS, {"lerobot_policy_bimanual"}),
+    (POLICIES, {"lerobot_env_bimanual", "mujoco"}),
+]
+# Worker processes of vector environments import these rooms; LeRobot or torch would cost them seconds.
+HEAVY = {"lerobot", "torch", "draccus", "datasets"}
+MAY_BE_HEAVY = ("*_torch.py", "*/dataset/*.py", "*/commands/*.py", "*/configuration_bimanual.py")
+
+
+def imports(tree: ast.AST) -> Iterator[str]:
+    """Dotted names of all modules imported anywhere below a node."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def imports_at_load(tree: ast.Module) -> Iterator[str]:
+    """As `imports`, but only what runs when the module is imported unconditionally."""
+    for node in tree.body:
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.If):
+            yield from imports(node)
+
+
+def tops(names: Iterator[str]) -> set[str]:
+    return {name.partition(".")[0] for name in names}
+
+
+def parse(source: Path) -> ast.Module:
+    return ast.parse(source.read_text(encoding="utf-8"), source)
+
+
+@pytest.mark.parametrize(("room", "forbidden"), FORBIDDEN, ids=lambda value: getattr(value, "name", ""))
+def test_no_room_imports_what_it_must_not_know(room: Path, forbidden: set[str]) -> None:
+    sources = sorted(room.rglob("*.py"))
+    assert sources
+    offenders = {
+        source.name: found for source in sources if (found := tops(imports(parse(source))) & forbidden)
+    }
+    assert not offenders
+
+
+def test_core_holds_no_networks() -> None:
+    assert not [source.name for source in CORE.rglob("*.py") if "torch.nn" in set(imports(parse(source)))]
+
+
+@pytest.mark.parametrize("room", [CORE, ENVS], ids=lambda room: room.name)
+def test_modules_of_the_environment_load_neither_lerobot_nor_torch(room: Path) -> None:
+    sources = [
+        source for source in room.rglob("*.py") if not any(source.match(glob) for glob in MAY_BE_HEAVY)
+    ]
+    assert sources
+    offenders = {
+        source.name: found for source in sources if (found := tops(imports_at_load(parse(source))) & HEAVY)
+    }
+    assert not offenders
+
+
+def test_the_import_check_sees_every_form_of_import() -> None:
+    tree = ast.parse("import torch.nn\nfrom mujoco import mjx\ndef f():\n    import lerobot.envs as envs\n")
+    assert tops(imports(tree)) == {"torch", "mujoco", "lerobot"}
+    assert tops(imports_at_load(tree)) == {"torch", "mujoco"}

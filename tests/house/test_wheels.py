@@ -1,0 +1,101 @@
+"""The built wheels, installed into an environment that knows nothing of this checkout.
+
+The environment is made without any download. Its dependencies are lent by the environment of the tests: a `.pth`
+file names a folder of links to that environment's packages, leaving out ours, so that what is imported as ours
+can only come from the wheels.
+"""
+
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = {"lerobot_bimanual": ".", "lerobot_env_bimanual": "envs", "lerobot_policy_bimanual": "policies"}
+# Any attempt to reach the network fails the program that begins with these lines.
+NO_NETWORK = """
+import socket
+def refuse(*_): raise OSError("the network was used")
+socket.socket.connect = socket.getaddrinfo = refuse
+"""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One wheel per distribution, each built from its source archive, as a release would be."""
+    built = {}
+    for name, folder in FOLDERS.items():
+        out = tmp_path_factory.mktemp(name)
+        command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(ROOT / folder)]
+        subprocess.run(command, check=True, capture_output=True)
+        (built[name],) = out.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def clean_python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Interpreter of an environment with the three wheels and borrowed dependencies."""
+    home = tmp_path_factory.mktemp("clean")
+    venv.create(home, with_pip=False, symlinks=True)
+    python = home / "bin/python"
+    packages = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
+    borrowed = home / "borrowed"
+    borrowed.mkdir()
+    for entry in Path(sysconfig.get_path("purelib")).iterdir():
+        if "bimanual" not in entry.name and entry.suffix != ".pth":
+            (borrowed / entry.name).symlink_to(entry)
+    (packages / "borrowed.pth").write_text(f"{borrowed}\n")
+    for wheel in wheels.values():
+        zipfile.ZipFile(wheel).extractall(packages)
+    return python
+
+
+def run_clean(python: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [python, "-I", *words], cwd=python.parent, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, wheels: dict[str, Path]) -> None:
+    members = set(zipfile.ZipFile(wheels[name]).namelist())
+    source = ROOT / FOLDERS[name] / name
+    ours = {f"{name}/{path.relative_to(source)}" for path in source.rglob("*.py")} | {f"{name}/py.typed"}
+    assert ours <= members
+    assert {member.partition("/")[0] for member in members - ours} == {f"{name}-{version(name)}.dist-info"}
+    assert any(member.endswith("licenses/LICENSE") for member in members)
+    assert any(member.endswith("licenses/NOTICE") for member in members)
+
+
+def test_the_wheels_are_imported_without_checkout_and_network(clean_python: Path) -> None:
+    program = (
+        "import sys, lerobot_bimanual, lerobot_env_bimanual, lerobot_policy_bimanual\n"
+        "for module in (lerobot_bimanual, lerobot_env_bimanual, lerobot_policy_bimanual):\n"
+        "    assert module.__file__.startswith(sys.prefix), module.__file__\n"
+    )
+    child = run_clean(clean_python, "-c", NO_NETWORK + program)
+    assert child.returncode == 0, child.stderr
+
+
+def test_the_command_line_of_the_wheels_finds_every_verb(clean_python: Path) -> None:
+    child = run_clean(clean_python, "-m", "lerobot_bimanual.cli", "--help")
+    assert child.returncode == 0, child.stderr
+    for verb in ("certify", "demo", "doctor", "generate", "replay", "tasks"):
+        assert f"\n  {verb} " in child.stdout
+
+
+def test_the_wheels_start_an_episode_without_network(clean_python: Path) -> None:
+    program = (
+        "from lerobot_env_bimanual.env import BimanualEnv\n"
+        "_, info = BimanualEnv('lift_ball', obs='state').reset(seed=0)\n"
+        "assert not info['is_success']\n"
+    )
+    child = run_clean(clean_python, "-c", NO_NETWORK + program)
+    assert child.returncode == 0, child.stderr

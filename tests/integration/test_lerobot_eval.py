@@ -1,0 +1,170 @@
+"""LeRobot's own evaluation loop drives the environment with joint actions and keyposes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+from lerobot.configs import PreTrainedConfig
+from lerobot.envs.factory import make_env
+from lerobot.envs.utils import close_envs, preprocess_observation
+from lerobot.policies import PreTrainedPolicy
+from lerobot.processor import PolicyProcessorPipeline
+from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
+from lerobot_env_bimanual import BimanualEnvConfig
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+
+pytestmark = pytest.mark.slow
+
+SIZE = 24
+
+
+@PreTrainedConfig.register_subclass("scripted_for_tests")
+@dataclass
+class ScriptedConfig(PreTrainedConfig):
+    observation_delta_indices = None
+    action_delta_indices = None
+    reward_delta_indices = None
+
+    def get_optimizer_preset(self):
+        raise NotImplementedError
+
+    def get_scheduler_preset(self):
+        return None
+
+    def validate_features(self):
+        pass
+
+
+class ScriptedPolicy(PreTrainedPolicy):
+    """Computes actions from the observation by a given function and keeps what it was shown."""
+
+    config_class = ScriptedConfig
+    name = "scripted_for_tests"
+
+    def __init__(self, act):
+        super().__init__(ScriptedConfig(device="cpu"))
+        self.act = act
+        self.batches = []
+
+    def reset(self):
+        pass
+
+    def get_optim_params(self):
+        return {}
+
+    def forward(self, batch):
+        raise NotImplementedError
+
+    def predict_action_chunk(self, batch, **kwargs):
+        raise NotImplementedError
+
+    def select_action(self, batch, **kwargs):
+        self.batches.append(batch)
+        return self.act(batch)
+
+
+def hold_joints(batch) -> torch.Tensor:
+    return batch[schema.STATE]
+
+
+def hands_down(batch) -> torch.Tensor:
+    """Keyposes: 5 cm lower than now, open, contact motion; later ones are out of the workspace."""
+    poses = batch[schema.EE_POSE].reshape(-1, 2, 7).clone()
+    poses[..., 2] += torch.where(batch[schema.KEYPOSE_STEP] < 2, -0.05, 2.0)
+    flags = torch.ones(*poses.shape[:2], 2)
+    return torch.cat([poses, flags], dim=-1).flatten(1)
+
+
+def identity() -> PolicyProcessorPipeline:
+    return PolicyProcessorPipeline(steps=[])
+
+
+def processors() -> dict:
+    action = PolicyProcessorPipeline(steps=[], to_transition=lambda a: a, to_output=lambda a: a)
+    return {
+        "env_preprocessor": identity(),
+        "env_postprocessor": identity(),
+        "preprocessor": identity(),
+        "postprocessor": action,
+    }
+
+
+def evaluate(act, asynchronous: bool, **options) -> tuple[dict, ScriptedPolicy]:
+    config = BimanualEnvConfig(task="lift_ball", image_size=SIZE, **options)
+    envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
+    policy = ScriptedPolicy(act)
+    (env,) = envs["lift_ball"].values()
+    info = eval_policy(env, policy, **processors(), n_episodes=2, start_seed=7)
+    close_envs(envs)
+    return info, policy
+
+
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_keyposes_pass_through_the_evaluation_loop(asynchronous):
+    info, policy = evaluate(hands_down, asynchronous)
+    assert [episode["seed"] for episode in info["per_episode"]] == [7, 8]
+    assert info["aggregated"]["pc_success"] == 0.0
+    steps = torch.stack([batch[schema.KEYPOSE_STEP] for batch in policy.batches]).squeeze(-1)
+    assert steps.tolist() == [[0, 0], [1, 1], [2, 2]]
+    heights = torch.stack([batch[schema.EE_POSE][:, 2] for batch in policy.batches])
+    assert torch.allclose(heights.diff(dim=0), torch.tensor(-0.05), atol=5e-3)
+
+
+def test_synchronous_and_asynchronous_evaluation_show_the_same_batches():
+    (_, one), (_, other) = evaluate(hands_down, False), evaluate(hands_down, True)
+    for batch, twin in zip(one.batches, other.batches, strict=True):
+        assert batch.keys() == twin.keys()
+        for key, value in batch.items():
+            assert torch.equal(value, twin[key]) if isinstance(value, torch.Tensor) else value == twin[key]
+
+
+def test_a_policy_sees_the_keys_and_shapes_of_the_dataset():
+    envs = make_env(BimanualEnvConfig(task="lift_ball", image_size=SIZE), n_envs=2)
+    (env,) = envs["lift_ball"].values()
+    observation = preprocess_observation(env.reset(seed=[0, 1])[0])
+    close_envs(envs)
+    for key, feature in schema.features(CAMERA_NAMES, SIZE, SIZE, "keyframes").items():
+        if key == schema.NEXT_KEYPOSE or not key.startswith("observation."):
+            continue
+        shape = feature["shape"]
+        if len(shape) == 3:
+            shape = (shape[2], *shape[:2])
+        value = observation.pop(key)
+        assert value.dtype == torch.float32
+        assert value.shape == (2, *shape)
+    assert not observation
+
+
+def test_joint_actions_run_to_the_horizon_and_are_filmed(tmp_path):
+    config = BimanualEnvConfig(task="push_box,lift_ball", image_size=SIZE, cameras="front", obs="rgb")
+    envs = make_env(config, n_envs=2, use_async_envs=True)
+    policy = ScriptedPolicy(hold_joints)
+    info = eval_policy_all(
+        envs,
+        policy,
+        **processors(),
+        n_episodes=2,
+        max_episodes_rendered=1,
+        videos_dir=tmp_path,
+        start_seed=0,
+    )
+    close_envs(envs)
+    assert set(info["per_group"]) == {"push_box", "lift_ball"}
+    assert info["overall"]["n_episodes"] == 4
+    assert {path.parent.name for path in tmp_path.rglob("*.mp4")} == {"push_box_0", "lift_ball_1"}
+    sentences = {sentence for batch in policy.batches for sentence in batch["task"]}
+    assert any("box" in sentence for sentence in sentences)
+    assert any("ball" in sentence for sentence in sentences)
+
+
+def test_an_arbitrary_policy_output_does_not_stop_the_evaluation():
+    rng = np.random.default_rng(0)
+
+    def noise(batch) -> torch.Tensor:
+        return torch.from_numpy(rng.normal(0, 3, (2, 18)).astype(np.float32))
+
+    info, _ = evaluate(noise, False, obs="state")
+    assert info["aggregated"]["pc_success"] == 0.0
