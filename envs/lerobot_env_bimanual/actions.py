@@ -107,4 +107,6 @@ class ActionReader:
         except InvalidAction as error:
             if self._strict or not np.isfinite(vector).all():
                 raise
-            raise KeyposeFailure("both", str(error)) from error
+            quaternions = vector.reshape(len(ARMS), ARM_KEYPOSE_DIM)[:, QUATERNION]
+            arm = ARMS[int(np.argmin(np.linalg.norm(quaternions, axis=1)))]
+            raise KeyposeFailure(arm, "zero quaternion") from error

@@ -112,13 +112,16 @@ def _add_light(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.ambient = (0.48, 0.48, 0.49)
     spec.visual.headlight.diffuse = (0, 0, 0)
     spec.visual.headlight.specular = (0, 0, 0)
+    spec.visual.map.shadowscale = (
+        0.37  # of the key light's cone: just the table, in as many pixels as there are
+    )
     world = spec.worldbody
     world.add_light(
         type=mujoco.mjtLightType.mjLIGHT_SPOT,
         pos=KEY_LIGHT_POSITION_M,
         dir=np.subtract((*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M), KEY_LIGHT_POSITION_M),
-        cutoff=50,
-        exponent=1,
+        cutoff=60,
+        exponent=0,
         diffuse=(0.50, 0.50, 0.49),
         specular=(0.15, 0.15, 0.15),
         castshadow=True,

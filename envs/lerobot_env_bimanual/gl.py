@@ -22,6 +22,15 @@ def ensure_gl() -> None:
 
 ensure_gl()
 
-import mujoco  # noqa: E402
+try:
+    import mujoco
+except AttributeError:
+    # What a missing driver library becomes inside PyOpenGL. Physics needs no driver: import without rendering,
+    # and let a `Renderer` raise `MissingGL` when one is asked for.
+    wanted = os.environ["MUJOCO_GL"]
+    os.environ["MUJOCO_GL"] = "disable"
+    import mujoco
+
+    os.environ["MUJOCO_GL"] = wanted
 
 __all__ = ["ensure_gl", "mujoco"]

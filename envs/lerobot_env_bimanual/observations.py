@@ -89,12 +89,13 @@ def observe_vectors(
         calibration: (80,) extrinsics and (45,) intrinsics of all five cameras.
     """
     extrinsics, intrinsics = calibration
-    state = [(*scene.joint_positions(arm), scene.gripper_opening(arm)) for arm in ARMS]
-    poses = [scene.tcp(arm) for arm in ARMS]
-    ee_pose = [(*pose.position, *quat_wxyz_canonical(pose.quat_wxyz)) for pose in poses]
+    tcps = [scene.tcp(arm) for arm in ARMS]
+    positions = np.stack([tcp.position for tcp in tcps])  # (2, 3)
+    quaternions = quat_wxyz_canonical(np.stack([tcp.quat_wxyz for tcp in tcps]))  # (2, 4)
+    state = [[*scene.joint_positions(arm), scene.gripper_opening(arm)] for arm in ARMS]
     vectors = {
         schema.STATE: np.concatenate(state),
-        schema.EE_POSE: np.concatenate(ee_pose),
+        schema.EE_POSE: np.concatenate([positions, quaternions], axis=1).ravel(),
         schema.GRIPPER_FINGERS: np.concatenate([scene.finger_positions(arm) for arm in ARMS]),
         schema.KEYPOSE_STEP: np.array([keypose_step]),
         schema.CAMERA_EXTRINSICS: extrinsics,

@@ -280,7 +280,9 @@ class Scene:
         self._tcp_site = [model.site(pair.tcp_site(arm)).id for arm in ARMS]
         order = [model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
         if order != list(range(ACTION_DIM)):
-            raise ValueError(f"arm actuators must come first, in the order of the joint action; got ids {order}")
+            raise ValueError(
+                f"arm actuators must come first, in the order of the joint action; got ids {order}"
+            )
         self._ctrl = self.data.ctrl[:ACTION_DIM]
         self._ctrl_scale = np.ones(ACTION_DIM)
         self._ctrl_scale[GRIPPERS] = pair.gripper_ctrl(1.0) - pair.gripper_ctrl(0.0)

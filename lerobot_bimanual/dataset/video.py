@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import av.error
 import numpy as np
 from lerobot.configs.video import DepthEncoderConfig, RGBEncoderConfig
 from lerobot.datasets.compute_stats import RunningQuantileStats
@@ -54,13 +55,7 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
 
     def __init__(self):
         super().__init__(FPS, rgb_encoder(), depth_encoder(), encoder_threads=1)
-        self._depth_codes = quantize_depth(
-            np.arange(2**16, dtype=np.uint16),
-            depth_min=DEPTH_MIN_M,
-            depth_max=DEPTH_MAX_M,
-            use_log=False,
-            video_backend=None,
-        )
+        self._depth_codes = _depth_codes()
         self._streams: dict[str, _Stream] = {}
 
     def start_episode(
@@ -93,6 +88,15 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
     def close(self) -> None:
         """Give up what was not finished."""
         self.cancel_episode()
+
+
+def _depth_codes() -> NDArray[np.uint16]:
+    """(65536,) stored code of every depth in millimetres."""
+    millimetres = np.arange(2**16, dtype=np.uint16)
+    codes = quantize_depth(
+        millimetres, depth_min=DEPTH_MIN_M, depth_max=DEPTH_MAX_M, use_log=False, video_backend=None
+    )
+    return np.asarray(codes)
 
 
 class _Stream:
@@ -130,7 +134,7 @@ class _Stream:
         return self._statistics.get_statistics() if self._frames else None
 
     def abandon(self) -> None:
-        with contextlib.suppress(av.FFmpegError):  # the reason for giving up may well be a broken file
+        with contextlib.suppress(av.error.FFmpegError):  # the reason for giving up may well be a broken file
             self._container.close()
 
     def _to_frame(self, image: NDArray) -> av.VideoFrame:
@@ -143,5 +147,8 @@ class _Stream:
 
 def count_frames(path: Path) -> int:
     """Number of frames that a video decodes to."""
+    frames = 0
     with av.open(str(path)) as container:
-        return sum(1 for _ in container.decode(video=0))
+        for _ in container.decode(video=0):
+            frames += 1
+    return frames

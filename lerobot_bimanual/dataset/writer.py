@@ -1,5 +1,6 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
+import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from lerobot.datasets.dataset_writer import DatasetWriter
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.reader import INFO_FILE, episode_table
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, count_frames, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
@@ -124,12 +126,14 @@ def check_videos(root: Path) -> None:
     Raises:
         DatasetError: they differ; the message names the file and both numbers.
     """
-    meta = LeRobotDatasetMetadata("local/check", root=root)
-    for key in meta.video_keys:
+    info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
+    for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
+        chunk, file = f"videos/{key}/chunk_index", f"videos/{key}/file_index"
         rows = Counter()
-        for episode in range(meta.total_episodes):
-            rows[meta.get_video_file_path(episode, key)] += meta.episodes[episode]["length"]
-        for path, expected in rows.items():
+        for episode in episode_table(root, ["episode_index", "length", chunk, file]).to_pylist():
+            rows[episode[chunk], episode[file]] += episode["length"]
+        for (chunk_index, file_index), expected in rows.items():
+            path = info["video_path"].format(video_key=key, chunk_index=chunk_index, file_index=file_index)
             found = count_frames(root / path)
             if found != expected:
                 raise DatasetError(

@@ -48,13 +48,13 @@ class SceneAugmentation:
         Returns:
             (b, 4, 4) world-frame transforms; the identity where every draw left the workspace.
         """
-        B = len(keyposes)
+        samples = len(keyposes)
         options = {"dtype": keyposes.dtype, "device": keyposes.device}
         steps = int(self.yaw_deg / self.yaw_step_deg + 1e-6)
-        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, B), device=keyposes.device) * math.radians(
+        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), device=keyposes.device) * math.radians(
             self.yaw_step_deg
         )
-        shift = (torch.rand(MAX_DRAWS, B, 3, **options) * 2 - 1) * torch.tensor(self.shift_m, **options)
+        shift = (torch.rand(MAX_DRAWS, samples, 3, **options) * 2 - 1) * torch.tensor(self.shift_m, **options)
         draws = self._transforms(yaw.to(keyposes.dtype), shift)  # (draws, b, 4, 4)
         positions = _arms(keyposes)[..., POSITION]  # (b, arms, 3)
         moved = _apply(draws[:, :, None], positions)  # (draws, b, arms, 3)
@@ -62,7 +62,7 @@ class SceneAugmentation:
         upper = torch.tensor(self.workspace.upper, **options)
         inside = ((moved >= lower) & (moved < upper)).flatten(2).all(dim=-1)  # (draws, b)
         first = inside.int().argmax(dim=0)
-        chosen = draws[first, torch.arange(B, device=keyposes.device)]
+        chosen = draws[first, torch.arange(samples, device=keyposes.device)]
         return torch.where(inside.any(dim=0)[:, None, None], chosen, torch.eye(4, **options))
 
     def _transforms(self, yaw: Tensor, shift: Tensor) -> Tensor:

@@ -4,7 +4,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lerobot.configs import NormalizationMode, PreTrainedConfig
-from lerobot.optim import AdamWConfig, CosineDecayWithWarmupSchedulerConfig, LRSchedulerConfig, OptimizerConfig
+from lerobot.optim import (
+    AdamWConfig,
+    CosineDecayWithWarmupSchedulerConfig,
+    LRSchedulerConfig,
+    OptimizerConfig,
+)
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import KeyposeCodec

@@ -40,7 +40,9 @@ def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
     Returns:
         `<arm>_position_cm`, `<arm>_rotation_deg`, and `<arm>_far`, the share beyond `FAR_M`.
     """
-    predicted, keyposes = (vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes))
+    predicted, keyposes = (
+        vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes)
+    )
     distance_m = (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1)  # (b, arms)
     angle_rad = rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION])
     errors = {}

@@ -44,44 +44,25 @@ class Lamb(torch.optim.Optimizer):
             with torch.enable_grad():
                 loss = closure()
         for group in self.param_groups:
-            weights = [p for p in group["params"] if p.grad is not None]
-            if not weights:
-                continue
-            for weight in weights:
-                if not self.state[weight]:
-                    self.state[weight] = {
-                        "exp_avg": torch.zeros_like(weight),
-                        "exp_avg_sq": torch.zeros_like(weight),
-                    }
-            self._update(
-                weights,
-                [p.grad for p in weights],
-                [self.state[p]["exp_avg"] for p in weights],
-                [self.state[p]["exp_avg_sq"] for p in weights],
-                group,
-            )
+            for weight in group["params"]:
+                if weight.grad is not None:
+                    self._update(weight, group)
         return loss
 
-    @staticmethod
-    def _update(
-        weights: list[Tensor], gradients: list[Any], first: list[Tensor], second: list[Tensor], group: dict
-    ) -> None:
+    def _update(self, weight: Tensor, group: dict[str, Any]) -> None:
+        state = self.state[weight]
+        if not state:
+            state["exp_avg"] = torch.zeros_like(weight)
+            state["exp_avg_sq"] = torch.zeros_like(weight)
         beta1, beta2 = group["betas"]
-        torch._foreach_lerp_(first, gradients, 1 - beta1)
-        torch._foreach_mul_(second, beta2)
-        torch._foreach_addcmul_(second, gradients, gradients, 1 - beta2)
-        denominators = torch._foreach_sqrt(second)
-        torch._foreach_add_(denominators, group["eps"])
-        directions = torch._foreach_div(first, denominators)
-        torch._foreach_add_(directions, weights, alpha=group["weight_decay"])
-        weight_norms = torch._foreach_norm(weights)
-        direction_norms = torch._foreach_norm(directions)
-        for weight, direction, weight_norm, direction_norm in zip(
-            weights, directions, weight_norms, direction_norms, strict=True
-        ):
-            ratio = weight_norm.clamp(max=MAX_WEIGHT_NORM) / direction_norm
-            ratio = torch.where((weight_norm > 0) & (direction_norm > 0), ratio, torch.ones_like(ratio))
-            weight.addcmul_(direction, ratio, value=-group["lr"])
+        first = state["exp_avg"].lerp_(weight.grad, 1 - beta1)
+        second = state["exp_avg_sq"].mul_(beta2).addcmul_(weight.grad, weight.grad, value=1 - beta2)
+        direction = first / (second.sqrt() + group["eps"]) + group["weight_decay"] * weight
+        weight_norm, direction_norm = weight.norm(), direction.norm()
+        ratio = weight_norm.clamp(max=MAX_WEIGHT_NORM) / direction_norm
+        # Zero-initialised tensors, such as biases at the start, move at the plain learning rate.
+        ratio = torch.where((weight_norm > 0) & (direction_norm > 0), ratio, torch.ones_like(ratio))
+        weight.addcmul_(direction, ratio, value=-group["lr"])
 
 
 @OptimizerConfig.register_subclass("lamb")

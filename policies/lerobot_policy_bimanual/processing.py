@@ -23,6 +23,7 @@ from lerobot_bimanual.dataset.schema import (
     image_key,
 )
 from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_policy_bimanual.nn.point_cloud import unproject_planar
 
 PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""
@@ -68,11 +69,11 @@ def observe(
     """
     extrinsics = batch[CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))
     intrinsics = batch[CAMERA_INTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 3, 3))
+    poses = extrinsics if motion is None else motion[:, None] @ extrinsics
     points, colours = [], []
     for camera in cameras:
         index = CAMERA_NAMES.index(camera)
-        world_T_camera = extrinsics[:, index] if motion is None else motion @ extrinsics[:, index]
-        points.append(cloud(batch[depth_key(camera)], intrinsics[:, index], world_T_camera))
+        points.append(unproject_planar(batch[depth_key(camera)], intrinsics[:, index], poses[:, index]))
         colours.append(batch[image_key(camera)].flatten(2))
     return Observation(
         points=torch.cat(points, dim=2),
@@ -80,25 +81,6 @@ def observe(
         proprio=proprioception(batch, keypose_horizon),
         instructions=list(batch["task"]),
     )
-
-
-def cloud(depth_mm: Tensor, intrinsics: Tensor, world_T_camera: Tensor) -> Tensor:  # noqa: N803
-    """World points (b, 3, h w) of depth images (b, 1, h, w), NaN where there is no depth.
-
-    Same geometry as `lerobot_bimanual.cameras_torch.unproject`, with the coordinate before the pixels: a third
-    of the memory traffic.
-    """
-    height, width = depth_mm.shape[-2:]
-    options = {"dtype": torch.float32, "device": depth_mm.device}
-    rows = (torch.arange(height, **options) + 0.5)[:, None].expand(-1, width)
-    columns = (torch.arange(width, **options) + 0.5).expand(height, -1)
-    pixels = torch.stack([columns, rows, torch.ones_like(rows)]).flatten(1)  # (3, h w)
-    fx, fy, cx, cy = (intrinsics[:, i, j] for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    one, zero = torch.ones_like(fx), torch.zeros_like(fx)
-    camera_T_pixel = torch.stack([1 / fx, zero, -cx / fx, zero, 1 / fy, -cy / fy, zero, zero, one], dim=-1)  # noqa: N806
-    rays = world_T_camera[:, :3, :3] @ camera_T_pixel.unflatten(-1, (3, 3)) @ pixels  # (b, 3, h w)
-    depth_m = torch.where(depth_mm > 0, depth_mm / 1000, torch.nan).flatten(2)  # (b, 1, h w)
-    return torch.addcmul(world_T_camera[:, :3, 3:], rays, depth_m)
 
 
 def proprioception(batch: dict[str, Any], keypose_horizon: int) -> Tensor:

@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_tasks
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_tasks
 
 SEEDS = (11, 12, 13)
 
@@ -57,7 +57,7 @@ def test_conditions_have_distinct_names_in_every_variation(task):
         assert len(set(names)) == len(names) > 0
 
 
-def test_the_file_has_the_shop_form(task):
+def test_the_file_tells_why_two_arms_and_what_differs_and_hides_no_mujoco(task):
     module = sys.modules[type(task).__module__]
     source = inspect.getsource(module)
     docstring = inspect.getdoc(module)

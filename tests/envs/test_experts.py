@@ -4,6 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
+from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.registry import list_tasks
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
@@ -11,11 +16,6 @@ from lerobot_bimanual.errors import BimanualError, UnknownTask
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
-from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
-from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
-from lerobot_env_bimanual.registry import list_tasks
 
 SEEDS = (0, 1, 2)
 IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball")
@@ -111,7 +111,8 @@ def test_a_frozen_arm_keeps_its_keypose_and_its_open_hand(env_of):
 def test_random_keyposes_are_played_leniently_and_fail(env_of):
     outcome = run_episode(env_of("lift_ball"), SEEDS[0], make_control("random", seed=3))
     assert not outcome.success
-    assert len(outcome.keyposes) > 3
+    assert outcome.failure in ("out of time", "no move left")
+    assert outcome.keyposes
 
 
 @pytest.mark.sim
@@ -172,26 +173,19 @@ def test_certify_refuses_unknown_tasks_before_it_starts_anything():
 
 
 @pytest.mark.sim
-def test_certify_writes_every_episode_with_rates_and_versions(tmp_path, capsys):
-    output = tmp_path / "certificates" / "ball.json"
-    certify(CertifyConfig(task="lift_ball", seeds="0:3", discretise=100, workers=2, output=output))
-    certificate = json.loads(output.read_text())
-    assert [episode["seed"] for episode in certificate["episodes"]] == [0, 1, 2]
-    (rate,) = certificate["rates"]
-    assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
-    assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
-    assert {"mujoco", "lerobot_env_bimanual", "python"} <= set(certificate["versions"])
-    assert "3/3" in capsys.readouterr().out
-    codec = KeyposeCodec()
-    first = BimanualKeypose.from_vector(certificate["episodes"][0]["keyposes"][0]["keypose"])
-    assert codec.discretise(first).to_vector() == pytest.approx(first.to_vector(), abs=1e-5)
-
-
-@pytest.mark.sim
-def test_a_certificate_does_not_depend_on_the_number_of_workers(tmp_path):
+def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, capsys):
     certificates = []
     for workers in (1, 2):
-        output = tmp_path / f"{workers}.json"
-        certify(CertifyConfig(task="lift_ball", seeds="0:3", split="val", workers=workers, output=output))
-        certificates.append(json.loads(output.read_text())["episodes"])
-    assert certificates[0] == certificates[1]
+        output = tmp_path / "certificates" / f"{workers}.json"
+        certify(CertifyConfig("lift_ball", seeds="0:3", discretise=100, workers=workers, output=output))
+        certificates.append(json.loads(output.read_text()))
+    first, second = certificates
+    assert first == second
+    assert [episode["seed"] for episode in first["episodes"]] == [0, 1, 2]
+    (rate,) = first["rates"]
+    assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
+    assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
+    assert {"mujoco", "lerobot_env_bimanual", "python"} <= set(first["versions"])
+    assert "3/3" in capsys.readouterr().out
+    keypose = BimanualKeypose.from_vector(first["episodes"][0]["keyposes"][0]["keypose"])
+    assert KeyposeCodec().discretise(keypose).to_vector() == pytest.approx(keypose.to_vector(), abs=1e-5)

@@ -12,6 +12,7 @@ from lerobot.policies import PreTrainedPolicy
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
 from lerobot_env_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.vector import LazyVectorEnv
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
@@ -139,7 +140,7 @@ def test_a_policy_sees_the_keys_and_shapes_of_the_dataset():
 
 
 def test_joint_actions_run_to_the_horizon_and_are_filmed(tmp_path):
-    config = BimanualEnvConfig(task="push_box,lift_ball", image_size=SIZE, cameras="front", obs="rgb")
+    config = BimanualEnvConfig(task="push_box,lift_ball", obs="state")
     envs = make_env(config, n_envs=2, use_async_envs=True)
     policy = ScriptedPolicy(hold_joints)
     info = eval_policy_all(
@@ -158,6 +159,21 @@ def test_joint_actions_run_to_the_horizon_and_are_filmed(tmp_path):
     sentences = {sentence for batch in policy.batches for sentence in batch["task"]}
     assert any("box" in sentence for sentence in sentences)
     assert any("ball" in sentence for sentence in sentences)
+
+
+def test_workers_load_neither_lerobot_nor_torch():
+    def make_reporting_env():
+        import sys
+
+        from lerobot_env_bimanual.env import BimanualEnv
+
+        env = BimanualEnv("lift_ball", obs="state")
+        env.loaded = sorted({"lerobot", "torch", "mujoco"} & set(sys.modules))
+        return env
+
+    envs = LazyVectorEnv([make_reporting_env], asynchronous=True)
+    assert envs.get_attr("loaded") == (["mujoco"],)
+    envs.close()
 
 
 def test_an_arbitrary_policy_output_does_not_stop_the_evaluation():

@@ -37,14 +37,7 @@ def goal_postures(kinematics: ArmKinematics, start: Array, target: Array) -> lis
     """Up to six clearly different postures (7,) at a pose (4, 4), cheapest first; empty if out of reach."""
     solutions = kinematics.ik(target)
     order = np.argsort(kinematics.posture_cost(solutions, start, GOAL_MARGIN_WEIGHT), kind="stable")
-    chosen: list[Array] = []
-    for solution in solutions[order]:
-        is_new = all(np.abs(solution - other).max() > DISTINCT_RAD for other in chosen)
-        if is_new and kinematics.reaches(solution, target):
-            chosen.append(solution)
-            if len(chosen) == MAX_CANDIDATES:
-                break
-    return chosen
+    return kinematics.distinct(solutions[order], target, DISTINCT_RAD, MAX_CANDIDATES)
 
 
 def ranked_combinations(candidates: Mapping[Arm, list[Array]]) -> list[dict[Arm, Array]]:

@@ -84,17 +84,13 @@ class ArmKinematics:
         if near_q7 is not None:
             seed[-1] = near_q7
             size, span = NEAR_GRID_SIZE, NEAR_GRID_SPAN_DEG
-        found = _frankik.ik_sample_q7(self.flange(target), seed, False, size, span, True)
+        found = _frankik.ik_sample_q7(self.in_base(target) @ TCP_T_FLANGE, seed, False, size, span, True)
         solutions = np.array(found).reshape(-1, JOINTS_PER_ARM)
         return solutions[self.within_limits(solutions)]
 
-    def ik_near(self, flange: Array, near: Array, q7: float) -> Array:
-        """The solution (7,) on the same branch as `near` for a pose of the flange; NaN if it has none there."""
-        return _frankik.ik(flange, near, q7)
-
-    def flange(self, target: Array) -> Array:
-        """Poses (..., 4, 4) of the flange in the arm's base frame, for poses of the tool centre point."""
-        return self._to_base @ target @ TCP_T_FLANGE
+    def in_base(self, poses: Array) -> Array:
+        """World poses (..., 4, 4) in the frame of the arm's base."""
+        return self._to_base @ poses
 
     def reaches(self, joints: Array, target: Array) -> bool:
         """Whether joints (7,) put the hand at a pose (4, 4) exactly.
@@ -121,3 +117,14 @@ class ArmKinematics:
     def posture_cost(self, joints: Array, start: Array, margin_weight: float) -> Array:
         """How unwelcome postures (n, 7) are: squared joint travel from `start` (7,), plus closeness to limits."""
         return ((joints - start) ** 2).sum(axis=-1) + margin_weight * self.limit_closeness(joints)
+
+    def distinct(self, ranked: Array, target: Array, difference_rad: float, count: int) -> list[Array]:
+        """The first few of ranked solutions (n, 7) of a pose (4, 4) that are exact and clearly different."""
+        chosen: list[Array] = []
+        for solution in ranked:
+            is_new = all(np.abs(solution - other).max() > difference_rad for other in chosen)
+            if is_new and self.reaches(solution, target):
+                chosen.append(solution)
+                if len(chosen) == count:
+                    break
+        return chosen

@@ -1,15 +1,17 @@
 """Straight lines of the hand as joint paths.
 
-The hand moves straight and turns by the shortest way; the redundancy angle q7 is free. First q7 is led linearly
-from its value at the start to a good value at the end, which gives smooth joint paths and costs one closed-form
-solution per knot. If no such path stays within the joint limits, dynamic programming searches all of q7 at
-every knot; if that fails too, the line is infeasible.
+The hand moves straight and turns by the shortest way, which leaves the arm one freedom. It is used like this: the
+best posture at the end of the line is chosen first (closed form, all of them are known); then the straight way
+in joint space from the start to that posture is projected onto the line, at all knots at once. The result is
+smooth and stays near the shortest joint path. Where the projection fails, dynamic programming searches all
+solutions at all knots; where that fails too, the line is infeasible.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import matrix_from_rotation_vector, rotation_vector
+from lerobot_env_bimanual.motion.jacobian import hand_frames
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
@@ -24,8 +26,15 @@ END_MARGIN_WEIGHT = 0.03
 """Weight of limit closeness against squared joint travel, for the posture at the end of a line."""
 KNOT_MARGIN_WEIGHT = 0.0005
 """The same for every knot of the search by dynamic programming."""
-MAX_ENDS = 8
-"""Redundancy angles at the end that are tried before the complete search."""
+MAX_ENDS = 3
+"""Postures at the end that are tried before the complete search."""
+DISTINCT_RAD = 0.2
+"""Two of them differ in some joint by at least this much."""
+
+MAX_NEWTON_STEPS = 12
+NEWTON_TOLERANCE = 1e-8
+NEWTON_DAMPING = 1e-6
+MAX_NEWTON_STEP_RAD = 0.6
 
 
 def cartesian_line(kinematics: ArmKinematics, start: Array, target: Array) -> Array | None:
@@ -39,18 +48,12 @@ def cartesian_line(kinematics: ArmKinematics, start: Array, target: Array) -> Ar
     Returns:
         Knots (n, 7) in rad at equal fractions of the line, or None if the line leaves the arm's reach.
     """
-    knots = line_poses(kinematics.fk(start), target)
-    ends = np.concatenate([kinematics.ik(target, near_q7=start[-1]), kinematics.ik(target)])
-    if not len(ends):
-        return None
-    order = np.argsort(kinematics.posture_cost(ends, start, END_MARGIN_WEIGHT), kind="stable")
-    flanges = kinematics.flange(knots)
-    for end in ends[order[:MAX_ENDS]]:
-        path = _follow(kinematics, start, flanges, end)
-        if path is not None and _on_line(kinematics, path, knots):
+    poses = line_poses(kinematics.fk(start), target)
+    for end in _end_postures(kinematics, start, target):
+        path = _project(kinematics, start, end, poses)
+        if path is not None:
             return path
-    path = _search(kinematics, start, knots)
-    return path if path is not None and _on_line(kinematics, path, knots) else None
+    return _search(kinematics, start, poses)
 
 
 def line_poses(start: Array, target: Array) -> Array:
@@ -67,28 +70,52 @@ def line_poses(start: Array, target: Array) -> Array:
     return poses
 
 
-def _follow(kinematics: ArmKinematics, start: Array, flanges: Array, end: Array) -> Array | None:
-    """Path to the posture `end` with a linear redundancy angle, or None where it breaks off or jumps."""
-    path = [start]
-    for flange, q7 in zip(flanges, np.linspace(start[-1], end[-1], len(flanges) + 1)[1:], strict=True):
-        joints = kinematics.ik_near(flange, path[-1], q7)
-        if joints[0] != joints[0]:  # NaN: this branch has no solution here
-            return None
-        path.append(joints)
-    joints = np.array(path)
-    smooth = np.abs(np.diff(joints, axis=0)).max() < MAX_JOINT_STEP_RAD
-    return joints if smooth and kinematics.within_limits(joints[1:]).all() else None
+def _end_postures(kinematics: ArmKinematics, start: Array, target: Array) -> list[Array]:
+    """The few best postures (7,) at a pose (4, 4): near the start's, and away from joint limits."""
+    solutions = np.concatenate([kinematics.ik(target, near_q7=start[-1]), kinematics.ik(target)])
+    order = np.argsort(kinematics.posture_cost(solutions, start, END_MARGIN_WEIGHT), kind="stable")
+    return kinematics.distinct(solutions[order], target, DISTINCT_RAD, MAX_ENDS)
 
 
-def _on_line(kinematics: ArmKinematics, path: Array, knots: Array) -> bool:
-    return all(kinematics.reaches(joints, knot) for joints, knot in zip(path[1:], knots, strict=True))
+def _project(kinematics: ArmKinematics, start: Array, end: Array, poses: Array) -> Array | None:
+    """The joint path from `start` to `end` that is straight but for what the poses (n, 4, 4) demand.
+
+    Newton's method with least joint steps, from equally spaced postures on the straight way. None if it does
+    not converge, or the path jumps or leaves the joint limits.
+    """
+    in_base = kinematics.in_base(poses)
+    target_axes, target_position = in_base[:, :3, :3].transpose(2, 1, 0), in_base[:, :3, 3].T
+    joints = start + (end - start) * (np.arange(1, len(poses) + 1) / len(poses))[:, None]
+    damping = NEWTON_DAMPING * np.eye(6)
+    for _ in range(MAX_NEWTON_STEPS):
+        axes, position, jacobian = hand_frames(joints)
+        error = np.concatenate([target_position - position, _turn_between(axes, target_axes)]).T
+        if np.abs(error).max() < NEWTON_TOLERANCE:
+            break
+        transposed = jacobian.transpose(0, 2, 1)
+        step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[..., None]))[..., 0]
+        joints = joints + step * min(1.0, MAX_NEWTON_STEP_RAD / np.abs(step).max())
+    else:
+        return None
+    path = np.concatenate([start[None], joints])
+    smooth = np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+    # The error also vanishes at half a turn.
+    upright = ((axes * target_axes).sum(axis=1) > 0).all()
+    return path if smooth and upright and kinematics.within_limits(joints).all() else None
 
 
-def _search(kinematics: ArmKinematics, start: Array, knots: Array) -> Array | None:
-    """Path of least squared steps through all solutions at all knots, or None."""
+def _turn_between(axes: Array, targets: Array) -> Array:
+    """Sine of the angle, times the axis, that turns frames (3, 3, n) of three axes onto others; (3, n)."""
+    a, b = axes, targets
+    crosses = [(a[:, i] * b[:, j] - a[:, j] * b[:, i]).sum(axis=0) for i, j in ((1, 2), (2, 0), (0, 1))]
+    return 0.5 * np.stack(crosses)
+
+
+def _search(kinematics: ArmKinematics, start: Array, poses: Array) -> Array | None:
+    """Path of least squared steps through all solutions at all poses (n, 4, 4), or None."""
     layers, parents, cost = [start[None]], [], np.zeros(1)
-    for knot in knots:
-        solutions = kinematics.ik(knot)
+    for pose in poses:
+        solutions = kinematics.ik(pose)
         steps = np.abs(solutions[:, None] - layers[-1][None])
         arrival = np.where(steps.max(axis=2) < MAX_JOINT_STEP_RAD, (steps**2).sum(axis=2) + cost, np.inf)
         parent = arrival.argmin(axis=1)
@@ -104,4 +131,6 @@ def _search(kinematics: ArmKinematics, start: Array, knots: Array) -> Array | No
     for layer, parent in zip(reversed(layers[1:]), reversed(parents), strict=True):
         path.append(layer[index])
         index = parent[index]
-    return np.array([start, *reversed(path)])
+    path = np.array([start, *reversed(path)])
+    exact = all(kinematics.reaches(joints, pose) for joints, pose in zip(path[1:], poses, strict=True))
+    return path if exact else None

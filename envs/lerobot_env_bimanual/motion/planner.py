@@ -21,8 +21,7 @@ from lerobot_env_bimanual.motion.time_law import (
     FREE_SPEED,
     JointPath,
     SpeedLimits,
-    motion_ticks,
-    sample_ticks,
+    tick_fractions,
 )
 from lerobot_env_bimanual.scene import ACTION_DIM, Scene
 
@@ -195,7 +194,7 @@ class KeyposePlanner:
     def _search(
         self, motion: _Motion, goal: dict[Arm, Array], rng: np.random.Generator
     ) -> dict[Arm, JointPath] | None:
-        """Paths around obstacles for the arms in `goal`, with one common path parameter."""
+        """Paths around obstacles for the arms in `goal`, in step: what was checked for both must be done by both."""
         others = {arm: path.at(SWEEP) for arm, path in motion.paths.items()}
 
         def is_free(joints: Array) -> bool:
@@ -218,7 +217,6 @@ class KeyposePlanner:
         )
         if knots is None:
             return None
-        # Both arms share the fractions: a path that was checked for both must be travelled by both in step.
         length = np.concatenate([[0.0], np.abs(np.diff(knots, axis=0)).max(axis=1).cumsum()])
         per_arm = np.split(knots, len(goal), axis=1)
         return {arm: JointPath(length / length[-1], path) for arm, path in zip(goal, per_arm, strict=True)}
@@ -233,18 +231,20 @@ class KeyposePlanner:
             keypose: For the grippers' final state.
             grippers: (2,) commanded openings at the start.
         """
-        paths = [motion.paths[arm] for arm in ARMS]
-        ticks = motion_ticks(
-            paths, [self._kinematics[arm] for arm in ARMS], [motion.speeds[arm] for arm in ARMS]
+        fractions = tick_fractions(
+            [motion.paths[arm] for arm in ARMS],
+            [self._kinematics[arm] for arm in ARMS],
+            [motion.speeds[arm] for arm in ARMS],
         )
+        ticks = len(fractions)
         opened = np.array([float(keypose[arm].gripper_open) for arm in ARMS], dtype=np.float32)
         waiting = GRIPPER_TICKS if (opened != grippers).any() else 0
         arm_actions = np.empty(
             (ticks + REST_TICKS + waiting, len(ARMS), JOINTS_PER_ARM + 1), dtype=np.float32
         )
-        for arm, path in zip(ARMS, paths, strict=True):
-            arm_actions[:ticks, arm.index, :-1] = sample_ticks(path, ticks)
-            arm_actions[ticks:, arm.index, :-1] = path.knots[-1]
+        for arm in ARMS:
+            arm_actions[:ticks, arm.index, :-1] = motion.paths[arm].at(fractions)
+            arm_actions[ticks:, arm.index, :-1] = motion.paths[arm].knots[-1]
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
         return Plan(arm_actions.reshape(-1, ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)

@@ -4,7 +4,7 @@ Scripts read the scene while they run, so a rehearsal hands them a `RehearsalSce
 in which arms are moved by kinematics and grasped props move rigidly with the hand.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +147,7 @@ class _Rehearsal:
         obstacle = self._checker.obstacle(self._joints[Arm.LEFT], self._joints[Arm.RIGHT])
         return None if obstacle is None else f"collision of {obstacle}"
 
-    def _free_goals(self, targets: dict[Arm, Array]) -> Postures | str:
+    def _free_goals(self, targets: Mapping[Arm, Array]) -> Postures | str:
         candidates = {
             arm: goal_postures(self._kinematics[arm], self._joints[arm], target)
             for arm, target in targets.items()
@@ -163,7 +163,7 @@ class _Rehearsal:
                 return goals
         return "no collision-free posture"
 
-    def _line_ends(self, targets: dict[Arm, Array]) -> Postures | str:
+    def _line_ends(self, targets: Mapping[Arm, Array]) -> Postures | str:
         ends = {}
         for arm, target in targets.items():
             line = cartesian_line(self._kinematics[arm], self._joints[arm], target)

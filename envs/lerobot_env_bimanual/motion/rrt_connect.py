@@ -1,7 +1,7 @@
 """RRT-Connect: two random trees in joint space that grow towards each other.
 
-Kuffner and LaValle, "RRT-Connect: An Efficient Approach to Single-Query Path Planning", ICRA 2000, with a
-final shortening of the path by random cuts. Limits count iterations, never time, so that the same generator
+Kuffner and LaValle, "RRT-Connect: An Efficient Approach to Single-Query Path Planning", ICRA 2000, with
+shortening of the path by random cuts. Limits count iterations, never time, so that the same generator
 gives the same path on any machine.
 """
 
@@ -85,7 +85,7 @@ def rrt_connect(
         meeting = _connect(other, grown.postures[index], is_free)
         if meeting is None:
             continue
-        path = grown.to_root(index)[::-1] + other.to_root(meeting)[1:]
+        path = np.array(grown.to_root(index)[::-1] + other.to_root(meeting)[1:])
         return _shortened(path if grown is trees[0] else path[::-1], is_free, rng)
     return None
 
@@ -119,21 +119,20 @@ def _connect(tree: _Tree, target: Array, is_free: IsFree) -> int | None:
     return index
 
 
-def _shortened(path: list[Array], is_free: IsFree, rng: np.random.Generator) -> Array:
-    """Cut corners: replace what lies between two random points of the path by the straight way, if free."""
-    knots = np.array(path)
+def _shortened(path: Array, is_free: IsFree, rng: np.random.Generator) -> Array:
+    """Replace random stretches of a polyline (n, d) by the straight way, where that is free."""
     for _ in range(SHORTCUTS):
-        if len(knots) < 3:
+        if len(path) < 3:
             break
-        length = np.concatenate([[0.0], np.linalg.norm(np.diff(knots, axis=0), axis=1).cumsum()])
+        length = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
         cuts = np.sort(rng.uniform(0.0, length[-1], 2))
         first, last = np.searchsorted(length, cuts, side="right") - 1
         if first == last:
             continue
-        start, end = (
-            knots[k] + (knots[k + 1] - knots[k]) * (cut - length[k]) / (length[k + 1] - length[k])
-            for k, cut in ((first, cuts[0]), (last, cuts[1]))
-        )
-        if edge_is_free(start, end, is_free):
-            knots = np.concatenate([knots[: first + 1], [start, end], knots[last + 1 :]])
-    return knots
+        share = ((cuts - length[[first, last]]) / (length[[first + 1, last + 1]] - length[[first, last]]))[
+            :, None
+        ]
+        ends = (1.0 - share) * path[[first, last]] + share * path[[first + 1, last + 1]]
+        if edge_is_free(ends[0], ends[1], is_free):
+            path = np.concatenate([path[: first + 1], ends, path[last + 1 :]])
+    return path

@@ -1,4 +1,4 @@
-"""How fast a joint path is travelled: one minimum-jerk law for both arms, which end together."""
+"""How fast the arms travel their paths: one minimum-jerk law for both, which end together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,10 @@ from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 Array = NDArray[np.floating]
 
 MIN_DURATION_S = 0.35
-SAMPLES = 48
-"""Samples of a path at which its speed is looked at."""
+PEAK_OVER_MEAN = 1.875
+"""Peak speed of the minimum-jerk law, relative to its mean speed."""
+SAMPLES = 64
+"""Least number of stretches in which the speed along a motion is chosen."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class SpeedLimits:
 
 
 FREE_SPEED = SpeedLimits(joint_rad_s=1.3, tip_m_s=0.7)
-CONTACT_SPEED = SpeedLimits(joint_rad_s=1.3, tip_m_s=0.35)
-"""Grasps, pulls and pushes need half the speed of free motions (design study)."""
+CONTACT_SPEED = SpeedLimits(joint_rad_s=0.8, tip_m_s=0.35)
+"""Grasps, pulls and pushes need about half the speed of free motions (design study)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,25 +67,35 @@ class JointPath:
 
 
 def minimum_jerk(progress: Array) -> Array:
-    """Path parameter at a share of the duration, both 0 to 1: at rest at both ends, peak speed 1.875."""
+    """Share of the way at a share of the duration, both 0 to 1; at rest at both ends."""
     return progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
 
 
-def motion_ticks(
+def tick_fractions(
     paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[SpeedLimits]
-) -> int:
-    """Control ticks for both arms' paths, so that neither arm exceeds its limits."""
-    fractions = minimum_jerk(np.linspace(0.0, 1.0, SAMPLES + 1))
-    seconds = MIN_DURATION_S
+) -> Array:
+    """Path parameters (ticks,) at the end of each control tick of a motion; the last one is 1.
+
+    The arms stay in step: both are at the same path parameter at any time, so what was checked for their paths
+    together holds for their motion. Where either arm would have to hurry, the parameter advances more slowly;
+    on the way so stretched, the minimum-jerk law is applied.
+
+    Args:
+        paths: Both arms' paths.
+        kinematics: Both arms.
+        limits: Both arms' peak speeds.
+    """
+    grid = np.union1d(np.linspace(0.0, 1.0, SAMPLES + 1), np.concatenate([path.fractions for path in paths]))
+    seconds = np.zeros(len(grid) - 1)
     for path, arm, limit in zip(paths, kinematics, limits, strict=True):
-        joints = path.at(fractions)
+        joints = path.at(grid)
         tips = np.array([arm.fk(posture)[:3, 3] for posture in joints])
-        fastest_joint = np.abs(np.diff(joints, axis=0)).max() * SAMPLES
-        fastest_tip = np.linalg.norm(np.diff(tips, axis=0), axis=1).max() * SAMPLES
-        seconds = max(seconds, fastest_joint / limit.joint_rad_s, fastest_tip / limit.tip_m_s)
-    return int(np.ceil(seconds * CONTROL_HZ - 1e-9))
-
-
-def sample_ticks(path: JointPath, ticks: int) -> Array:
-    """Joint targets (ticks, 7) in rad, one per control tick, the last one at the end of the path."""
-    return path.at(minimum_jerk(np.arange(1, ticks + 1) / ticks))
+        joint_seconds = np.abs(np.diff(joints, axis=0)).max(axis=1) / limit.joint_rad_s
+        tip_seconds = np.linalg.norm(np.diff(tips, axis=0), axis=1) / limit.tip_m_s
+        seconds = np.maximum(seconds, np.maximum(joint_seconds, tip_seconds))
+    duration = max(MIN_DURATION_S, PEAK_OVER_MEAN * seconds.sum())
+    ticks = int(np.ceil(duration * CONTROL_HZ - 1e-9))
+    way = np.concatenate([[0.0], seconds.cumsum()])
+    fractions = np.interp(minimum_jerk(np.arange(1, ticks + 1) / ticks) * way[-1], way, grid)
+    fractions[-1] = 1.0
+    return fractions

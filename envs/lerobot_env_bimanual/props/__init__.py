@@ -1,0 +1,1 @@
+"""Props: the things that tasks put on the table."""

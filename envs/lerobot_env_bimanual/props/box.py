@@ -70,6 +70,4 @@ class Box:
         for side in (-1, 1):
             sheets.append(((side * x, 0, z - tape_end), (paper, tape_half_width, tape_end), TAPE))
         for position, size, rgba in sheets:
-            body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=size, rgba=rgba, **VISUAL_ONLY
-            )
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=size, rgba=rgba, **VISUAL_ONLY)

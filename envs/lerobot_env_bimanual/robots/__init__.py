@@ -1,0 +1,1 @@
+"""Robots: what a pair of arms is, and the pair we have."""

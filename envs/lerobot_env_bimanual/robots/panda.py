@@ -66,8 +66,6 @@ LINK_INERTIA = (
 
 WHITE = (0.93, 0.94, 0.95, 1.0)
 DARK = (0.22, 0.22, 0.24, 1.0)
-CAP_RADIUS_RATIO = 0.82
-CAP_PROUD_M = 0.003
 
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
@@ -110,6 +108,13 @@ LINK_COVERS = (
     ),
 )
 
+# Dark lids on both ends of a joint's housing, for the eye only, in the frame of the link that carries the housing.
+JOINT_LIDS = {
+    1: (CYLINDER, 0.057, (0, -0.063, 0), (0, 0.063, 0), DARK),
+    3: (CYLINDER, 0.051, (0.0825, -0.058, 0), (0.0825, 0.058, 0), DARK),
+    5: (CYLINDER, 0.046, (0, -0.043, 0), (0, 0.053, 0), DARK),
+}
+
 # Links that are neighbours over a short link, and the world-fixed base with its first link, touch by design.
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"), ("link5", "link7"), ("link5", "hand"))
 
@@ -142,23 +147,9 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     spec.add_exclude(bodyname1=f"{prefix}_finger1", bodyname2=f"{prefix}_finger2")
 
 
-def _add_covers(body, covers) -> None:
+def _add_covers(body, covers, **settings) -> None:
     for shape, radius, start, end, rgba in covers:
-        body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), rgba=rgba)
-        if shape == CYLINDER and rgba == WHITE:
-            _add_caps(body, radius, np.array(start), np.array(end))
-
-
-def _add_caps(body, radius: float, start, end) -> None:
-    """Dark lids on both ends of a joint's housing, for the eye only."""
-    lid = CAP_PROUD_M * (end - start) / np.linalg.norm(end - start)
-    body.add_geom(
-        type=CYLINDER,
-        size=(CAP_RADIUS_RATIO * radius, 0, 0),
-        fromto=(*(start - lid), *(end + lid)),
-        rgba=DARK,
-        **VISUAL_ONLY,
-    )
+        body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), rgba=rgba, **settings)
 
 
 def _add_link(parent, prefix: str, index: int):
@@ -182,6 +173,8 @@ def _add_link(parent, prefix: str, index: int):
         damping=JOINT_DAMPING,
     )
     _add_covers(link, LINK_COVERS[index])
+    if index + 1 in JOINT_LIDS:
+        _add_covers(link, [JOINT_LIDS[index + 1]], **VISUAL_ONLY)
     return link
 
 
@@ -282,6 +275,4 @@ def _add_wrist_camera(hand, name: str) -> None:
     right = np.cross((1, 0, 0), backward)
     right /= np.linalg.norm(right)
     rotation = np.column_stack([right, np.cross(backward, right), backward])
-    hand.add_camera(
-        name=name, pos=position, quat=matrix_to_quat_wxyz(rotation), fovy=WRIST_CAMERA_FOVY_DEG
-    )
+    hand.add_camera(name=name, pos=position, quat=matrix_to_quat_wxyz(rotation), fovy=WRIST_CAMERA_FOVY_DEG)

@@ -35,7 +35,9 @@ def init_linear(layer: nn.Conv3d | nn.Linear) -> None:
 class ActivatedConv3d(nn.Module):
     """Convolution with replicate borders and LeakyReLU; keeps the grid size at stride 1."""
 
-    def __init__(self, inputs: int, outputs: int, kernel: int, *, stride: int = 1, padding: int | None = None):
+    def __init__(
+        self, inputs: int, outputs: int, kernel: int, *, stride: int = 1, padding: int | None = None
+    ):
         super().__init__()
         self.padding = kernel // 2 if padding is None else padding
         self.conv = nn.Conv3d(inputs, outputs, kernel, stride)

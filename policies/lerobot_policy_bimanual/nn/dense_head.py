@@ -11,10 +11,10 @@ from lerobot_policy_bimanual.nn.conv3d import (
     ActivatedConv3d,
     activate,
     init_activated,
-    init_linear,
     pad_replicate,
 )
 from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
 
@@ -73,18 +73,19 @@ class LogitConv3d(nn.Module):
 
     def __init__(self, channels: int):
         super().__init__()
-        self.conv = nn.Conv3d(channels, 1, 3)
-        init_linear(self.conv)
+        self.weight = nn.Parameter(torch.empty(1, channels, 3, 3, 3))
+        self.bias = nn.Parameter(torch.zeros(1))
+        nn.init.xavier_uniform_(self.weight)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, c, v, v, v) -> (b, v, v, v) float32."""
+        """(b, c, v, v, v) -> (b, v, v, v), at least float32."""
         X, Y, Z = x.shape[2:]
-        per_tap = self.conv.weight[0].flatten(1).T[:, :, None, None, None]  # (27, c, 1, 1, 1)
+        per_tap = self.weight[0].flatten(1).T[:, :, None, None, None]  # (27, c, 1, 1, 1)
         fields = F.conv3d(pad_replicate(x, 1), per_tap).unbind(1)
-        logits = self.conv.bias.float()  # pyright: ignore[reportOptionalMemberAccess]
+        logits = at_least_float32(self.bias)
         for tap, field in enumerate(fields):
             i, j, k = tap // 9, tap // 3 % 3, tap % 3
-            logits = logits + field[:, i : i + X, j : j + Y, k : k + Z].float()
+            logits = logits + field[:, i : i + X, j : j + Y, k : k + Z]
         return logits
 
 

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from lerobot_policy_bimanual.nn.conv3d import PATCH, ActivatedConv3d, activate
 from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 
 BEAM = 8
@@ -81,7 +82,7 @@ class VoxelInPatch(nn.Module):
     def forward(self, crops: Tensor, answers: Tensor) -> Tensor:
         """Crops (m, channels, PATCH + 2, ...) and answers (m, token_dim) -> logits (m, PATCH^3) float32."""
         hidden = self.stem(crops).flatten(2) + self.answer(answers).unflatten(1, (FINE_CHANNELS, -1))
-        return self.out(activate(hidden).transpose(1, 2)).squeeze(-1).float()
+        return at_least_float32(self.out(activate(hidden).transpose(1, 2)).squeeze(-1))
 
 
 class FactorisedTranslationHead(nn.Module):
@@ -113,9 +114,9 @@ class FactorisedTranslationHead(nn.Module):
         A, P = answers.shape[1], answers.shape[-1]
         refined = self.refine(answers.flatten(0, 1)).unflatten(0, (-1, A))  # (b, arms, token_dim, p, p, p)
         tokens = refined.flatten(3).transpose(2, 3)  # (b, arms, p^3, token_dim)
-        patch_logits = torch.stack(
-            [head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1
-        ).float()
+        patch_logits = at_least_float32(
+            torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
+        )
         # Zero border: a crop is one voxel wider than its patch on every side.
         padded = F.pad(stem, (1,) * 6)
         # In training the prediction is only reported: one patch, no gradient.
@@ -130,10 +131,10 @@ class FactorisedTranslationHead(nn.Module):
             patch = split_voxel(target_voxel, P)[0]
             target_logits = self._score(padded, tokens, patch[..., None])[:, :, 0]
         features = [
-            stem.amax((2, 3, 4)).float()[:, None].expand(-1, A, -1),
+            at_least_float32(stem.amax((2, 3, 4)))[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
             pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
-            _take(tokens, patch[..., None])[:, :, 0].float(),
+            at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
         ]
         prediction = FactorisedTranslation(patch_logits, patches, voxel_logits, target_logits)
         return prediction, torch.cat(features, dim=-1)

@@ -85,8 +85,8 @@ class ClipLanguage(nn.Module):
                 f"{source} gives up to {limit} tokens of width {model.config.hidden_size}, but the policy has "
                 f"language_tokens={tokens} and language_dim={dim}: set these to fit"
             )
-        # Stored past nn.Module's registration, which would save the tower with every checkpoint.
-        self.__dict__["_model"] = model
+        # A bound method, because nn.Module would register the tower and save it with every checkpoint.
+        self._encode_ids = model.forward
         self._tokenizer = CLIPTokenizer.from_pretrained(source)
         self._tokens = tokens
         self._cache: dict[str, Tensor] = {}
@@ -107,7 +107,7 @@ class ClipLanguage(nn.Module):
                 max_length=self._tokens,
                 return_tensors="pt",
             ).input_ids
-            self._cache[instruction] = self._model(input_ids=ids).last_hidden_state[0].to(device)
+            self._cache[instruction] = self._encode_ids(input_ids=ids).last_hidden_state[0].to(device)
         return self._cache[instruction]
 
 

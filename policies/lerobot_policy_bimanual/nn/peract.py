@@ -4,16 +4,15 @@ import torch
 from torch import Tensor, nn
 
 from lerobot_policy_bimanual.nn.conv3d import (
-    LEAK,
     PATCH,
     ActivatedConv3d,
     ActivatedLinear,
-    init_activated,
     init_linear,
 )
 from lerobot_policy_bimanual.nn.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.nn.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.nn.perceiver import PerceiverIO
+from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.nn.voxel_grid import GRID_CHANNELS
 
@@ -100,7 +99,7 @@ class PerActNetwork(nn.Module):
         )
         outputs = 3 * rotation_bins + 2 + 2
         self.pose_heads = nn.ModuleList(
-            _mlp((self.translation.feature_dim, *HIDDEN, outputs)) for _ in range(arms)
+            _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
         )
 
     def forward(
@@ -125,18 +124,14 @@ class PerActNetwork(nn.Module):
         answers = answers.transpose(2, 3).unflatten(-1, (P, P, P))
         translation, features = self.translation(stem, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
-        rotation, gripper_open, ignore_collisions = logits.float().split((3 * self.rotation_bins, 2, 2), dim=-1)
+        rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(
+            (3 * self.rotation_bins, 2, 2), dim=-1
+        )
         rotation = rotation.unflatten(-1, (3, self.rotation_bins))
         return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
 
 
-def _mlp(widths: tuple[int, ...]) -> nn.Sequential:
-    """Linear layers with LeakyReLU between them."""
-    layers: list[nn.Module] = []
-    for inputs, outputs in zip(widths[:-2], widths[1:-1], strict=True):
-        layer = nn.Linear(inputs, outputs)
-        init_activated(layer)
-        layers += [layer, nn.LeakyReLU(LEAK)]
-    last = nn.Linear(*widths[-2:])
+def _pose_head(inputs: int, outputs: int) -> nn.Sequential:
+    last = nn.Linear(HIDDEN[1], outputs)
     init_linear(last)
-    return nn.Sequential(*layers, last)
+    return nn.Sequential(ActivatedLinear(inputs, HIDDEN[0]), ActivatedLinear(*HIDDEN), last)

@@ -35,10 +35,7 @@ class Attention(nn.Module):
             (b, n, dim).
         """
         x = self.norm(x)
-        if self.norm_context is None or context is None:
-            context = x
-        else:
-            context = self.norm_context(context)
+        context = x if self.norm_context is None or context is None else self.norm_context(context)
         q, k, v = (
             t.unflatten(-1, (self.heads, -1)).transpose(1, 2)  # (b, heads, tokens, head_dim)
             for t in (self.query(x), *self.key_value(context).chunk(2, dim=-1))

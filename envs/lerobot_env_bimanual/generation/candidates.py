@@ -1,0 +1,94 @@
+"""Which seeds are tried.
+
+Candidate number c of a task has seed `first_seed + c` and the c-th of its variations in turn. A dataset holds the
+first successes of every variation in this order, so its content depends on nothing but the settings, however many
+processes tried the seeds. Candidates come in rounds: the first has as many as episodes are wanted; each further one
+replaces the failures of the rounds before.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from lerobot_bimanual.dataset.provenance import Recipe, SkippedSeed
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.generation.settings import GenerationSettings
+
+MAX_FAILURES_PER_EPISODE = 1.0
+MIN_FAILURES_ALLOWED = 20
+"""A task whose expert fails on more seeds than this is broken, and generation stops."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Candidates that one process tries, one after the other; all of one task.
+
+    Attributes:
+        name: folder of the shard, in the order of the episodes.
+        candidates: what is tried.
+    """
+
+    name: str
+    candidates: tuple[Recipe, ...]
+
+
+@dataclass(frozen=True)
+class ShardReport:
+    """What became of a shard's candidates."""
+
+    episodes: tuple[Recipe, ...]
+    skipped: tuple[SkippedSeed, ...]
+
+
+def next_round(
+    settings: GenerationSettings, reports: Iterable[ShardReport], shards_before: int
+) -> list[Shard]:
+    """Shards of the next round; empty when every episode is there.
+
+    Args:
+        settings: what is wanted.
+        reports: of all shards of the rounds before.
+        shards_before: number of shards in the rounds before.
+
+    Raises:
+        DatasetError: an expert failed too often; the message lists the reasons.
+    """
+    found, skipped = Counter(), Counter()
+    reasons: dict[str, list[str]] = {}
+    for report in reports:
+        found.update((episode.task, episode.variation) for episode in report.episodes)
+        skipped.update((seed.task, seed.variation) for seed in report.skipped)
+        for seed in report.skipped:
+            reasons.setdefault(seed.task, []).append(f"seed {seed.seed}: {seed.reason}")
+    shards: list[Shard] = []
+    for task in settings.tasks:
+        _refuse_broken_expert(settings, task, reasons.get(task, []))
+        candidates = sorted(_candidates(settings, task, found, skipped), key=lambda candidate: candidate.seed)
+        for start in range(0, len(candidates), settings.episodes_per_shard):
+            name = f"{shards_before + len(shards):06d}"
+            shards.append(Shard(name, tuple(candidates[start : start + settings.episodes_per_shard])))
+    return shards
+
+
+def _candidates(
+    settings: GenerationSettings, task: str, found: Counter, skipped: Counter
+) -> Iterator[Recipe]:
+    """As many untried candidates of each variation as it lacks episodes."""
+    variations = settings.variations_of(task)
+    for place, variation in enumerate(variations):
+        wanted = len(range(place, settings.episodes, len(variations)))
+        tried = found[task, variation] + skipped[task, variation]
+        for turn in range(tried, tried + wanted - found[task, variation]):
+            seed = settings.first_seed + place + turn * len(variations)
+            yield Recipe(task, variation, settings.split, seed)
+
+
+def _refuse_broken_expert(settings: GenerationSettings, task: str, reasons: list[str]) -> None:
+    allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE * settings.episodes)
+    if len(reasons) > allowed:
+        raise DatasetError(
+            f"the expert of {task!r} failed on {len(reasons)} seeds, more than the {allowed:.0f} allowed for "
+            f"{settings.episodes} episodes. Last failures: {'; '.join(reasons[-3:])}"
+        )

@@ -1,0 +1,111 @@
+"""A wooden serving tray with a handle at each end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+WOOD = (0.70, 0.50, 0.30, 1.0)
+RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
+LINEN = (0.91, 0.89, 0.82, 1.0)
+STRIPE = (0.36, 0.50, 0.62, 1.0)
+INLAY = (0.33, 0.21, 0.12, 1.0)
+
+RIM_MASS_SHARE = 0.2
+RIM_WIDTH_M = 0.008
+MAT_INSET_M = 0.006
+STRIPE_HALF_WIDTH_M = 0.004
+SHEET_HALF_THICKNESS_M = 0.0004
+INLAY_RADIUS_M = 0.006
+
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+
+
+@dataclass(frozen=True)
+class ServingTray:
+    """A free board with a raised rim and two flat, round-ended handles, its frame in the middle of the board.
+
+    The handles lie flat beyond the short ends, so that a gripper with upright fingers can pinch them, and are
+    short, so that it has to aim: a lip along the whole end was gripped by chance in a third of all placements.
+
+    Attributes:
+        name: body and board geom.
+        size_m: full sizes of the board without handles; its long side lies along y.
+        handle_size_m: full width along x and full depth along y of a handle.
+        rim_height_m: of the rim above the board.
+        mass_kg: everything (PerAct2 code).
+        friction: against everything but the grippers' rubber.
+    """
+
+    name: str = "tray"
+    size_m: tuple[float, float, float] = (0.24, 0.324, 0.006)
+    handle_size_m: tuple[float, float] = (0.093, 0.043)
+    rim_height_m: float = 0.015
+    mass_kg: float = 0.45
+    friction: float = 0.6
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write board, handles and rim, and a mat and inlays for the eye."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        x, y, z = np.array(self.size_m) / 2
+        handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
+        wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
+        self._add_solid(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, name=self.name)
+        for side in (-1, 1):
+            self._add_handle(body, side * (y + self.handle_size_m[1] / 2), wood_density * handle_area / 2)
+        self._add_rim(body, x, y, z)
+        self._add_mat(body, x, y, z)
+
+    def _add_handle(self, body, y: float, mass: float) -> None:
+        """A box between two half discs, with an inlay of the same outline."""
+        radius, half_z = self.handle_size_m[1] / 2, self.size_m[2] / 2
+        half_x = self.handle_size_m[0] / 2 - radius
+        self._add_solid(body, (0, y, 0), (half_x, radius, half_z), WOOD, mass)
+        inlay_z = half_z + SHEET_HALF_THICKNESS_M
+        inlay = (half_x, INLAY_RADIUS_M, inlay_z)
+        body.add_geom(type=BOX, pos=(0, y, 0), size=inlay, rgba=INLAY, **VISUAL_ONLY)
+        for x in (-half_x, half_x):
+            self._add_solid(body, (x, y, 0), (radius, half_z, 0), WOOD, 0.0, shape=CYLINDER)
+            end = (INLAY_RADIUS_M, inlay_z, 0)
+            body.add_geom(type=CYLINDER, pos=(x, y, 0), size=end, rgba=INLAY, **VISUAL_ONLY)
+
+    def _add_rim(self, body, x: float, y: float, z: float) -> None:
+        bar, height = RIM_WIDTH_M / 2, self.rim_height_m / 2
+        mass = self.mass_kg * RIM_MASS_SHARE / 4
+        for side in (-1, 1):
+            along, across = (side * (x - bar), 0, z + height), (0, side * (y - bar), z + height)
+            self._add_solid(body, along, (bar, y, height), RIM_WOOD, mass)
+            self._add_solid(body, across, (x, bar, height), RIM_WOOD, mass)
+
+    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", shape=BOX) -> None:
+        body.add_geom(
+            name=name,
+            type=shape,
+            pos=position,
+            size=size,
+            rgba=rgba,
+            mass=mass,
+            friction=(self.friction, 0.005, 0.0001),
+            condim=4,
+            solref=(0.006, 1),
+        )
+
+    def _add_mat(self, body, x: float, y: float, z: float) -> None:
+        """A linen mat with a stripe along either long side."""
+        half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
+        sheet = SHEET_HALF_THICKNESS_M
+        body.add_geom(
+            type=BOX, pos=(0, 0, z), size=(half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY
+        )
+        for side in (-1, 1):
+            body.add_geom(
+                type=BOX,
+                pos=(side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet),
+                size=(STRIPE_HALF_WIDTH_M, half_y, sheet),
+                rgba=STRIPE,
+                **VISUAL_ONLY,
+            )

@@ -1,0 +1,95 @@
+"""Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Self
+
+from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
+from lerobot_bimanual.errors import SchemaMismatch
+
+PROVENANCE_FILE = Path("meta", "bimanual.json")
+STAMPED_PACKAGES = ("lerobot_bimanual", "mujoco", "lerobot")
+"""Packages whose versions decide what a seed means and how it is stored."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What regenerates one episode, given the versions."""
+
+    task: str
+    variation: int
+    split: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class SkippedSeed:
+    """A seed that was tried and gave no episode."""
+
+    task: str
+    variation: int
+    split: str
+    seed: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Everything needed to make a dataset again.
+
+    Attributes:
+        schema_version: version of the feature table.
+        view: which rows and images are stored.
+        versions: package -> version, of `STAMPED_PACKAGES`.
+        settings: what was asked for, by option name; equal settings and versions give an equal dataset.
+        command: the command line that regenerates it.
+        episodes: recipe of each episode, in order of the episode index.
+        skipped: seeds that failed, with the reason.
+    """
+
+    schema_version: int
+    view: View
+    versions: Mapping[str, str]
+    settings: Mapping[str, Any]
+    command: str
+    episodes: Sequence[Recipe]
+    skipped: Sequence[SkippedSeed]
+
+    @classmethod
+    def read(cls, root: Path) -> Self | None:
+        """Provenance of a dataset; `None` where there is none, as after a merge by LeRobot's own tools.
+
+        Raises:
+            SchemaMismatch: the file has another form than this version writes.
+        """
+        path = root / PROVENANCE_FILE
+        if not path.is_file():
+            return None
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            episodes = [Recipe(**recipe) for recipe in content.pop("episodes")]
+            skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
+            return cls(**content, episodes=episodes, skipped=skipped)
+        except (ValueError, KeyError, TypeError) as error:
+            raise SchemaMismatch(
+                f"{path} is not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
+            ) from error
+
+    def write(self, root: Path) -> None:
+        """Store it in a dataset's folder."""
+        path = root / PROVENANCE_FILE
+        path.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of `STAMPED_PACKAGES` in this process; "none" for one that is not installed."""
+    versions = {}
+    for package in STAMPED_PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "none"
+    return versions

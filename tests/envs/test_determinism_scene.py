@@ -1,0 +1,154 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.ball import Ball
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.scene import Scene
+
+
+def make_scene() -> Scene:
+    return Scene([Ball(), Block(), Target()])
+
+
+def start_episode(scene: Scene, seed: int) -> None:
+    """Two props that fall, roll and bump into each other, and a coloured target somewhere."""
+    rng = np.random.default_rng(seed)
+    scene.reset()
+    scene.place("ball", Pose.upright((*rng.uniform((0.15, -0.1), (0.3, 0.1)), 0.92)))
+    scene.place("item", Pose.upright((*rng.uniform((0.15, -0.1), (0.3, 0.1)), 1.15), rng.uniform(-1, 1)))
+    scene.place("target", Pose.upright((*rng.uniform(0.1, 0.3, 2), 0.75)))
+    scene.set_color("item", (*rng.uniform(0, 1, 3), 1))
+    scene.settle()
+
+
+def wiggle(scene: Scene, ticks: int, seed: int) -> list[str]:
+    """Random but smooth arm motion with the grippers opening and closing; the hash after every tick."""
+    rng = np.random.default_rng(seed)
+    action = scene.commanded
+    joints = [*range(7), *range(8, 15)]
+    hashes = []
+    for tick in range(ticks):
+        action[joints] += rng.uniform(-0.03, 0.03, 14).astype(np.float32)
+        action[[7, 15]] = (tick // 4) % 2
+        scene.tick(action)
+        hashes.append(scene.state_hash())
+    return hashes
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return make_scene()
+
+
+def test_the_same_episode_has_the_same_hash_after_every_tick(scene):
+    start_episode(scene, 0)
+    first = wiggle(scene, 15, 1)
+    start_episode(scene, 0)
+    assert wiggle(scene, 15, 1) == first
+    assert len(set(first)) == len(first)
+
+
+def test_an_episode_does_not_remember_what_came_before(scene):
+    start_episode(scene, 3)
+    after_history = wiggle(scene, 10, 4)
+    fresh = make_scene()
+    start_episode(fresh, 3)
+    assert wiggle(fresh, 10, 4) == after_history
+
+
+def test_an_unstable_episode_leaves_no_trace(scene):
+    start_episode(scene, 3)
+    expected = wiggle(scene, 5, 4)
+    scene.data.qvel[:] = np.nan
+    scene.tick(scene.commanded)
+    assert scene.unstable
+    start_episode(scene, 3)
+    assert wiggle(scene, 5, 4) == expected
+
+
+def test_a_restored_state_goes_on_exactly_as_the_original(scene):
+    start_episode(scene, 5)
+    wiggle(scene, 7, 6)
+    state, at_save = scene.save_state(), scene.state_hash()
+    poses = scene.pose("item").matrix
+    original = wiggle(scene, 12, 7)
+
+    start_episode(scene, 8)  # another episode in between
+    wiggle(scene, 5, 9)
+    scene.restore_state(state)
+    assert scene.state_hash() == at_save
+    assert scene.ticks == 7
+    assert np.array_equal(scene.pose("item").matrix, poses)
+    assert wiggle(scene, 12, 7) == original
+
+
+def test_a_state_can_be_restored_in_another_scene_of_the_same_kind(scene):
+    start_episode(scene, 5)
+    wiggle(scene, 4, 6)
+    state = scene.save_state()
+    original = wiggle(scene, 8, 7)
+    other = make_scene()
+    other.restore_state(state)
+    assert wiggle(other, 8, 7) == original
+
+
+def test_positions_and_velocities_alone_would_not_be_enough(scene):
+    """Why the whole integration state is saved: solver warm starts change the last bits."""
+    start_episode(scene, 5)
+    wiggle(scene, 4, 6)
+    kind = mujoco.mjtState.mjSTATE_PHYSICS
+    physics = np.empty(mujoco.mj_stateSize(scene.model, kind))
+    mujoco.mj_getState(scene.model, scene.data, physics, kind)
+    state = scene.save_state()
+    original = wiggle(scene, 8, 7)
+    scene.restore_state(state)
+    mujoco.mj_resetData(scene.model, scene.data)
+    mujoco.mj_setState(scene.model, scene.data, physics, kind)
+    mujoco.mj_step1(scene.model, scene.data)
+    assert wiggle(scene, 8, 7) != original
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda scene: scene.set_color("target", (0, 1, 0, 1)),
+        lambda scene: scene.place("target", Pose.upright((0.3, 0.3, 0.75))),
+        lambda scene: scene.place("item", Pose.upright((0.0, 0.3, 0.80))),
+    ],
+)
+def test_everything_that_a_reset_may_change_is_in_the_hash(scene, change):
+    start_episode(scene, 0)
+    before = scene.state_hash()
+    change(scene)
+    assert scene.state_hash() != before
+
+
+def test_the_last_command_is_in_the_hash(scene):
+    start_episode(scene, 0)
+    state = scene.save_state()
+    nudged = scene.commanded
+    nudged[0] = np.nextafter(nudged[0], np.float32(1))
+    scene.tick(scene.commanded)
+    plain = scene.state_hash()
+    scene.restore_state(state)
+    scene.tick(nudged)
+    assert scene.state_hash() != plain
+
+
+def test_another_process_computes_the_same_hash(scene):
+    start_episode(scene, 11)
+    here = wiggle(scene, 10, 12)[-1]
+    program = (
+        "import importlib.util, sys;"
+        f"spec = importlib.util.spec_from_file_location('twin', {__file__!r});"
+        "twin = importlib.util.module_from_spec(spec); spec.loader.exec_module(twin);"
+        "scene = twin.make_scene(); twin.start_episode(scene, 11); print(twin.wiggle(scene, 10, 12)[-1])"
+    )
+    there = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert there.stdout.strip() == here

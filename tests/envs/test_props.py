@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.ball import Ball, beach_ball_texture
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.box import Box
+from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.scene import Scene
+
+TABLE = 0.75
+
+
+def contact_frictions(scene: Scene, geom_a: str, geom_b: str) -> list[float]:
+    pair = {scene.model.geom(geom_a).id, scene.model.geom(geom_b).id}
+    return [contact.friction[0] for contact in scene.data.contact if set(contact.geom) == pair]
+
+
+@pytest.mark.parametrize("name", list_tasks())
+def test_no_model_welds_attaches_or_teleports_anything(name):
+    model = Scene(get_task(name).spec.props).model
+    fingers = {"left_fingers", "right_fingers"}
+    assert {model.equality(index).name for index in range(model.neq)} == fingers
+    assert np.all(model.eq_type == mujoco.mjtEq.mjEQ_JOINT)
+    assert model.nmocap == 0
+    assert model.nu == 16  # nothing but the arms is driven
+    assert model.nplugin == 0
+
+
+@pytest.mark.parametrize("name", list_tasks())
+def test_props_have_masses_above_half_a_gram(name):
+    model = Scene(get_task(name).spec.props).model
+    moving = model.body_weldid != 0
+    robot = [model.body(index).name.startswith(("left_", "right_")) for index in range(model.nbody)]
+    masses = model.body_mass[moving & ~np.array(robot)]
+    assert np.all(masses > 5e-4)
+
+
+def test_two_hundred_newtons_leave_the_box_and_two_hundred_and_forty_move_it():
+    scene = Scene([Box()])
+    for force, moves in ((200.0, False), (240.0, True)):
+        scene.reset()
+        scene.place("box", Pose.upright((0.25, -0.1, TABLE + 0.0645)))
+        scene.settle()
+        start = scene.pose("box").position
+        scene.data.body("box").xfrc_applied[1] = force
+        for _ in range(10):
+            scene.tick(scene.commanded)
+        travel = float(np.linalg.norm(scene.pose("box").position - start))
+        assert travel > 0.02 if moves else travel < 1e-3, f"{force} N moved the box by {travel:.4f} m"
+
+
+def test_the_box_has_the_paper_s_mass_and_its_own_friction_on_the_table():
+    scene = Scene([Box()])
+    scene.place("box", Pose.upright((0.25, -0.1, TABLE + 0.0645)))
+    scene.settle()
+    assert scene.model.body("box").mass[0] == pytest.approx(50.0)
+    assert contact_frictions(scene, "table", "box") == pytest.approx([0.45] * 4)
+
+
+def test_the_ball_is_slippery_against_everything_and_lies_still():
+    scene = Scene([Ball()])
+    scene.place("ball", Pose.upright((0.25, -0.05, TABLE + 0.15)))
+    scene.settle()
+    assert contact_frictions(scene, "table", "ball") == pytest.approx([0.3])
+    for _ in range(20):
+        scene.tick(scene.commanded)
+    assert scene.speed("ball") < 1e-4
+    assert scene.pose("ball").position == pytest.approx((0.25, -0.05, 0.90), abs=1e-3)
+    assert scene.model.geom("ball").priority[0] > scene.model.geom("left_pad1").priority[0]
+
+
+def test_the_target_touches_nothing():
+    scene = Scene([Target(), Block()])
+    scene.place("target", Pose.upright((0.25, 0.1, TABLE)))
+    scene.place("item", Pose.upright((0.25, 0.1, TABLE + 0.0403)))
+    scene.settle()
+    assert not scene.contacts("target", "item")
+    assert scene.pose("item").position[2] == pytest.approx(TABLE + 0.04, abs=5e-4)
+
+
+def test_decorations_weigh_nothing():
+    for prop, mass in ((Box(), 50.0), (Ball(), 1.0), (Block(), 0.128)):
+        assert Scene([prop]).model.body(prop.name).mass[0] == pytest.approx(mass)
+
+
+def test_two_blocks_of_different_names_share_a_scene():
+    scene = Scene([Block(name="red"), Block(name="blue", rgba=(0, 0, 1, 1), size_m=(0.04, 0.04, 0.04))])
+    assert scene.model.geom("blue").size == pytest.approx((0.02, 0.02, 0.02))
+    assert scene.model.geom("red").size == pytest.approx((0.02, 0.02, 0.04))
+
+
+def test_neighbouring_faces_of_the_ball_texture_meet_without_a_seam():
+    texture = beach_ball_texture().astype(int)
+    assert texture.shape == (6, 128, 128, 3)
+    right, left, up, down, front, back = texture  # OpenGL's order
+    edges = [
+        (front[:, -1], right[:, 0]),
+        (front[:, 0], left[:, -1]),
+        (back[:, 0], right[:, -1]),
+        (front[0], up[-1]),
+        (front[-1], down[0]),
+    ]
+    for one, other in edges:
+        assert np.mean(np.abs(one - other).max(axis=-1) > 60) < 0.06  # gore borders may be half a pixel apart

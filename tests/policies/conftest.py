@@ -1,0 +1,105 @@
+"""Batches, configs and the written-out formulation for the policy tests."""
+
+import importlib.util
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.dataset.schema import (
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    EE_POSE,
+    GRIPPER_FINGERS,
+    KEYPOSE_STEP,
+    NEXT_KEYPOSE,
+    STATE,
+    depth_key,
+    image_key,
+)
+
+LOOKING_DOWN = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
+"""world_T_camera of a camera two metres above the floor, over the workspace's centre."""
+
+TINY = {
+    "device": "cpu",
+    "voxel_size": 10,
+    "channels": 8,
+    "token_dim": 16,
+    "num_latents": 16,
+    "latent_dim": 32,
+    "depth": 2,
+    "heads": 2,
+    "feedforward_multiplier": 2,
+    "attention_dropout": 0.0,
+    "language_tokens": 4,
+    "language_dim": 16,
+}
+"""Sizes of the smallest PerAct2 with every part in it."""
+
+
+def load_written_out() -> ModuleType:
+    """The module next to this file; tests are not a package, so it cannot be imported by name."""
+    name = "peract_written_out"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name("written_out.py"))
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+@pytest.fixture(scope="session")
+def written_out() -> ModuleType:
+    return load_written_out()
+
+
+@pytest.fixture
+def tiny() -> dict[str, Any]:
+    return dict(TINY)
+
+
+@pytest.fixture
+def random_keyposes() -> Callable[[int], torch.Tensor]:
+    """Flat keyposes (b, 18), well inside the workspace."""
+
+    def make(samples: int) -> torch.Tensor:
+        arms = torch.rand(samples, 2, 9)
+        arms[..., :3] = torch.tensor([0.0, -0.2, 0.8]) + 0.4 * arms[..., :3]
+        arms[..., 3:7] = torch.nn.functional.normalize(torch.randn(samples, 2, 4), dim=-1)
+        arms[..., 3:7] *= torch.where(arms[..., 3:4] < 0, -1.0, 1.0)
+        arms[..., 7:] = (arms[..., 7:] > 0.5).float()
+        return arms.flatten(1)
+
+    return make
+
+
+@pytest.fixture
+def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., dict[str, Any]]:
+    """Random training batches with the keys of the schema: all cameras look down on noise."""
+
+    def make(samples: int = 2, size: int = 16) -> dict[str, Any]:
+        batch: dict[str, Any] = {}
+        for camera in CAMERA_NAMES:
+            batch[image_key(camera)] = torch.rand(samples, 3, size, size)
+            batch[depth_key(camera)] = 500 + 900 * torch.rand(samples, 1, size, size)
+        batch[CAMERA_EXTRINSICS] = LOOKING_DOWN.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
+        intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, size, size)).float()
+        batch[CAMERA_INTRINSICS] = intrinsics.repeat(samples, len(CAMERA_NAMES), 1, 1).flatten(1)
+        batch[STATE] = torch.rand(samples, 16)
+        batch[EE_POSE] = torch.rand(samples, 14)
+        batch[GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
+        batch[KEYPOSE_STEP] = torch.arange(samples).float()[:, None] % 5
+        batch[NEXT_KEYPOSE] = random_keyposes(samples)
+        batch["action"] = torch.rand(samples, 16)
+        batch["task"] = [f"lift the ball {sample}" for sample in range(samples)]
+        return batch
+
+    return make

@@ -1,0 +1,127 @@
+"""Moving the scene and its labels together changes nothing that matters."""
+
+import math
+
+import pytest
+import torch
+
+from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.geometry.rotations_torch import (
+    quat_wxyz_conjugate,
+    quat_wxyz_multiply,
+    quat_wxyz_to_matrix,
+    rotation_angle_rad,
+)
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_policy_bimanual.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.processing import observe
+
+
+def augmentation(**changes) -> SceneAugmentation:
+    options = {"shift_m": (0.125, 0.125, 0.05), "yaw_deg": 45.0, "yaw_step_deg": 5.0}
+    return SceneAugmentation(workspace=VOXEL_WORKSPACE, **(options | changes))
+
+
+def arms(keyposes: torch.Tensor) -> torch.Tensor:
+    return keyposes.view(-1, 2, 9)
+
+
+def in_left_frame(keyposes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Pose of the right hand as the left hand sees it: position (b, 3), quaternion (b, 4)."""
+    left, right = arms(keyposes).unbind(1)
+    inverse = quat_wxyz_conjugate(left[:, 3:7])
+    offset = quat_wxyz_to_matrix(inverse) @ (right[:, :3] - left[:, :3])[..., None]
+    return offset[..., 0], quat_wxyz_multiply(inverse, right[:, 3:7])
+
+
+def test_hands_keep_their_pose_relative_to_each_other(random_keyposes):
+    keyposes = random_keyposes(50).double()
+    moved = move_keyposes(augmentation().sample(keyposes), keyposes)
+    before, after = in_left_frame(keyposes), in_left_frame(moved)
+    assert not torch.allclose(keyposes, moved)
+    torch.testing.assert_close(after[0], before[0])
+    torch.testing.assert_close(
+        rotation_angle_rad(after[1], before[1]), torch.zeros(50).double(), atol=1e-6, rtol=0
+    )
+
+
+def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
+    keyposes = random_keyposes(50)
+    moved = arms(move_keyposes(augmentation().sample(keyposes), keyposes))
+    assert torch.equal(moved[..., 7:], arms(keyposes)[..., 7:])
+    assert (moved[..., 3] >= 0).all()
+    torch.testing.assert_close(moved[..., 3:7].norm(dim=-1), torch.ones(50, 2))
+
+
+def test_cloud_and_labels_move_by_the_same_transform(make_batch):
+    batch = make_batch(samples=3)
+    motion = augmentation().sample(batch["observation.next_keypose"])
+    still = observe(batch, cameras=("front",), keypose_horizon=25).points
+    moved = observe(batch, cameras=("front",), keypose_horizon=25, motion=motion).points
+    expected = motion[:, :3, :3] @ still + motion[:, :3, 3:]
+    torch.testing.assert_close(moved, expected)
+
+
+def test_yaw_turns_about_the_workspace_centre_in_whole_rotation_bins(random_keyposes):
+    keyposes = random_keyposes(200)
+    motion = augmentation(shift_m=(0.0, 0.0, 0.0)).sample(keyposes)
+    center = torch.tensor(VOXEL_WORKSPACE.center, dtype=torch.float32)
+    torch.testing.assert_close(motion[:, :3, :3] @ center + motion[:, :3, 3], center.expand(200, 3))
+    yaw_deg = torch.rad2deg(torch.atan2(motion[:, 1, 0], motion[:, 0, 0]))
+    torch.testing.assert_close(yaw_deg, 5 * (yaw_deg / 5).round(), atol=1e-3, rtol=0)
+    assert yaw_deg.abs().max() <= 45.001
+    assert len((yaw_deg / 5).round().unique()) == 19
+
+
+def test_a_yaw_shifts_the_bins_of_upright_hands_by_whole_bins(random_keyposes):
+    keyposes = random_keyposes(20)
+    per_arm = arms(keyposes)
+    per_arm[..., 3:7] = torch.tensor([0.0, 1.0, 0.0, 0.0])  # pointing straight down
+    keyposes = per_arm.flatten(1)
+    codec = KeyposeCodec()
+    before = codec.encode(keyposes).rotation
+    motion = augmentation(shift_m=(0.0, 0.0, 0.0)).sample(keyposes)
+    after = codec.encode(move_keyposes(motion, keyposes)).rotation
+    steps = (torch.rad2deg(torch.atan2(motion[:, 1, 0], motion[:, 0, 0])) / 5).round().long()
+    assert torch.equal((after[..., 2] - before[..., 2]) % 72, (steps[:, None] % 72).expand(-1, 2))
+
+
+def test_shift_stays_within_its_limits_and_fills_them(random_keyposes):
+    motion = augmentation(yaw_deg=0.0).sample(random_keyposes(500))
+    shift = motion[:, :3, 3].abs().amax(0)
+    limits = torch.tensor([0.125, 0.125, 0.05])
+    assert (shift <= limits + 1e-6).all()
+    assert (shift > 0.9 * limits).all()
+
+
+def test_both_hands_stay_inside_even_near_the_border(random_keyposes):
+    keyposes = random_keyposes(100)
+    per_arm = arms(keyposes)
+    per_arm[:, 0, 0] = 0.695  # the left hand almost leaves through x, the right one through y
+    per_arm[:, 1, 1] = -0.495
+    keyposes = per_arm.flatten(1)
+    motion = augmentation().sample(keyposes)
+    moved = arms(move_keyposes(motion, keyposes))[..., :3]
+    assert VOXEL_WORKSPACE.contains(moved.numpy()).all()
+    assert (motion != torch.eye(4)).flatten(1).any(1).float().mean() > 0.5
+
+
+def test_a_keypose_that_cannot_be_kept_inside_is_left_alone(random_keyposes):
+    keyposes = random_keyposes(2)
+    keyposes[0, 0] = 5.0
+    motion = augmentation().sample(keyposes)
+    assert torch.equal(motion[0], torch.eye(4))
+    assert not torch.equal(motion[1], torch.eye(4))
+
+
+@pytest.mark.parametrize("angle_deg", [5.0, -30.0])
+def test_quaternions_turn_as_points_do(random_keyposes, angle_deg):
+    keyposes = random_keyposes(5)
+    angle = math.radians(angle_deg)
+    motion = torch.eye(4).repeat(5, 1, 1)
+    motion[:, :2, :2] = torch.tensor(
+        [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    )
+    moved = arms(move_keyposes(motion, keyposes))
+    expected = motion[:, None, :3, :3] @ quat_wxyz_to_matrix(arms(keyposes)[..., 3:7])
+    torch.testing.assert_close(quat_wxyz_to_matrix(moved[..., 3:7]), expected)

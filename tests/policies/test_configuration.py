@@ -1,0 +1,107 @@
+"""The config is checked, survives the command line and the checkpoint, and gives LeRobot its presets."""
+
+import draccus
+import pytest
+import torch
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+
+from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, VECTORS, depth_key, image_key
+from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
+from lerobot_policy_bimanual import PerAct2Config
+
+
+def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
+    inputs = {}
+    for camera in cameras:
+        inputs[image_key(camera)] = PolicyFeature(FeatureType.VISUAL, (3, 16, 16))
+        inputs[depth_key(camera)] = PolicyFeature(FeatureType.VISUAL, (1, 16, 16))
+    for key, names in VECTORS.items():
+        if key.startswith("observation."):
+            inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
+    return inputs
+
+
+def test_command_line_flags_reach_the_config():
+    config = draccus.parse(
+        PerAct2Config,
+        args=[
+            "--device=cpu",
+            '--cameras=["front", "left_wrist"]',
+            "--augmentation_shift_m=[0.1, 0.1, 0.05]",
+            "--translation_head=factorised",
+            "--voxel_size=25",
+        ],
+    )
+    assert config.cameras == ("front", "left_wrist")
+    assert config.augmentation_shift_m == (0.1, 0.1, 0.05)
+    assert config.codec.voxels == 25
+
+
+def test_config_survives_saving(tmp_path):
+    config = PerAct2Config(device="cpu", cameras=("front",), decode="expectation", voxel_size=50)
+    config.input_features = dataset_inputs(("front",))
+    config.save_pretrained(tmp_path)
+    assert PreTrainedConfig.from_pretrained(tmp_path) == config
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "hint"),
+    [
+        ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
+        ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
+        ({"dtype": "float16"}, InvalidChoice, "float32, bfloat16"),
+        ({"optimizer": "sgd"}, InvalidChoice, "adamw, lamb"),
+        ({"lr_schedule": "step"}, InvalidChoice, "cosine, constant"),
+        ({"language_encoder": "bert"}, InvalidChoice, "learned, clip:"),
+        ({"cameras": ("overhead",)}, UnknownCamera, "left_shoulder"),
+        ({"cameras": ()}, ValueError, "at least one camera"),
+        ({"voxel_size": 64}, ValueError, "multiple of 5"),
+        ({"num_latents": 33}, ValueError, "evenly"),
+        ({"latent_dim": 100}, ValueError, "multiple of 8"),
+        ({"rotation_bin_deg": 7.0}, ValueError, "divide 360"),
+    ],
+)
+def test_values_that_cannot_work_are_refused_with_what_can(changes, error, hint):
+    with pytest.raises(error, match=hint):
+        PerAct2Config(device="cpu", **changes)
+
+
+def test_only_what_the_policy_reads_stays_among_its_inputs():
+    config = PerAct2Config(device="cpu", cameras=("front",))
+    config.input_features = dataset_inputs(("front", "left_wrist"))
+    config.validate_features()
+    assert NEXT_KEYPOSE not in config.input_features
+    assert set(config.image_features) == {image_key("front"), depth_key("front")}
+
+
+def test_missing_depth_is_reported_by_name():
+    config = PerAct2Config(device="cpu", cameras=("front",))
+    config.input_features = dataset_inputs(("front",))
+    del config.input_features[depth_key("front")]
+    with pytest.raises(SchemaMismatch, match="observation.images.front_depth"):
+        config.validate_features()
+
+
+@pytest.mark.parametrize("steps", [200, 5000])
+def test_learning_rate_warms_up_and_ends_low_whatever_the_number_of_steps(steps):
+    config = PerAct2Config(device="cpu", optimizer_lr=1e-3)
+    weight = torch.nn.Parameter(torch.zeros(1))
+    optimizer = config.get_optimizer_preset().build([weight])
+    scheduler = config.get_scheduler_preset().build(optimizer, steps)
+    rates = []
+    for _ in range(steps):
+        optimizer.step()
+        rates.append(scheduler.get_last_lr()[0])
+        scheduler.step()
+    assert rates[0] < 0.11e-3
+    assert rates.index(max(rates)) == pytest.approx(0.05 * steps, abs=2)
+    assert max(rates) == pytest.approx(1e-3, rel=0.01)
+    assert rates[-1] == pytest.approx(0.02e-3, rel=0.02)
+
+
+def test_the_references_optimizer_is_one_choice_away():
+    config = PerAct2Config(
+        device="cpu", optimizer="lamb", lr_schedule="constant", optimizer_grad_clip_norm=0.0
+    )
+    assert config.get_optimizer_preset().type == "lamb"
+    assert config.get_scheduler_preset() is None

@@ -1,0 +1,230 @@
+"""The network computes the written-out formulation, faster."""
+
+import pytest
+import torch
+
+from lerobot_policy_bimanual.nn.conv3d import pad_replicate
+from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.nn.peract import PerActNetwork
+from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
+from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
+
+BINS = 72
+
+
+def make_network(arms: int = 2, **changes) -> PerActNetwork:
+    options = {
+        "arms": arms,
+        "voxels": 10,
+        "channels": 4,
+        "token_dim": 8,
+        "proprio_dim": 4 * arms,
+        "language_tokens": 3,
+        "language_dim": 6,
+        "num_latents": 8,
+        "latent_dim": 16,
+        "depth": 2,
+        "heads": 2,
+        "feedforward_multiplier": 2,
+        "attention_dropout": 0.0,
+        "rotation_bins": BINS,
+        "translation_head": "dense",
+        "checkpointing": False,
+    }
+    return PerActNetwork(**(options | changes)).double()
+
+
+def make_inputs(arms: int = 2, samples: int = 2, voxels: int = 10) -> tuple[torch.Tensor, ...]:
+    return (
+        torch.randn(samples, 10, voxels, voxels, voxels, dtype=torch.float64),
+        torch.randn(samples, 4 * arms, dtype=torch.float64),
+        torch.randn(samples, 3, 6, dtype=torch.float64),
+    )
+
+
+def pose_logits(prediction) -> torch.Tensor:
+    return torch.cat(
+        [prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions], dim=-1
+    )
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+@pytest.mark.parametrize("checkpointing", [False, True])
+def test_dense_network_and_its_gradients_equal_the_written_out_formulation(written_out, arms, checkpointing):
+    network = make_network(arms, checkpointing=checkpointing)
+    inputs = make_inputs(arms)
+    voxel = torch.randint(0, 10, (2, arms, 3))
+    classes = torch.cat([torch.randint(0, BINS, (2, arms, 3)), torch.randint(0, 2, (2, arms, 2))], dim=-1)
+
+    parameters = dict(network.named_parameters())
+    translation, pose = written_out.network(parameters, *inputs, arms=arms, heads=2)
+    written_out.one_hot_loss(translation, pose, voxel, classes).backward()
+    expected = {name: parameter.grad.clone() for name, parameter in parameters.items()}
+    network.zero_grad()
+
+    prediction = network(*inputs, voxel)
+    torch.testing.assert_close(prediction.translation.logits, translation)
+    torch.testing.assert_close(pose_logits(prediction), pose)
+    loss = prediction.translation.cross_entropy(voxel).sum(1).mean()
+    for logits, column in zip(
+        pose_logits(prediction).split([BINS] * 3 + [2, 2], dim=-1), range(5), strict=True
+    ):
+        target = classes[..., column].flatten()
+        loss = loss + arms * torch.nn.functional.cross_entropy(logits.flatten(0, 1), target)
+    loss.backward()
+    for name, parameter in parameters.items():
+        torch.testing.assert_close(  # the interpolation weights are kept in float32
+            parameter.grad,
+            expected[name],
+            atol=1e-6,
+            rtol=1e-5,
+            msg=lambda text, name=name: f"{name}: {text}",
+        )
+
+
+@pytest.mark.parametrize("size", [1, 2, 4])
+def test_upsampled_convolution_equals_interpolation_then_convolution(written_out, size):
+    layer = UpsampledConv3d(3, 2).double()
+    torch.nn.init.normal_(layer.conv.bias)
+    x = torch.randn(2, 3, size, size + 1, size, dtype=torch.float64, requires_grad=True)
+    weights = (x, layer.conv.weight, layer.conv.bias)
+    expected = written_out.upsampled_conv(*weights)
+    actual = layer(x)
+    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)  # interpolation weights are float32
+    probe = torch.randn_like(actual)
+    for got, want in zip(
+        torch.autograd.grad(actual, weights, probe),
+        torch.autograd.grad(expected, weights, probe),
+        strict=True,
+    ):
+        torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-6)
+
+
+def test_skip_convolution_equals_convolving_the_joined_maps(written_out):
+    layer = SkipConv3d(3).double()
+    skip, x = torch.randn(2, 2, 3, 4, 4, 4, dtype=torch.float64)
+    expected = written_out.leaky(
+        written_out.conv(torch.cat([skip, x], dim=1), layer.conv.weight, layer.conv.bias)
+    )
+    torch.testing.assert_close(layer(layer.skip_half(skip), x), expected)
+
+
+def test_logit_convolution_equals_a_plain_convolution():
+    layer = LogitConv3d(5).double()
+    x = torch.randn(2, 5, 4, 3, 6, dtype=torch.float64)
+    expected = torch.nn.functional.conv3d(pad_replicate(x, 1), layer.weight, layer.bias)[:, 0]
+    torch.testing.assert_close(layer(x), expected)
+
+
+def test_pooling_equals_a_softmax_over_all_voxels_with_gradients(written_out):
+    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
+    expected, actual = written_out.pool(x), pool(x)
+    torch.testing.assert_close(actual, expected)
+    probe = torch.randn_like(actual)
+    torch.testing.assert_close(
+        torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
+    )
+
+
+def test_pooling_keeps_the_ranking_of_bfloat16_features():
+    x = torch.zeros(1, 1, 4, 4, 4, dtype=torch.bfloat16)
+    x[0, 0, 3, 0, 1] = 8
+    assert pool(x).dtype == torch.float32
+    torch.testing.assert_close(pool(x)[0], torch.tensor([1.0, -1.0, -1 / 3, 8.0]))
+
+
+@pytest.mark.parametrize(("arms", "expected"), [(1, 33_240_669), (2, 66_180_794)])
+def test_the_papers_networks_have_the_reference_implementations_parameter_counts(arms, expected):
+    config = PerAct2Config(device="cpu")
+    with torch.device("meta"):
+        network = PerActNetwork(
+            arms=arms,
+            voxels=config.voxel_size,
+            channels=config.channels,
+            token_dim=config.token_dim,
+            proprio_dim=4 * arms,
+            language_tokens=config.language_tokens,
+            language_dim=config.language_dim,
+            num_latents=config.num_latents,
+            latent_dim=config.latent_dim,
+            depth=config.depth,
+            heads=config.heads,
+            feedforward_multiplier=config.feedforward_multiplier,
+            attention_dropout=config.attention_dropout,
+            rotation_bins=BINS,
+            translation_head="dense",
+            checkpointing=False,
+        )
+    assert sum(parameter.numel() for parameter in network.parameters()) == expected
+
+
+def test_factorised_head_gives_one_normalised_distribution_over_all_voxels():
+    network = make_network(translation_head="factorised").eval()  # 8 patches, all within the beam
+    candidates = network(*make_inputs()).translation.candidates()
+    assert candidates.voxel.shape == (2, 2, 1000, 3)
+    assert len(torch.unique(candidates.voxel[0, 0], dim=0)) == 1000
+    torch.testing.assert_close(candidates.score.exp().sum(-1), torch.ones(2, 2, dtype=torch.float64))
+
+
+def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution():
+    network = make_network(translation_head="factorised").eval()
+    inputs = make_inputs()
+    voxel = torch.randint(0, 10, (2, 2, 3))
+    candidates = network(*inputs).translation.candidates()
+    hit = (candidates.voxel == voxel[:, :, None]).all(-1)
+    expected = -candidates.score[hit].view(2, 2)
+    torch.testing.assert_close(network(*inputs, voxel).translation.cross_entropy(voxel), expected)
+
+
+def test_factorised_loss_without_target_voxels_is_refused():
+    network = make_network(translation_head="factorised").eval()
+    prediction = network(*make_inputs())
+    with pytest.raises(ValueError, match="without target voxels"):
+        prediction.translation.cross_entropy(torch.zeros(2, 2, 3, dtype=torch.long))
+
+
+@pytest.mark.parametrize("head", ["dense", "factorised"])
+def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(head):
+    network = make_network(translation_head=head).eval()
+    candidates = network(*make_inputs()).translation.candidates()
+    best, mean = candidates.best(), candidates.local_mean()
+    for sample in range(2):
+        for arm in range(2):
+            scores = dict(
+                zip(
+                    map(tuple, candidates.voxel[sample, arm].tolist()),
+                    candidates.score[sample, arm].exp().tolist(),
+                    strict=True,
+                )
+            )
+            window = {
+                voxel: weight
+                for voxel, weight in scores.items()
+                if max(abs(a - b) for a, b in zip(voxel, best[sample, arm].tolist(), strict=True)) <= 1
+            }
+            assert tuple(best[sample, arm].tolist()) == max(scores, key=scores.__getitem__)
+            expected = [
+                sum(v[axis] * w for v, w in window.items()) / sum(window.values()) for axis in range(3)
+            ]
+            torch.testing.assert_close(mean[sample, arm], torch.tensor(expected, dtype=torch.float64))
+
+
+def test_dense_candidates_leave_out_neighbours_beyond_the_border():
+    network = make_network().eval()
+    prediction = network(*make_inputs())
+    logits = prediction.translation.logits
+    logits.data[:, :, 0, 9, 5] = 1e3
+    candidates = prediction.translation.candidates()
+    assert candidates.best().tolist() == [[[0, 9, 5]] * 2] * 2
+    assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
+
+
+def test_bfloat16_autocast_stays_close_and_ends_in_float32():
+    network = make_network().float()
+    inputs = [tensor.float() for tensor in make_inputs()]
+    full = network(*inputs)
+    with torch.autocast("cpu", torch.bfloat16):
+        half = network(*inputs)
+    assert half.translation.logits.dtype == half.rotation.dtype == torch.float32
+    torch.testing.assert_close(half.translation.logits, full.translation.logits, atol=0.1, rtol=0.1)

@@ -1,0 +1,71 @@
+"""LAMB does the reference's arithmetic."""
+
+import numpy as np
+import torch
+from lerobot.optim import OptimizerConfig
+from lerobot.optim.optimizers import load_optimizer_state, save_optimizer_state
+
+from lerobot_policy_bimanual.optimizers import LambConfig
+
+
+def written_out_lamb(weight: np.ndarray, gradients: list[np.ndarray], config: LambConfig) -> np.ndarray:
+    first, second = np.zeros_like(weight), np.zeros_like(weight)
+    for gradient in gradients:
+        first = config.betas[0] * first + (1 - config.betas[0]) * gradient
+        second = config.betas[1] * second + (1 - config.betas[1]) * gradient**2
+        direction = first / (np.sqrt(second) + config.eps) + config.weight_decay * weight
+        norm = min(np.linalg.norm(weight), 10.0)
+        ratio = norm / np.linalg.norm(direction) if norm > 0 and np.linalg.norm(direction) > 0 else 1.0
+        weight = weight - config.lr * ratio * direction
+    return weight
+
+
+def test_steps_equal_the_written_out_formula():
+    config = LambConfig(weight_decay=0.01)
+    starts = [torch.randn(4, 3), torch.zeros(5), 100 * torch.randn(6)]  # one zero, one beyond the clamp
+    gradients = [[torch.randn_like(start) for start in starts] for _ in range(3)]
+    weights = [torch.nn.Parameter(start.clone()) for start in starts]
+    optimizer = config.build(weights)
+    for step in gradients:
+        for weight, gradient in zip(weights, step, strict=True):
+            weight.grad = gradient.clone()
+        optimizer.step()
+    for index, weight in enumerate(weights):
+        history = [step[index].double().numpy() for step in gradients]
+        expected = written_out_lamb(starts[index].double().numpy(), history, config)
+        np.testing.assert_allclose(weight.detach().numpy(), expected, rtol=1e-5, atol=1e-6)
+
+
+def test_state_survives_lerobots_checkpoint(tmp_path):
+    def run(steps: int, weight: torch.nn.Parameter, optimizer: torch.optim.Optimizer) -> None:
+        for _ in range(steps):
+            optimizer.zero_grad()
+            (weight**4).sum().backward()
+            optimizer.step()
+
+    torch.manual_seed(0)
+    start = torch.randn(5)
+    straight = torch.nn.Parameter(start.clone())
+    run(4, straight, LambConfig().build([straight]))
+
+    weight = torch.nn.Parameter(start.clone())
+    optimizer = LambConfig().build([weight])
+    run(2, weight, optimizer)
+    save_optimizer_state(optimizer, tmp_path)
+    resumed = LambConfig().build([weight])
+    load_optimizer_state(resumed, tmp_path)
+    run(2, weight, resumed)
+    assert torch.equal(weight, straight)
+
+
+def test_lamb_is_known_to_lerobot_by_name():
+    assert OptimizerConfig.get_choice_class("lamb") is LambConfig
+
+
+def test_unused_parameters_are_left_alone():
+    used, unused = torch.nn.Parameter(torch.ones(2)), torch.nn.Parameter(torch.ones(2))
+    optimizer = LambConfig().build([used, unused])
+    used.sum().backward()
+    optimizer.step()
+    assert torch.equal(unused, torch.ones(2))
+    assert not torch.equal(used, torch.ones(2))

@@ -1,0 +1,74 @@
+"""Points to voxels."""
+
+import torch
+
+from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_policy_bimanual.nn.point_cloud import unproject_planar
+from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+
+
+def random_cloud(samples: int = 2, points: int = 300) -> tuple[torch.Tensor, torch.Tensor]:
+    """Points in and around the workspace, some of them invalid."""
+    cloud = torch.rand(samples, 3, points, dtype=torch.float64) * 1.6 - 0.5
+    cloud[:, 2] += 0.6
+    cloud[:, :, ::17] = torch.nan
+    return cloud, torch.rand(samples, 3, points, dtype=torch.float64) * 2 - 1
+
+
+def test_grid_equals_averaging_point_by_point(written_out):
+    points, colours = random_cloud()
+    expected = written_out.voxelise(
+        points, colours, torch.tensor(VOXEL_WORKSPACE.lower), torch.tensor(VOXEL_WORKSPACE.upper), 5
+    )
+    actual = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=5)
+    torch.testing.assert_close(actual, expected)
+
+
+def test_order_of_points_does_not_matter():
+    points, colours = random_cloud()
+    order = torch.randperm(points.shape[-1])
+    torch.testing.assert_close(
+        voxelise(points[..., order], colours[..., order], workspace=VOXEL_WORKSPACE, voxels=10),
+        voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=10),
+    )
+
+
+def test_samples_of_a_batch_do_not_mix():
+    points, colours = random_cloud(samples=3)
+    together = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=10)
+    for sample in range(3):
+        alone = voxelise(
+            points[sample : sample + 1], colours[sample : sample + 1], workspace=VOXEL_WORKSPACE, voxels=10
+        )
+        assert torch.equal(together[sample], alone[0])
+
+
+def test_points_outside_and_invalid_points_leave_the_grid_empty():
+    outside = torch.tensor([[[-0.31, 0.7, torch.nan, torch.inf]] * 3])
+    grid = voxelise(outside, torch.ones_like(outside), workspace=Workspace((-0.3,) * 3, (0.7,) * 3), voxels=5)
+    assert not grid[:, :6].any()
+    assert not grid[:, 9].any()
+    assert torch.isfinite(grid).all()
+
+
+def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):
+    keyposes = random_keyposes(20)
+    for keypose, voxel in zip(keyposes, KeyposeCodec(voxels=50).encode(keyposes).voxel, strict=True):
+        left = keypose[:3].view(1, 3, 1)
+        grid = voxelise(left, torch.zeros_like(left), workspace=VOXEL_WORKSPACE, voxels=50)
+        assert grid[0, 9].nonzero().tolist() == [voxel[0].tolist()]
+
+
+def test_planar_unprojection_equals_the_image_shaped_one():
+    depth_mm = 300 + 1000 * torch.rand(3, 1, 6, 9)
+    depth_mm[:, :, 2, 3] = 0
+    intrinsics = torch.tensor([[50.0, 0, 4.2], [0, 55.0, 2.9], [0, 0, 1]]).repeat(3, 1, 1)
+    pose = torch.eye(4).repeat(3, 1, 1)
+    pose[:, :3, :3] = torch.linalg.qr(torch.randn(3, 3, 3)).Q
+    pose[:, :3, 3] = torch.randn(3, 3)
+    expected = unproject(depth_mm[:, 0] / 1000, intrinsics, pose).flatten(1, 2).transpose(1, 2)
+    actual = unproject_planar(depth_mm, intrinsics, pose)
+    torch.testing.assert_close(actual, expected, equal_nan=True)
+    assert actual.isnan().any()
