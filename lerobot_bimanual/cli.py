@@ -65,7 +65,9 @@ def main(words: Sequence[str] | None = None) -> int:
         The exit code of the process (see the module's text).
     """
     try:
-        return _dispatch(list(sys.argv[1:] if words is None else words))
+        code = _dispatch(list(sys.argv[1:] if words is None else words))
+        sys.stdout.flush()
+        return code
     except BimanualError as error:
         if os.environ.get(TRACEBACK_VARIABLE) == "1":
             raise

@@ -5,8 +5,8 @@ Every field is a flag, `--name=value` or `--name value`; a field of a nested dat
 
 draccus reads values as YAML 1.1, which alters some texts in silence. Here instead
 - a `str` or `Path` field takes its text as it stands (YAML reads `10:30` as the number 630 and `010` as 8);
-- a `tuple[str, ...]` or `list[str]` field takes a comma list, `--cameras=front,left_wrist` (draccus would
-  split the text into letters);
+- a `tuple` or `list` field takes a comma list, `--cameras=front,left_wrist` (draccus would split the text into
+  letters);
 - a `bool` field may stand alone, `--force` for `--force=true`.
 
 Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be absent (`--name=null` sets None).
@@ -55,16 +55,16 @@ class Flag:
         return self.kind in (str, Path)
 
     @property
-    def is_text_list(self) -> bool:
+    def is_list(self) -> bool:
         """Whether the value is a comma list."""
-        return typing.get_origin(self.kind) in (tuple, list) and set(typing.get_args(self.kind)) <= {str, ...}
+        return typing.get_origin(self.kind) in (tuple, list)
 
     @property
     def value_name(self) -> str:
         """What stands after the equals sign in a help text."""
         if typing.get_origin(self.kind) is Literal:
             return "|".join(str(choice) for choice in typing.get_args(self.kind))
-        if self.is_text_list:
+        if self.is_list:
             return "a,b,..."
         names = {bool: "true|false", str: "text", Path: "path"}
         return names.get(self.kind) or getattr(self.kind, "__name__", str(self.kind))
@@ -128,8 +128,10 @@ def _as_yaml(value: str, flag: Flag) -> str:
         return value
     if flag.is_text:
         return json.dumps(value)
-    if flag.is_text_list and not value.startswith("["):
-        return json.dumps([item.strip() for item in value.split(",") if item.strip()])
+    if flag.is_list and not value.startswith("["):
+        items = [item.strip() for item in value.split(",") if item.strip()]
+        holds_text = str in typing.get_args(flag.kind)
+        return f"[{', '.join(json.dumps(item) if holds_text else item for item in items)}]"
     return value
 
 

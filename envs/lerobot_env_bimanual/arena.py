@@ -120,7 +120,7 @@ def _add_light(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtLightType.mjLIGHT_SPOT,
         pos=KEY_LIGHT_POSITION_M,
         dir=np.subtract((*TABLE_CENTRE_XY_M, TABLE_HEIGHT_M), KEY_LIGHT_POSITION_M),
-        cutoff=60,
+        cutoff=85,
         exponent=0,
         diffuse=(0.50, 0.50, 0.49),
         specular=(0.15, 0.15, 0.15),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.arms import ARMS, Arm
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.scene import Scene
@@ -134,3 +134,19 @@ class Held:
     def __call__(self, scene: Scene) -> bool:
         """Look through the contacts."""
         return scene.held(self.by, self.prop)
+
+
+@dataclass(frozen=True)
+class Grasped:
+    """Both fingers of one hand, whichever, are in contact with the prop."""
+
+    prop: str
+
+    @property
+    def name(self) -> str:
+        """E.g. `grasped(plate)`."""
+        return f"grasped({self.prop})"
+
+    def __call__(self, scene: Scene) -> bool:
+        """Look through the contacts."""
+        return any(scene.held(arm, self.prop) for arm in ARMS)

@@ -1,10 +1,11 @@
-"""The one door to MuJoCo: picks an OpenGL backend before `mujoco` is imported.
+"""The one door to MuJoCo: picks an OpenGL backend before `mujoco` is imported, and takes over its warnings.
 
 Every module of this distribution imports MuJoCo with `from lerobot_env_bimanual.gl import mujoco`, because
 MuJoCo reads `MUJOCO_GL` once, at import, and without it fails on a machine that has no display although an
 off-screen driver is installed.
 """
 
+import logging
 import os
 
 
@@ -27,10 +28,13 @@ try:
 except AttributeError:
     # What a missing driver library becomes inside PyOpenGL. Physics needs no driver: import without rendering,
     # and let a `Renderer` raise `MissingGL` when one is asked for.
-    wanted = os.environ["MUJOCO_GL"]
+    wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco
 
     os.environ["MUJOCO_GL"] = wanted
+
+# Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
+mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
 
 __all__ = ["ensure_gl", "mujoco"]

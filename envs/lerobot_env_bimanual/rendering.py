@@ -113,7 +113,9 @@ class _Context:
         self._shape = (height, width)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         if not hasattr(mujoco, "GLContext"):
-            raise MissingGL(f"MUJOCO_GL={os.environ.get('MUJOCO_GL')}, but its driver library is not installed")
+            raise MissingGL(
+                f"MUJOCO_GL={os.environ.get('MUJOCO_GL')}, but its driver library is not installed"
+            )
         try:
             gl = mujoco.GLContext(width, height)
             gl.make_current()

@@ -135,6 +135,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 f"cameras={self.cameras} must name at least one camera, and "
                 f"keypose_horizon={self.keypose_horizon} must be at least 2"
             )
+        _ = self.codec  # refuses bins and bounds that do not fit
 
     @property
     def workspace(self) -> Workspace:

@@ -90,8 +90,8 @@ def proprioception(batch: dict[str, Any], keypose_horizon: int) -> Tensor:
     """
     opening = batch[STATE].float().unflatten(-1, (len(ARMS), -1))[..., -1:]  # (b, arms, 1)
     fingers = batch[GRIPPER_FINGERS].float().unflatten(-1, (len(ARMS), -1)) / FINGER_TRAVEL_M  # (b, arms, 2)
-    time = (1 - 2 * batch[KEYPOSE_STEP].float() / (keypose_horizon - 1)).clamp(min=-1)  # (b, 1)
-    time = time[:, None].expand(-1, len(ARMS), -1)
+    step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
+    time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
     return torch.cat([(opening > OPEN_ABOVE).float(), fingers.clamp(0, 1), time], dim=-1).flatten(1)
 
 

@@ -9,13 +9,13 @@ from lerobot.configs import FeatureType
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.factory import make_env
 from lerobot.envs.utils import env_to_policy_features
-from lerobot_env_bimanual import BimanualEnvConfig
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_suites
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownTask, UnknownVariation
+from lerobot_env_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_suites
 
 
 @dataclass

@@ -11,9 +11,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_tasks
-from lerobot_env_bimanual.settings import ControlMode, ObservationMode
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -26,6 +23,9 @@ from lerobot_bimanual.errors import (
     UnknownVariation,
 )
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.settings import ControlMode, ObservationMode
 
 TASK = "lift_ball"
 ACTIONS_ARE_NOT_NORMALISED = ".*recommend using a symmetric and normalized space"

@@ -94,7 +94,7 @@ def test_two_blocks_of_different_names_share_a_scene():
 
 def test_neighbouring_faces_of_the_ball_texture_meet_without_a_seam():
     texture = beach_ball_texture().astype(int)
-    assert texture.shape == (6, 128, 128, 3)
+    assert texture.shape == (6, 96, 96, 3)
     right, left, up, down, front, back = texture  # OpenGL's order
     edges = [
         (front[:, -1], right[:, 0]),

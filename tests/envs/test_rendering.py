@@ -48,7 +48,9 @@ def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
 
 def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
     env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=env | variables)
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=env | variables
+    )
 
 
 def test_every_camera_gives_color_and_depth(images):
@@ -139,15 +141,15 @@ def test_at_home_each_hand_s_camera_sees_the_table_and_its_own_fingertips(scene,
 
 def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
     scene = make_scene()
-    hand_T_camera = []
+    camera_in_hand = []
     for _ in range(2):
         extrinsics, _ = cameras_of(scene)
-        hand_T_camera.append(scene.tcp(Arm.LEFT).inverse().matrix @ extrinsics["left_wrist"])
+        camera_in_hand.append(scene.tcp(Arm.LEFT).inverse().matrix @ extrinsics["left_wrist"])
         action = scene.commanded
         action[0] += 0.2
         for _ in range(4):
             scene.tick(action)
-    assert hand_T_camera[0] == pytest.approx(hand_T_camera[1], abs=1e-5)
+    assert camera_in_hand[0] == pytest.approx(camera_in_hand[1], abs=1e-5)
     moved, _ = cameras_of(scene)
     assert np.linalg.norm(moved["left_wrist"][:3, 3] - extrinsics["left_wrist"][:3, 3]) > 0.05
     assert moved["front"] == pytest.approx(extrinsics["front"])
@@ -165,7 +167,9 @@ def test_calibration_is_flat_float32_and_scales_with_the_image(scene):
         assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))])
+@pytest.mark.parametrize(
+    "cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))]
+)
 def test_an_image_does_not_depend_on_which_other_cameras_are_rendered(scene, images, cameras):
     with Renderer(scene, cameras, SIZE, SIZE) as renderer:
         for camera, (rgb, depth) in renderer.render().items():
@@ -182,7 +186,10 @@ def test_rendering_leaves_the_state_alone(scene):
 
 def test_renderers_of_different_sizes_and_qualities_work_side_by_side(scene, images):
     kept = (scene.model.vis.quality.offsamples, scene.model.vis.quality.numslices)
-    with Renderer(scene, height=SIZE, width=SIZE) as small, Renderer(scene, ("front",), 96, 160, "high") as fine:
+    with (
+        Renderer(scene, height=SIZE, width=SIZE) as small,
+        Renderer(scene, ("front",), 96, 160, "high") as fine,
+    ):
         for _ in range(2):
             rgb, depth = fine.render()["front"]
             assert rgb.shape == (96, 160, 3)
@@ -232,7 +239,9 @@ def test_without_a_driver_physics_runs_and_rendering_names_the_packages():
 
 
 def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respected():
-    program = "import os, lerobot_env_bimanual.gl; print(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])"
+    program = (
+        "import os, lerobot_env_bimanual.gl; print(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])"
+    )
     assert without_gl(program).stdout.split() == ["egl", "0"]
     chosen = without_gl(program, MUJOCO_GL="disable", LP_NUM_THREADS="2")
     assert chosen.stdout.split() == ["disable", "2"]

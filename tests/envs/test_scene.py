@@ -136,13 +136,16 @@ def test_a_held_block_is_touched_by_each_finger_and_not_by_the_forearm(scene):
     assert not scene.held(Arm.RIGHT, "item")
 
 
-def test_a_diverging_state_is_reported_until_reset(scene):
+def test_a_diverging_state_is_reported_until_reset(scene, caplog, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     scene.place("item", ON_TABLE)
     scene.settle(1)
     assert not scene.unstable
     scene.data.qvel[:] = np.nan
     scene.tick(scene.commanded)
     assert scene.unstable
+    assert "unstable" in caplog.text
+    assert not list(tmp_path.iterdir())  # MuJoCo's own habit is a log file where the user stands
     state = scene.save_state()
     scene.reset()
     assert not scene.unstable

@@ -7,6 +7,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.vector import FreezeWhenOver, LazyVectorEnv
 

@@ -1,6 +1,7 @@
 import av
 import numpy as np
 import pytest
+
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.video import VideoWriter
 

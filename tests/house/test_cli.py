@@ -98,6 +98,12 @@ def test_what_goes_wrong_is_said_on_one_line(
     assert captured.out == ""
 
 
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"{sys.executable} -m lerobot_bimanual.cli --help | true"
+    child = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert child.stderr == ""
+
+
 def test_the_traceback_can_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(cli.TRACEBACK_VARIABLE, "1")
     with pytest.raises(cli.BimanualError, match="nobody"):

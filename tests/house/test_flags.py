@@ -28,6 +28,7 @@ class Config(Base):
     output: Path | None = None
     cameras: tuple[str, ...] = ("front",)
     """A string below."""
+    fractions: tuple[float, ...] = ()
     workers: int = 1
     force: bool = False
     planner: Planner = field(default_factory=Planner)
@@ -49,6 +50,7 @@ def test_texts_arrive_as_they_were_typed(seeds: str) -> None:
         (["--cameras=front, left_wrist"], Config(cameras=("front", "left_wrist"))),
         (["--cameras=[front]"], Config(cameras=("front",))),
         (["--cameras="], Config(cameras=())),
+        (["--fractions=0.35, 1"], Config(fractions=(0.35, 1.0))),
         (["--workers", "-3"], Config(workers=-3)),
         (["--force"], Config(force=True)),
         (["--force", "--workers=2"], Config(force=True, workers=2)),

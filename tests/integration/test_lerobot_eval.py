@@ -11,11 +11,11 @@ from lerobot.envs.utils import close_envs, preprocess_observation
 from lerobot.policies import PreTrainedPolicy
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
-from lerobot_env_bimanual import BimanualEnvConfig
-from lerobot_env_bimanual.vector import LazyVectorEnv
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_env_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.vector import LazyVectorEnv
 
 pytestmark = pytest.mark.slow
 

@@ -78,7 +78,7 @@ def test_missing_depth_is_reported_by_name():
     config = PerAct2Config(device="cpu", cameras=("front",))
     config.input_features = dataset_inputs(("front",))
     del config.input_features[depth_key("front")]
-    with pytest.raises(SchemaMismatch, match="observation.images.front_depth"):
+    with pytest.raises(SchemaMismatch, match=r"observation\.images\.front_depth"):
         config.validate_features()
 
 

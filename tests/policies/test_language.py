@@ -31,7 +31,7 @@ def test_no_sentence_is_refused(instruction):
 
 def test_word_slots_do_not_depend_on_case_punctuation_or_process():
     assert word_ids("Lift the BALL!") == word_ids("lift the ball")
-    assert word_ids("lift") == [0, 1 + 0x8B8E9E3B % 2047] or len(word_ids("lift")) == 2
+    assert word_ids("lift ball") == [0, 1918, 118]  # a checkpoint relies on these
 
 
 @pytest.mark.skipif(importlib.util.find_spec("transformers") is not None, reason="transformers is installed")

@@ -137,6 +137,14 @@ def test_time_runs_from_one_to_minus_one_over_the_horizon(tiny, make_batch):
     assert proprio[:, :, 3].tolist() == [[1.0] * 2, [0.0] * 2, [-1.0] * 2, [-1.0] * 2]
 
 
+def test_keypose_step_may_come_without_its_last_axis_as_lerobots_loader_gives_it(tiny, make_batch):
+    policy = PerAct2Policy(PerAct2Config(**tiny))
+    batch = make_batch(samples=3)
+    expected = policy._observe(batch, None).proprio
+    batch["observation.keypose_step"] = batch["observation.keypose_step"].squeeze(1)
+    assert torch.equal(policy._observe(batch, None).proprio, expected)
+
+
 def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny))
     batch = make_batch(samples=1)
@@ -202,7 +210,7 @@ def test_processors_leave_observations_alone_and_survive_saving(tiny, make_batch
         assert torch.equal(postprocess(keypose), keypose)
 
 
-@HEADS
+@pytest.mark.parametrize("head", [pytest.param("dense", marks=pytest.mark.slow), "factorised"])
 def test_four_keyframes_are_learned_by_heart(tiny, make_batch, head):
     policy = PerAct2Policy(PerAct2Config(**tiny, translation_head=head, augmentation=False)).train()
     batch = make_batch(samples=4)
@@ -227,6 +235,7 @@ def test_four_keyframes_are_learned_by_heart(tiny, make_batch, head):
     assert torch.equal(predicted.ignore_collisions, truth.ignore_collisions)
 
 
+@pytest.mark.slow
 def test_compiling_does_not_change_the_names_in_the_checkpoint(tiny):
     plain, compiled = (PerAct2Policy(PerAct2Config(**tiny, compile=flag)) for flag in (False, True))
     assert plain.state_dict().keys() == compiled.state_dict().keys()

@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import datasets
+import datasets.config
 from lerobot.datasets.aggregate import aggregate_datasets
 
 from lerobot_bimanual.dataset.card import write_card

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.registry import get_task, resolve_tasks
 from lerobot_env_bimanual.settings import ANY_VARIATION, EnvSettings
 
@@ -59,8 +60,13 @@ class GenerationSettings:
             BimanualError: an option is outside its choices; the message lists them.
         """
         tasks = resolve_tasks(config.task)
-        camera_settings = next(iter([_check_environment(task, config) for task in tasks]))
-        for option, least in (("episodes", 1), ("episodes_per_shard", 1), ("first_seed", 0), ("discretise", 0)):
+        camera_settings = [_environment_settings(task, config) for task in tasks].pop()
+        for option, least in (
+            ("episodes", 1),
+            ("episodes_per_shard", 1),
+            ("first_seed", 0),
+            ("discretise", 0),
+        ):
             if getattr(config, option) < least:
                 raise InvalidChoice(option, getattr(config, option), [f"an integer of at least {least}"])
         if config.view not in (*VIEWS, BOTH_VIEWS):
@@ -112,18 +118,15 @@ class GenerationSettings:
         ]
 
 
-def _check_environment(task: str, config: GenerateConfig) -> EnvSettings:
-    return EnvSettings.parse(
-        get_task(task).spec,
+def _environment_settings(task: str, config: GenerateConfig) -> EnvSettings:
+    """Options of a task's environment, checked by the environment itself."""
+    return BimanualEnv(
+        task,
         variation=config.variation,
         split=config.split,
         cameras=config.cameras,
         image_size=config.image_size,
-        obs="rgbd",
-        control_mode="keypose",
-        video_dir=None,
-        max_keyposes=1,
-    )
+    ).settings
 
 
 def _parse_fraction(text: str) -> float:

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
@@ -60,8 +60,8 @@ class Workers:
 
     @property
     def successes(self) -> int:
-        """Episodes recorded so far."""
-        return self._successes.value
+        """Episodes recorded so far; read without the lock, which a killed worker may have taken along."""
+        return self._successes.get_obj().value
 
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
@@ -141,7 +141,10 @@ def _record_shard(settings: GenerationSettings, shard: Shard, target: Path) -> N
         if _recorder is not None:
             _recorder[1].close()
         _recorder = task, make_recorder(settings, task)
-    record_shard(settings, shard, _recorder[1], target, _count_success)
+    try:
+        record_shard(settings, shard, _recorder[1], target, _count_success)
+    except BimanualError as error:
+        raise DatasetError(str(error)) from None  # errors with other arguments do not survive the way home
 
 
 def _count_success() -> None:

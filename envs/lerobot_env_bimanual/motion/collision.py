@@ -36,6 +36,8 @@ class CollisionChecker:
         self._model = copy.copy(scene.model)
         self._data = mujoco.MjData(self._model)
         self._owner = _owners(scene)
+        # Both, as MuJoCo discards pairs of bodies before it looks at their geoms.
+        self._model.body_margin[self._owner >= 0] = CLEARANCE_M
         self._model.geom_margin[self._owner[self._model.geom_bodyid] >= 0] = CLEARANCE_M
         self._joints = [
             np.array([self._model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)])
@@ -43,9 +45,9 @@ class CollisionChecker:
         ]
         self._carried: list[Carried] = []
         self._least_distance = np.full((self._model.nbody, self._model.nbody), NEVER)
-        self._fingers = [
-            self._model.body(name).id for arm in ARMS for name in scene.arm_pair.finger_names(arm)
-        ]
+        self._is_finger = np.zeros(self._model.nbody, dtype=bool)
+        for arm in ARMS:
+            self._is_finger[[self._model.body(name).id for name in scene.arm_pair.finger_names(arm)]] = True
 
     def begin_free_motion(
         self, checked: Iterable[Arm], carried: Iterable[tuple[Arm, str]], left: Array, right: Array
@@ -87,17 +89,16 @@ class CollisionChecker:
         self._carried = []
         self._least_distance[:] = NEVER
         left, right = (self._owner == arm.index for arm in ARMS)
-        is_finger = np.isin(np.arange(self._model.nbody), self._fingers)
         self._require(left, left, 0.0)
         self._require(right, right, 0.0)
-        self._require(left & ~is_finger, right & ~is_finger, 0.0)
+        self._require(left & ~self._is_finger, right & ~self._is_finger, 0.0)
         world = np.arange(self._model.nbody) == 0
         self._require(left | right, world, 0.0)
 
     def free(self, left: Array, right: Array) -> bool:
         """Whether the two postures, (7,) rad each, keep the rules."""
         self._move(left, right)
-        return not len(self._offending())
+        return self._data.ncon == 0 or not len(self._offending())
 
     def obstacle(self, left: Array, right: Array) -> str | None:
         """What is in the way of the two postures, e.g. `left_link6 and oven`; None if they are free."""
@@ -143,10 +144,8 @@ class CollisionChecker:
 
 def _owners(scene: Scene) -> NDArray[np.int64]:
     """Index of the arm that each body belongs to, (nbody,); -1 for world and props."""
-    model = scene.model
-    owner = np.full(model.nbody, -1)
+    owner = np.full(scene.model.nbody, -1)
     for arm in ARMS:
-        owner[model.body(scene.arm_pair.base_body(arm)).id] = arm.index
-    for body in range(1, model.nbody):  # parents come before children
-        owner[body] = max(owner[body], owner[model.body_parentid[body]])
+        base = scene.model.body(scene.arm_pair.base_body(arm)).id
+        owner[scene.model.body_rootid == base] = arm.index
     return owner

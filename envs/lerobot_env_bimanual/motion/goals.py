@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
@@ -27,10 +26,12 @@ STAY_M = 1e-4
 STAY_RAD = 1e-3
 
 
-def stays(kinematics: ArmKinematics, joints: Array, target: Pose) -> bool:
-    """Whether joints (7,) already are at the target pose, so that the arm must not move at all."""
-    distance_m, angle_rad = kinematics.pose(joints).distance_to(target)
-    return distance_m < STAY_M and angle_rad < STAY_RAD
+def stays(kinematics: ArmKinematics, joints: Array, target: Array) -> bool:
+    """Whether joints (7,) already are at the target pose (4, 4), so that the arm must not move at all."""
+    difference = kinematics.fk(joints) - target
+    # Two rotation matrices that are a small angle apart differ by sqrt(2) times that angle.
+    angle_rad = np.linalg.norm(difference[:3, :3]) / np.sqrt(2)
+    return bool(np.linalg.norm(difference[:3, 3]) < STAY_M and angle_rad < STAY_RAD)
 
 
 def goal_postures(kinematics: ArmKinematics, start: Array, target: Array) -> list[Array]:

@@ -10,7 +10,7 @@ solutions at all knots; where that fails too, the line is infeasible.
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.geometry.rotations import matrix_from_rotation_vector, rotation_vector
+from lerobot_bimanual.geometry.rotations import rotation_vector
 from lerobot_env_bimanual.motion.jacobian import hand_frames
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 
@@ -60,11 +60,18 @@ def line_poses(start: Array, target: Array) -> Array:
     """Poses (n, 4, 4) at equal fractions of the straight line between two poses (4, 4), without the start."""
     turn = rotation_vector(target[:3, :3] @ start[:3, :3].T)
     shift = target[:3, 3] - start[:3, 3]
-    steps = max(np.linalg.norm(shift) / STEP_M, np.linalg.norm(turn) / STEP_RAD)
-    fractions = np.linspace(0.0, 1.0, max(MIN_KNOTS, int(np.ceil(steps))) + 1)[1:, None]
-    poses = np.zeros((len(fractions), 4, 4))
-    poses[:, :3, :3] = matrix_from_rotation_vector(turn * fractions) @ start[:3, :3]
-    poses[:, :3, 3] = start[:3, 3] + shift * fractions
+    angle = float(np.linalg.norm(turn))
+    count = max(MIN_KNOTS, int(np.ceil(max(np.linalg.norm(shift) / STEP_M, angle / STEP_RAD))))
+    fractions = np.arange(1, count + 1) / count
+    # Rodrigues' formula: turned(u) = start + sin(u a) (k x start) + (1 - cos(u a)) (k x (k x start)).
+    x, y, z = turn / angle if angle > 0 else turn
+    axis_cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = axis_cross @ start[:3, :3]
+    twice = axis_cross @ cross
+    sine, versine = np.sin(fractions * angle), 1.0 - np.cos(fractions * angle)
+    poses = np.zeros((count, 4, 4))
+    poses[:, :3, :3] = start[:3, :3] + sine[:, None, None] * cross + versine[:, None, None] * twice
+    poses[:, :3, 3] = start[:3, 3] + fractions[:, None] * shift
     poses[:, 3, 3] = 1.0
     poses[-1] = target
     return poses

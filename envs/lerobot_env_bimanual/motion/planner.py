@@ -108,7 +108,7 @@ class KeyposePlanner:
         to_plan: dict[Arm, Pose] = {}
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
-            if stays(self._kinematics[arm], start, target):
+            if stays(self._kinematics[arm], start, target.matrix):
                 motion.add(arm, JointPath.even(np.stack([start, start])), FREE_SPEED)
                 continue
             _require_inside(arm, target)
@@ -217,7 +217,9 @@ class KeyposePlanner:
         )
         if knots is None:
             return None
-        length = np.concatenate([[0.0], np.abs(np.diff(knots, axis=0)).max(axis=1).cumsum()])
+        steps = np.abs(np.diff(knots, axis=0)).max(axis=1)
+        knots = knots[np.append(True, steps > 0)]
+        length = np.append(0.0, steps[steps > 0].cumsum())
         per_arm = np.split(knots, len(goal), axis=1)
         return {arm: JointPath(length / length[-1], path) for arm, path in zip(goal, per_arm, strict=True)}
 

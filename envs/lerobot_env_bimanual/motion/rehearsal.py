@@ -128,10 +128,11 @@ class _Rehearsal:
 
     def execute(self, stage: Stage, keypose: BimanualKeypose) -> str | None:
         """Go to a keypose, or say why not."""
+        targets = {arm: keypose[arm].pose.matrix for arm in ARMS}
         moving = {
-            arm: keypose[arm].pose.matrix
-            for arm in ARMS
-            if not stays(self._kinematics[arm], self._joints[arm], keypose[arm].pose)
+            arm: target
+            for arm, target in targets.items()
+            if not stays(self._kinematics[arm], self._joints[arm], target)
         }
         goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
         if isinstance(goals, str):

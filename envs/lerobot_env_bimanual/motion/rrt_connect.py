@@ -5,6 +5,7 @@ shortening of the path by random cuts. Limits count iterations, never time, so t
 gives the same path on any machine.
 """
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -18,7 +19,7 @@ EDGE_STEP_RAD = 0.035
 """Largest joint step between two collision checks along an edge (design study)."""
 GOAL_BIAS = 4
 """Every fourth sample is the root of the other tree."""
-SHORTCUTS = 80
+SHORTCUTS = 40
 
 
 class _Tree:
@@ -93,7 +94,13 @@ def rrt_connect(
 def edge_is_free(a: Array, b: Array, is_free: IsFree) -> bool:
     """Whether the straight way from `a` (not checked) to `b` is free, looked at in small steps."""
     steps = max(1, int(np.ceil(np.abs(b - a).max() / EDGE_STEP_RAD)))
-    return all(is_free(a + (b - a) * (k / steps)) for k in range(1, steps + 1))
+    return all(is_free(a + (b - a) * (k / steps)) for k in _coarse_to_fine(steps))
+
+
+@functools.cache
+def _coarse_to_fine(count: int) -> list[int]:
+    """1 to `count`, multiples of large powers of two first: a blocked edge is found out after a few checks."""
+    return sorted(range(1, count + 1), key=lambda k: -(k & -k))
 
 
 def _extend(tree: _Tree, nearest: int, target: Array, is_free: IsFree) -> int | None:

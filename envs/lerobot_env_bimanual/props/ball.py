@@ -13,8 +13,8 @@ GORE_COLORS = np.array(
 )
 CAP_COLOR = np.array((250, 250, 250), dtype=np.float64)
 CAP_HALF_ANGLE_RAD = np.deg2rad(16)
-TEXTURE_FACE_PIXELS = 128
-SAMPLES_PER_PIXEL_SIDE = 3
+TEXTURE_FACE_PIXELS = 96
+SAMPLES_PER_PIXEL_SIDE = 2
 
 
 @dataclass(frozen=True)

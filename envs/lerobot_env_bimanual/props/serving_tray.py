@@ -98,9 +98,7 @@ class ServingTray:
         """A linen mat with a stripe along either long side."""
         half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
         sheet = SHEET_HALF_THICKNESS_M
-        body.add_geom(
-            type=BOX, pos=(0, 0, z), size=(half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY
-        )
+        body.add_geom(type=BOX, pos=(0, 0, z), size=(half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY)
         for side in (-1, 1):
             body.add_geom(
                 type=BOX,

@@ -119,7 +119,7 @@ JOINT_LIDS = {
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"), ("link5", "link7"), ("link5", "hand"))
 
 WRIST_CAMERA_POSITION_M = (0.075, 0.0, 0.05)
-WRIST_CAMERA_TARGET_M = (0.01, 0.0, 0.22)
+WRIST_CAMERA_TARGET_M = (0.0, 0.0, 0.18)
 WRIST_CAMERA_FOVY_DEG = 70.0
 
 

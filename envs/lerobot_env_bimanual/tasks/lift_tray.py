@@ -1,11 +1,12 @@
 """Lift the tray.
 
-Bimanual because the tray is gripped by its two lips, 41 cm apart, and carries a loose cube: one hand alone tips
-it over, and hands that do not rise together let the cube slide off.
+Bimanual because the tray is gripped by two handles, 37 cm apart, and carries a loose cube: one hand alone tips it
+over, and hands that do not rise together let the cube slide off.
 
 Departures from the original: both fingers of each hand must touch the tray while tray and cube are at 1.20 m or
-higher; the original asks for the tray near both hands. The rim stands back from the short ends, so that there is
-a lip to pinch: nothing but friction holds the tray. The stand is 6 mm higher, which keeps the lower corner of a
+higher; the original asks for the tray to be near both hands. The tray, a plain board there, has handles and
+placements spread over 28 x 36 cm: on a board with a lip along its whole ends, a motion that ignores the scene
+succeeds in 37 %; with handles it does in 7 %. The stand is 6 mm higher, which keeps the lower corner of a
 horizontal hand off the table.
 """
 
@@ -40,14 +41,14 @@ TRAY_Z_M = TABLE_HEIGHT_M + STAND.height_m + TRAY.size_m[2] / 2
 """Centre of a voxel, at which the hands therefore grip exactly."""
 BESIDE_M = 0.26
 GRASP_M = 0.192
-"""From the tray's middle to the tool centre points: the fingertips reach 23 mm over the lip."""
+"""From the tray's middle to the tool centre points: the fingertips reach 23 mm over a handle."""
 LIFT_TO_M = 1.265
 """Centre of a voxel, too."""
 
 
 @register
 class LiftTray(Task):
-    """Two horizontal hands pinch the lips and go up together."""
+    """Two horizontal hands pinch the handles and go up together."""
 
     spec = TaskSpec(
         name="lift_tray",
@@ -85,9 +86,7 @@ class LiftTray(Task):
         tray = scene.pose("tray")
         beside, grasp = _hands(tray, BESIDE_M, TRAY_Z_M), _hands(tray, GRASP_M, TRAY_Z_M)
         yield Stage("beside", *beside, left_open=True, right_open=True, planned=True)
-        yield Stage(
-            "grasp", *grasp, left_open=False, right_open=False, left_holds="tray", right_holds="tray"
-        )
+        yield Stage("grasp", *grasp, left_open=False, right_open=False, left_holds="tray", right_holds="tray")
         yield Stage("lift", *_hands(tray, GRASP_M, LIFT_TO_M))
 
 

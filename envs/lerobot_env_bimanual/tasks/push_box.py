@@ -68,7 +68,7 @@ class PushBox(Task):
         ),
         props=(TARGET, BOX),
         success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
-        horizon_ticks=320,
+        horizon_ticks=600,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -1,0 +1,143 @@
+"""A small dinner plate with a flared rim."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_bimanual.geometry.rotations import euler_xyz_to_quat_wxyz
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.lathe import add_lathe
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+PORCELAIN = (0.97, 0.97, 0.95, 1.0)
+GLAZE = (0.17, 0.38, 0.63, 1.0)
+
+THICKNESS_M = 0.0025
+WELL_RADIUS_M = 0.048
+WELL_Z_M = 0.00475
+"""Middle of the thickness."""
+FOOT_RADIUS_M = 0.036
+FOOT_HEIGHT_M = 0.004
+FOOT_RING_WIDTH_M = 0.005
+FOOT_MASS_SHARE, WELL_MASS_SHARE, RIM_MASS_SHARE = 0.30, 0.25, 0.45
+RIM_PARTS = 24
+
+GLAZE_BANDS = ((0.06, 0.14), (0.78, 1.0))
+"""Painted rings, as shares of the way up the rim."""
+GLAZE_PROUD_M = 0.0003
+
+HIDDEN_GROUP = 3
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+MESH = mujoco.mjtGeom.mjGEOM_MESH
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A free plate, its frame in the middle of the foot's underside.
+
+    It is seen as a turned mesh and felt as two discs and a rim of boxes, because collision shapes are convex.
+
+    Attributes:
+        name: body.
+        radius_m: of the rim's upper edge (PerAct2 code).
+        height_m: of the rim's upper edge.
+        mass_kg: that of real porcelain; the original's half gram is too light to simulate.
+        friction: against everything but the grippers' rubber.
+    """
+
+    name: str = "plate"
+    radius_m: float = 0.075
+    height_m: float = 0.020
+    mass_kg: float = 0.12
+    friction: float = 0.6
+
+    @property
+    def rim_slope_rad(self) -> float:
+        """Angle of the rim above the horizontal."""
+        return float(np.arctan2(self.height_m - WELL_Z_M, self.radius_m - WELL_RADIUS_M))
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the shapes that are felt and the meshes that are seen."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        for radius, middle, height, share in (
+            (FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, FOOT_HEIGHT_M, FOOT_MASS_SHARE),
+            (WELL_RADIUS_M, WELL_Z_M, THICKNESS_M, WELL_MASS_SHARE),
+        ):
+            self._add_solid(body, CYLINDER, (radius, height / 2, 0), share, pos=(0, 0, middle))
+        self._add_rim(body)
+        add_lathe(spec, self.name, self._profile())
+        body.add_geom(type=MESH, meshname=self.name, rgba=PORCELAIN, **VISUAL_ONLY)
+        for number, band in enumerate(GLAZE_BANDS):
+            mesh = f"{self.name}_band{number}"
+            add_lathe(spec, mesh, self._band_profile(*band))
+            body.add_geom(type=MESH, meshname=mesh, rgba=GLAZE, **VISUAL_ONLY)
+
+    def _add_rim(self, body) -> None:
+        """Boxes side by side around the well, sloping up to the edge."""
+        run, rise = self.radius_m - WELL_RADIUS_M, self.height_m - WELL_Z_M
+        half = (np.hypot(run, rise) / 2, self.radius_m * np.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
+        middle_radius, middle_z = WELL_RADIUS_M + run / 2, WELL_Z_M + rise / 2
+        for angle in np.arange(RIM_PARTS) * 2 * np.pi / RIM_PARTS:
+            self._add_solid(
+                body,
+                BOX,
+                half,
+                RIM_MASS_SHARE / RIM_PARTS,
+                pos=(middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z),
+                quat=euler_xyz_to_quat_wxyz((0, -self.rim_slope_rad, angle)),
+            )
+
+    def _add_solid(self, body, shape, size, mass_share: float, **place) -> None:
+        body.add_geom(
+            type=shape,
+            size=size,
+            mass=mass_share * self.mass_kg,
+            friction=(self.friction, 0.005, 0.0001),
+            condim=4,
+            solref=(0.006, 1),
+            group=HIDDEN_GROUP,
+            **place,
+        )
+
+    def _on_rim(self, share: float, height_m: float) -> tuple[float, float]:
+        """Radius and z at a share of the way up the rim, `height_m` from the middle of its thickness."""
+        slope = self.rim_slope_rad
+        radius = WELL_RADIUS_M + share * (self.radius_m - WELL_RADIUS_M)
+        z = WELL_Z_M + share * (self.height_m - WELL_Z_M)
+        return radius - height_m * np.sin(slope), z + height_m * np.cos(slope)
+
+    def _profile(self) -> list[tuple[float, float]]:
+        """Outline for the lathe: foot ring, underside, edge, upper side."""
+        half = THICKNESS_M / 2
+        corner = half * np.tan(self.rim_slope_rad / 2)
+        below, above = WELL_Z_M - half, WELL_Z_M + half
+        inner_foot = FOOT_RADIUS_M - FOOT_RING_WIDTH_M
+        return [
+            (0, below / 2),
+            (inner_foot, below / 2),
+            (inner_foot, 0),
+            (FOOT_RADIUS_M, 0),
+            (FOOT_RADIUS_M, below),
+            (WELL_RADIUS_M + corner, below),
+            self._on_rim(1, -half),
+            self._on_rim(1, half),
+            (WELL_RADIUS_M - corner, above),
+            (0, above),
+        ]
+
+    def _band_profile(self, start: float, end: float) -> list[tuple[float, float]]:
+        """A sheet inside the porcelain that comes out a little between two shares of the rim."""
+        proud = THICKNESS_M / 2 + GLAZE_PROUD_M
+        hidden = THICKNESS_M / 8
+        return [
+            (0, WELL_Z_M - hidden),
+            (WELL_RADIUS_M, WELL_Z_M - hidden),
+            self._on_rim(end, -hidden),
+            self._on_rim(end, proud),
+            self._on_rim(start, proud),
+            self._on_rim(start, hidden),
+            (WELL_RADIUS_M, WELL_Z_M + hidden),
+            (0, WELL_Z_M + hidden),
+        ]

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.motion.carrying import props_in_hands
+from lerobot_env_bimanual.motion.collision import CollisionChecker
+from lerobot_env_bimanual.motion.goals import goal_postures
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+
+HOME = PANDA_PAIR.home_joints
+
+
+def _posture(arm: Arm, pose: Pose) -> np.ndarray:
+    return goal_postures(ArmKinematics.of(PANDA_PAIR, arm), HOME, pose.matrix)[0]
+
+
+def _down(x: float, y: float, z: float) -> Pose:
+    return Pose.looking((x, y, z), approach=(0, 0, -1), opening=(1, 0, 0))
+
+
+def test_arms_at_home_are_free_and_overlapping_hands_are_not(scene):
+    checker = CollisionChecker(scene)
+    checker.begin_free_motion(ARMS, [], HOME, HOME)
+    assert checker.free(HOME, HOME)
+    meeting = _down(0.25, -0.1, 1.0)
+    left, right = (_posture(arm, meeting) for arm in ARMS)
+    assert not checker.free(left, right)
+    obstacle = checker.obstacle(left, right)
+    assert obstacle is not None
+    assert "left_" in obstacle
+    assert "right_" in obstacle
+
+
+@pytest.mark.parametrize(("height", "free"), [(0.80, True), (0.77, False), (0.75, False)])
+def test_free_motion_keeps_its_clearance_from_the_table(scene, height, free):
+    checker = CollisionChecker(scene)
+    checker.begin_free_motion(ARMS, [], HOME, HOME)
+    assert checker.free(_posture(Arm.LEFT, _down(0.25, 0.2, height)), HOME) is free
+
+
+def test_an_arm_that_is_not_checked_is_only_an_obstacle(scene):
+    checker = CollisionChecker(scene)
+    through_table = _posture(Arm.RIGHT, _down(0.4, -0.3, 0.73))
+    checker.begin_free_motion([Arm.LEFT], [], HOME, HOME)
+    assert checker.free(HOME, through_table)
+    checker.begin_free_motion([Arm.RIGHT], [], HOME, HOME)
+    assert not checker.free(HOME, through_table)
+
+
+def test_what_touches_at_the_start_may_go_on_touching(furnished_scene):
+    scene = furnished_scene
+    scene.place("wall", Pose.upright((0.5, 0.6, 0.2)))
+    scene.place("block", Pose.upright((0.26, 0.2, 0.79)))
+    at_block = _posture(Arm.LEFT, _down(0.25, 0.2, 0.83))
+    checker = CollisionChecker(scene)
+    checker.begin_free_motion(ARMS, [], HOME, HOME)
+    assert checker.obstacle(at_block, HOME) is not None
+    checker.begin_free_motion(ARMS, [], at_block, HOME)
+    assert checker.obstacle(at_block, HOME) is None
+
+
+def test_a_carried_prop_moves_with_the_hand(furnished_scene):
+    scene = furnished_scene
+    scene.place("block", Pose.upright((0.25, 0.2, 0.94)))
+    scene.place("wall", Pose.upright((0.25, 0.40, 0.86)))
+    holding = _posture(Arm.LEFT, _down(0.25, 0.2, 0.98))
+    # The block hangs 8 cm below the hand and would end inside the wall; the hand stays above it.
+    beyond = _posture(Arm.LEFT, _down(0.25, 0.40, 1.10))
+    checker = CollisionChecker(scene)
+    data_before = scene.data.qpos.copy()
+    scene.data.qpos[:7] = holding
+    checker.begin_free_motion([Arm.LEFT], [(Arm.LEFT, "block")], holding, HOME)
+    assert not checker.free(beyond, HOME)
+    checker.begin_free_motion([Arm.LEFT], [], holding, HOME)
+    assert checker.free(beyond, HOME)
+    scene.data.qpos[:] = data_before
+
+
+def test_a_pinched_block_is_known_to_be_in_the_hand(furnished_scene):
+    scene = furnished_scene
+    scene.place("wall", Pose.upright((0.5, 0.6, 0.2)))
+    tcp = scene.tcp(Arm.LEFT)
+    scene.place("block", Pose(tcp.position, tcp.quat_wxyz))
+    assert props_in_hands(scene) == []
+    for finger in PANDA_PAIR.finger_names(Arm.LEFT):
+        scene.set_joint(finger, 0.0199)
+    assert props_in_hands(scene) == [(Arm.LEFT, "block")]
+
+
+def test_checking_leaves_the_scene_alone(scene):
+    before = scene.state_hash()
+    checker = CollisionChecker(scene)
+    checker.begin_free_motion(ARMS, [], HOME, HOME)
+    checker.free(HOME + 0.3, HOME - 0.3)
+    checker.begin_contact_motion()
+    checker.free(HOME + 0.3, HOME - 0.3)
+    assert scene.state_hash() == before

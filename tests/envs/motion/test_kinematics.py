@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.motion.jacobian import hand_frames
+from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+
+
+def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):
+    data = mujoco.MjData(scene.model)
+    for arm in ARMS:
+        kinematics = ArmKinematics.of(scene.arm_pair, arm)
+        site = scene.model.site(scene.arm_pair.tcp_site(arm)).id
+        joints = [scene.model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)]
+        for posture in postures:
+            data.qpos[joints] = posture
+            mujoco.mj_kinematics(scene.model, data)
+            pose = kinematics.fk(posture)
+            assert np.abs(pose[:3, 3] - data.site_xpos[site]).max() < 1e-6
+            assert np.abs(pose[:3, :3] - data.site_xmat[site].reshape(3, 3)).max() < 1e-6
+
+
+def test_batched_frames_are_the_forward_kinematics(kinematics, postures):
+    axes, position, _ = hand_frames(postures)
+    for i, posture in enumerate(postures):
+        pose = kinematics.in_base(kinematics.fk(posture))
+        assert np.allclose(axes[:, :, i].T, pose[:3, :3], atol=1e-9)
+        assert np.allclose(position[:, i], pose[:3, 3], atol=1e-9)
+
+
+def test_the_jacobian_is_the_derivative_of_the_frames(postures):
+    axes, _, jacobian = hand_frames(postures)
+    for joint in range(7):
+        step = np.zeros(7)
+        step[joint] = 1e-6
+        after_axes, after, _ = hand_frames(postures + step)
+        before_axes, before, _ = hand_frames(postures - step)
+        assert np.allclose((after - before).T / 2e-6, jacobian[:, :3, joint], atol=1e-6)
+        turning = np.cross(jacobian[:, None, 3:, joint], axes.transpose(2, 0, 1))
+        assert np.allclose((after_axes - before_axes).transpose(2, 0, 1) / 2e-6, turning, atol=1e-6)
+
+
+def test_solutions_reach_their_pose_within_the_limits(kinematics, postures):
+    count = 0
+    for posture in postures:
+        pose = kinematics.fk(posture)
+        solutions = kinematics.ik(pose)
+        exact = [kinematics.reaches(solution, pose) for solution in solutions]
+        assert np.sum(exact) >= len(exact) - 1  # the closed form is inexact only at the edge of a branch
+        assert (solutions > kinematics.lower + LIMIT_SAFETY_RAD).all()
+        assert (solutions < kinematics.upper - LIMIT_SAFETY_RAD).all()
+        count += len(solutions)
+    assert count > 10 * len(postures)
+
+
+def test_the_posture_that_made_a_pose_is_among_its_solutions(kinematics, postures):
+    bent = postures[postures[:, 3] < -0.5]  # elbows nearly straight are left out of the closed form
+    assert len(bent) > 20
+    for posture in bent:
+        solutions = kinematics.ik(kinematics.fk(posture), near_q7=posture[6])
+        assert np.abs(solutions - posture).max(axis=1).min() < 1e-6
+
+
+def test_a_pose_out_of_reach_has_no_solution(kinematics):
+    far = kinematics.fk(np.array([0.0, 0.5, 0.0, -1.5, 0.0, 1.8, 0.0]))
+    far[:3, 3] += (0.0, 1.5, 0.0)
+    assert kinematics.ik(far).shape == (0, 7)
+
+
+def test_margins_are_zero_at_the_limits_and_one_half_in_the_middle(kinematics):
+    middle = (kinematics.lower + kinematics.upper) / 2
+    assert kinematics.margins(kinematics.lower) == pytest.approx(np.zeros(7))
+    assert kinematics.margins(middle) == pytest.approx(np.full(7, 0.5))
+    assert kinematics.limit_closeness(kinematics.lower[None]) > kinematics.limit_closeness(middle[None])

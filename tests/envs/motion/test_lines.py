@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.motion import lines
+from lerobot_env_bimanual.motion.goals import goal_postures
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.lines import (
+    MAX_JOINT_STEP_RAD,
+    STEP_M,
+    STEP_RAD,
+    cartesian_line,
+    line_poses,
+)
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+
+HOME = PANDA_PAIR.home_joints
+
+
+def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
+    return goal_postures(kinematics, HOME, pose.matrix)[0]
+
+
+def _lines(kinematics: ArmKinematics, count: int):
+    """Random feasible lines of up to 40 cm and 60 degrees, from hands that point down."""
+    rng = np.random.default_rng(0)
+    while count:
+        above = Pose.looking(rng.uniform((0.15, -0.3, 0.85), (0.4, 0.2, 1.1)), (0, 0, -1), rng.normal(size=3))
+        start = _posture(kinematics, above)
+        shift, tilt = rng.uniform(-0.23, 0.23, 3), rng.uniform(-0.6, 0.6, 3)
+        opening = above.rotation[:, 1] + tilt
+        target = Pose.looking(above.position + shift, tilt * (1, 1, 0) - (0, 0, 1), opening).matrix
+        path = cartesian_line(kinematics, start, target)
+        if path is not None:
+            yield start, target, path
+            count -= 1
+
+
+def test_a_line_starts_at_the_commanded_joints_and_ends_at_the_target(kinematics):
+    for start, target, path in _lines(kinematics, 10):
+        assert np.array_equal(path[0], start)
+        end = kinematics.fk(path[-1])
+        assert np.linalg.norm(end[:3, 3] - target[:3, 3]) < 1e-6
+        assert np.abs(end - target).max() < 1e-6
+
+
+def test_all_knots_lie_on_the_line_and_the_way_between_them_nearly(kinematics):
+    for start, target, path in _lines(kinematics, 10):
+        origin = kinematics.fk(start)[:3, 3]
+        way = target[:3, 3] - origin
+        for joints, limit in [(path, 1e-6), ((path[1:] + path[:-1]) / 2, 1e-3)]:
+            points = np.array([kinematics.fk(posture)[:3, 3] for posture in joints]) - origin
+            along = points @ way / (way @ way)
+            assert np.linalg.norm(points - along[:, None] * way, axis=1).max() < limit
+            assert (np.diff(along) > 0).all()
+
+
+def test_knots_are_close_together_and_inside_the_limits(kinematics):
+    for start, target, path in _lines(kinematics, 10):
+        poses = line_poses(kinematics.fk(start), target)
+        assert len(path) == len(poses) + 1
+        steps = np.diff(np.concatenate([kinematics.fk(start)[None], poses]), axis=0)
+        assert np.linalg.norm(steps[:, :3, 3], axis=1).max() < STEP_M + 1e-9
+        assert np.abs(steps[:, :3, :3]).max() < STEP_RAD + 1e-9
+        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+        assert kinematics.within_limits(path[1:]).all()
+
+
+def test_the_shoulder_passes_its_upright_posture_smoothly():
+    # With the upper arm upright, joints 1 and 3 turn about one axis and the closed form leaves them open.
+    kinematics = ArmKinematics.of(PANDA_PAIR, Arm.LEFT)
+    start = np.array([0.384, -0.112, 0.461, -2.677, 0.093, 2.575, -0.259])
+    target = kinematics.fk(start)
+    target[2, 3] -= 0.1
+    path = cartesian_line(kinematics, start, target)
+    assert path is not None
+    assert path[0, 1] < 0 < path[-1, 1]
+    assert np.abs(np.diff(path, axis=0)).max() < 0.1
+
+
+def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeypatch):
+    feasible = list(_lines(kinematics, 10))
+    monkeypatch.setattr(lines, "_project", lambda *_: None)
+    found = [(target, cartesian_line(kinematics, start, target)) for start, target, _ in feasible]
+    paths = [(target, path) for target, path in found if path is not None]
+    assert len(paths) >= 5
+    for target, path in paths:
+        assert kinematics.reaches(path[-1], target)
+        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 1.5), (0.0, 1.2, 0.0)])
+def test_a_line_out_of_reach_is_infeasible(kinematics, shift):
+    start = _posture(kinematics, Pose.looking((0.25, -0.1, 1.0), (0, 0, -1), (1, 0, 0)))
+    target = kinematics.fk(start)
+    target[:3, 3] += shift
+    assert cartesian_line(kinematics, start, target) is None

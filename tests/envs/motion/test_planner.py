@@ -1,0 +1,200 @@
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.errors import KeyposeFailure
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.motion import planner as planner_module
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.planner import GRIPPER_TICKS, REST_TICKS, KeyposePlanner, Plan
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.scene import Scene
+
+LEFT_DOWN = Pose.looking((0.15, 0.25, 1.0), approach=(0, 0, -1), opening=(1, 0, 0))
+RIGHT_DOWN = Pose.looking((0.35, -0.25, 1.0), approach=(0, 0, -1), opening=(1, 0, 0))
+
+
+def _keypose(left: Pose, right: Pose, straight=(False, False), opened=(True, True)) -> BimanualKeypose:
+    arms = zip((left, right), opened, straight, strict=True)
+    target = BimanualKeypose(*(Keypose(*arm) for arm in arms))
+    return BimanualKeypose.from_vector(target.to_vector())  # as an action arrives
+
+
+def _home(scene: Scene) -> BimanualKeypose:
+    return _keypose(*(scene.tcp(arm) for arm in ARMS))
+
+
+def _plan(scene: Scene, keypose: BimanualKeypose, seed: int = 0) -> Plan:
+    return KeyposePlanner(scene).plan(keypose, np.random.default_rng(seed))
+
+
+def _execute(scene: Scene, plan: Plan) -> None:
+    for action in plan.actions:
+        scene.tick(action)
+
+
+def _errors_m(scene: Scene, keypose: BimanualKeypose) -> list[float]:
+    return [scene.tcp(arm).distance_to(keypose[arm].pose)[0] for arm in ARMS]
+
+
+def test_an_executed_free_motion_ends_at_the_keypose(scene):
+    keypose = _keypose(LEFT_DOWN, RIGHT_DOWN)
+    _execute(scene, _plan(scene, keypose))
+    assert max(_errors_m(scene, keypose)) < 3e-3
+
+
+def test_an_executed_straight_motion_stays_on_its_line(scene):
+    _execute(scene, _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN)))
+    keypose = _keypose(
+        LEFT_DOWN.translated((0, 0, -0.2)), RIGHT_DOWN.translated((0, 0.1, -0.1)), (True, True)
+    )
+    plan = _plan(scene, keypose)
+    assert plan.line_fallbacks == 0
+    for action in plan.actions:
+        scene.tick(action)
+        assert np.abs(scene.tcp(Arm.LEFT).position - LEFT_DOWN.position)[:2].max() < 5e-3
+    assert max(_errors_m(scene, keypose)) < 3e-3
+
+
+def test_planning_changes_nothing_in_the_scene(scene):
+    planner = KeyposePlanner(scene)
+    before = scene.state_hash()
+    planner.plan(_keypose(LEFT_DOWN, RIGHT_DOWN), np.random.default_rng(0))
+    planner.plan(_keypose(LEFT_DOWN, RIGHT_DOWN, (True, True)), np.random.default_rng(0))
+    with pytest.raises(KeyposeFailure):
+        planner.plan(_keypose(LEFT_DOWN.translated((0, 0, 1)), RIGHT_DOWN), np.random.default_rng(0))
+    assert scene.state_hash() == before
+
+
+def test_actions_are_float32_and_within_the_joint_limits(scene):
+    plan = _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN))
+    assert plan.actions.dtype == np.float32
+    assert plan.actions.shape[1] == 16
+    joints = plan.actions.reshape(-1, 2, 8)[..., :7]
+    assert (joints > PANDA_PAIR.joint_lower).all()
+    assert (joints < PANDA_PAIR.joint_upper).all()
+
+
+def test_both_arms_move_throughout_and_end_together(scene):
+    keypose = _keypose(LEFT_DOWN, Pose.looking((0.3, -0.244, 1.4), (0, 0, -1), (1, 0, 0)))
+    plan = _plan(scene, keypose)
+    moves = np.abs(np.diff(plan.actions[: plan.motion_ticks].reshape(-1, 2, 8)[..., :7], axis=0)).max(axis=-1)
+    assert (moves > 0).all()
+    assert len(plan.actions) == plan.motion_ticks + REST_TICKS
+    assert (plan.actions[plan.motion_ticks - 1 :] == plan.actions[-1]).all()
+
+
+def test_grippers_change_together_after_the_motion(scene):
+    plan = _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN, opened=(False, True)))
+    grippers = plan.actions.reshape(-1, 2, 8)[..., 7]
+    assert len(plan.actions) == plan.motion_ticks + REST_TICKS + GRIPPER_TICKS
+    assert (grippers[:-GRIPPER_TICKS] == 1).all()
+    assert (grippers[-GRIPPER_TICKS:] == (0, 1)).all()
+
+
+def test_an_arm_that_is_there_already_keeps_its_joints_exactly(scene):
+    home = scene.commanded.reshape(2, 8)[:, :7]
+    for straight in (False, True):
+        keypose = _keypose(scene.tcp(Arm.LEFT), RIGHT_DOWN, (straight, straight))
+        planned = _plan(scene, keypose).actions.reshape(-1, 2, 8)[..., :7]
+        assert (planned[:, 0] == home[0]).all()
+        assert not np.allclose(planned[-1, 1], home[1])
+
+
+def test_arms_with_different_flags_share_one_duration(scene):
+    _execute(scene, _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN)))
+    keypose = _keypose(
+        LEFT_DOWN.translated((0, 0, -0.1)), RIGHT_DOWN.translated((0, 0, 0.2)), straight=(True, False)
+    )
+    plan = _plan(scene, keypose)
+    moves = np.abs(np.diff(plan.actions[: plan.motion_ticks].reshape(-1, 2, 8)[..., :7], axis=0)).max(axis=-1)
+    assert (moves > 0).all()
+    _execute(scene, plan)
+    assert max(_errors_m(scene, keypose)) < 3e-3
+
+
+def test_a_way_around_a_wall_is_found_and_kept_clear_of(furnished_scene):
+    scene = furnished_scene
+    scene.place("block", Pose.upright((0.6, 0.4, 0.79)))
+    scene.place("wall", Pose.upright((0.15, 0.20, 0.95)))
+    near = Pose.looking((0.15, 0.08, 0.95), approach=(0, 0, -1), opening=(1, 0, 0))
+    behind = near.translated((0, 0.24, 0))
+    stay = scene.tcp(Arm.RIGHT)
+    _execute(scene, _plan(scene, _keypose(near, stay)))
+    plan = _plan(scene, _keypose(behind, stay))
+    assert plan.used_rrt
+    for action in plan.actions:
+        scene.tick(action)
+        assert not scene.arm_touches(Arm.LEFT, "wall")
+    assert max(_errors_m(scene, _keypose(behind, stay))) < 3e-3
+
+
+def test_the_same_generator_gives_the_same_plan_whatever_was_planned_before(furnished_scene):
+    scene = furnished_scene
+    scene.place("block", Pose.upright((0.6, 0.4, 0.79)))
+    scene.place("wall", Pose.upright((0.15, 0.20, 0.95)))
+    stay = scene.tcp(Arm.RIGHT)
+    near = Pose.looking((0.15, 0.08, 0.95), approach=(0, 0, -1), opening=(1, 0, 0))
+    _execute(scene, _plan(scene, _keypose(near, stay)))
+    around = _keypose(near.translated((0, 0.24, 0)), stay)
+    used = KeyposePlanner(scene)
+    used.plan(_keypose(near, RIGHT_DOWN), np.random.default_rng(9))
+    used.plan(_keypose(near.translated((0, 0, -0.05)), RIGHT_DOWN, (True, True)), np.random.default_rng(9))
+    plans = [_plan(scene, around, seed=3), used.plan(around, np.random.default_rng(3))]
+    assert np.array_equal(plans[0].actions, plans[1].actions)
+    assert not np.array_equal(plans[0].actions, _plan(scene, around, seed=4).actions)
+
+
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_target_outside_the_workspace_is_refused_with_the_arms_name(scene, arm, straight):
+    far = LEFT_DOWN.translated((0, 0, 0.7))
+    poses = [far if other is arm else scene.tcp(other) for other in ARMS]
+    with pytest.raises(KeyposeFailure, match=rf"{arm} arm: outside the workspace.*1\.700"):
+        _plan(scene, _keypose(*poses, straight=(straight, straight)))
+
+
+@pytest.mark.parametrize("straight", [False, True])
+def test_an_unreachable_target_is_refused_with_the_arms_name(scene, straight):
+    corner = Pose.looking((-0.29, -0.49, 0.61), approach=(0, 0, -1), opening=(1, 0, 0))
+    with pytest.raises(KeyposeFailure, match="right arm: unreachable"):
+        _plan(scene, _keypose(scene.tcp(Arm.LEFT), corner, straight=(straight, straight)))
+
+
+def test_a_goal_inside_an_obstacle_is_refused_with_its_name(furnished_scene):
+    furnished_scene.place("block", Pose.upright((0.6, 0.4, 0.79)))
+    furnished_scene.place("wall", Pose.upright((0.15, 0.25, 1.0)))
+    keypose = _keypose(LEFT_DOWN, furnished_scene.tcp(Arm.RIGHT))
+    with pytest.raises(KeyposeFailure, match=r"left arm: the goal is not free of collisions: .*wall"):
+        _plan(furnished_scene, keypose)
+
+
+def test_an_infeasible_line_falls_back_to_joint_space(scene, monkeypatch):
+    monkeypatch.setattr(planner_module, "cartesian_line", lambda *_: None)
+    keypose = _keypose(LEFT_DOWN, RIGHT_DOWN, straight=(True, True))
+    plan = _plan(scene, keypose)
+    assert plan.line_fallbacks == 2
+    _execute(scene, plan)
+    assert max(_errors_m(scene, keypose)) < 3e-3
+
+
+def test_hands_that_change_sides_do_not_meet(scene):
+    _execute(scene, _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN)))
+    swapped = _keypose(
+        Pose.looking((0.20, -0.15, 1.0), (0, 0, -1), (1, 0, 0)),
+        Pose.looking((0.30, 0.15, 1.0), (0, 0, -1), (1, 0, 0)),
+    )
+    plan = _plan(scene, swapped)
+    for action in plan.actions:
+        scene.tick(action)
+        assert not scene.arm_touches(Arm.LEFT, "right_base")
+    assert max(_errors_m(scene, swapped)) < 3e-3
+
+
+def test_the_end_posture_is_the_best_one_when_nothing_is_in_the_way(scene):
+    plan = _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN))
+    end = plan.actions[-1].reshape(2, 8)[:, :7].astype(np.float64)
+    for arm in ARMS:
+        kinematics = ArmKinematics.of(PANDA_PAIR, arm)
+        assert kinematics.margins(end[arm.index]).min() > 0.04
