@@ -78,7 +78,7 @@ def measure(task: str, image_size: int, repeats: int) -> dict[str, float | str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="How fast the simulated world is on this machine.")
     parser.add_argument("--task", default="lift_ball", choices=list_tasks())
     parser.add_argument("--image_size", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=10)

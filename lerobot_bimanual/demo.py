@@ -175,8 +175,13 @@ def _run(stage: Stage, root: Path, console: Console) -> None:
         # lerobot-train refuses an existing folder; a killed run of a few minutes is simply run again.
         shutil.rmtree(root / "train", ignore_errors=True)
     program, *flags = stage.command
-    # The demo needs no network: a dataset or policy that is not found here must fail, not be asked for.
-    environment = {**os.environ, "HF_HUB_OFFLINE": "1"}
+    environment = {
+        **os.environ,
+        # The demo needs no network: a dataset or policy that is not found here must fail, not be asked for.
+        "HF_HUB_OFFLINE": "1",
+        # One core is left to the data loader; threads that wait for each other on a full machine crawl.
+        "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
+    }
     started = time.monotonic()
     done = subprocess.run([Path(sys.executable).parent / program, *flags], env=environment, check=False)
     if done.returncode:

@@ -150,3 +150,20 @@ class Grasped:
     def __call__(self, scene: Scene) -> bool:
         """Look through the contacts."""
         return any(scene.held(arm, self.prop) for arm in ARMS)
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The button's cap, a joint called `<button>_cap`, is down by at least this much."""
+
+    button: str
+    travel_m: float = 0.001
+
+    @property
+    def name(self) -> str:
+        """E.g. `pressed(button)`."""
+        return f"pressed({self.button})"
+
+    def __call__(self, scene: Scene) -> bool:
+        """Compare the joint with its rest at zero."""
+        return bool(scene.joint_value(f"{self.button}_cap") <= -self.travel_m)

@@ -11,8 +11,10 @@ from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
 from lerobot_bimanual.errors import SchemaMismatch
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
-STAMPED_PACKAGES = ("lerobot_bimanual", "mujoco", "lerobot")
-"""Packages whose versions decide what a seed means and how it is stored."""
+SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
+"""Packages whose versions decide which episode a seed means."""
+
+STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
 
 
 @dataclass(frozen=True)

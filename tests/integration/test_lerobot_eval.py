@@ -139,7 +139,18 @@ def test_a_policy_sees_the_keys_and_shapes_of_the_dataset():
     assert not observation
 
 
-def test_joint_actions_run_to_the_horizon_and_are_filmed(tmp_path):
+@pytest.fixture
+def at_most_ten_steps(monkeypatch):
+    """Let LeRobot cut rollouts early."""
+    call = LazyVectorEnv.call
+
+    def short(self, name, *arguments):
+        return (10,) * self.num_envs if name == "_max_episode_steps" else call(self, name, *arguments)
+
+    monkeypatch.setattr(LazyVectorEnv, "call", short)
+
+
+def test_several_tasks_run_on_joint_actions_and_are_filmed(tmp_path, at_most_ten_steps):
     config = BimanualEnvConfig(task="push_box,lift_ball", obs="state")
     envs = make_env(config, n_envs=2, use_async_envs=True)
     policy = ScriptedPolicy(hold_joints)

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from lerobot_policy_bimanual.nn.conv3d import pad_replicate
+from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, pad_replicate
 from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
 from lerobot_policy_bimanual.nn.pooling import pool
@@ -228,3 +228,14 @@ def test_bfloat16_autocast_stays_close_and_ends_in_float32():
         half = network(*inputs)
     assert half.translation.logits.dtype == half.rotation.dtype == torch.float32
     torch.testing.assert_close(half.translation.logits, full.translation.logits, atol=0.1, rtol=0.1)
+
+
+@pytest.mark.parametrize("centred", [False, True])
+def test_patches_equal_a_strided_convolution(written_out, centred):
+    layer = PatchConv3d(3, 4, centred=centred).double()
+    x = torch.randn(2, 3, 10, 10, 10, dtype=torch.float64)
+    padding = 2 if centred else 0
+    expected = written_out.leaky(
+        written_out.conv(x, layer.conv.weight, layer.conv.bias, stride=5, padding=padding)
+    )
+    torch.testing.assert_close(layer(x), expected.flatten(2).transpose(1, 2))

@@ -24,7 +24,7 @@ RIM_PARTS = 24
 
 GLAZE_BANDS = ((0.06, 0.14), (0.78, 1.0))
 """Painted rings, as shares of the way up the rim."""
-GLAZE_PROUD_M = 0.0003
+GLAZE_PROUD_M = 0.0005
 
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX

@@ -1,5 +1,21 @@
 """One module per task; importing this package fills the registry."""
 
-from lerobot_env_bimanual.tasks import handover_item_easy, lift_ball, lift_tray, pick_plate, push_box
+from lerobot_env_bimanual.tasks import (
+    dual_push_buttons,
+    handover_item_easy,
+    lift_ball,
+    lift_tray,
+    pick_laptop,
+    pick_plate,
+    push_box,
+)
 
-__all__ = ["handover_item_easy", "lift_ball", "lift_tray", "pick_plate", "push_box"]
+__all__ = [
+    "dual_push_buttons",
+    "handover_item_easy",
+    "lift_ball",
+    "lift_tray",
+    "pick_laptop",
+    "pick_plate",
+    "push_box",
+]

@@ -70,7 +70,7 @@ class PickPlate(Task):
         ),
         props=(PLATE,),
         success=(Grasped("plate"), Above("plate", SUCCESS_HEIGHT_M)),
-        horizon_ticks=400,
+        horizon_ticks=480,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -84,9 +84,7 @@ class PickPlate(Task):
         above = Pose.looking((x + PRESS_X_M, y, ABOVE_Z_M), approach=(0, 0, -1), opening=(0, 1, 0))
         press = above.translated((0, 0, PRESS_Z_M - ABOVE_Z_M))
         right = Pose.looking((x, y, z), approach=APPROACH, opening=(0, 0, -1))
-        yield Stage(
-            "above", above, right.translated(WAIT_M), left_open=False, right_open=True, planned=True
-        )
+        yield Stage("above", above, right.translated(WAIT_M), left_open=False, right_open=True, planned=True)
         yield Stage("press", press, right.translated(WAIT_LOWER_M))
         rim = Pose(_pressed(scene.pose("plate")).apply(RIM_POINT_M), right.quat_wxyz)
         grasp = rim.advanced(BEYOND_RIM_M)
@@ -105,5 +103,5 @@ def _pressed(plate: Pose) -> Pose:
     if plate.rotation[2, 2] < np.cos(PLATE.rim_slope_rad / 2):
         return plate
     edge = np.array([-FOOT_RADIUS_M, 0.0, 0.0])
-    tip = Pose((0, 0, 0), quat_wxyz_from_axis_angle((0, 1, 0), -PLATE.rim_slope_rad))
+    tip = Pose(np.zeros(3), quat_wxyz_from_axis_angle((0, 1, 0), -PLATE.rim_slope_rad))
     return plate @ tip.translated(edge - tip.apply(edge))

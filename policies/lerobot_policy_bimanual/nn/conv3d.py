@@ -1,5 +1,6 @@
 """3-D convolutions of the PerAct family: replicate borders, LeakyReLU, no normalisation."""
 
+import einops
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
@@ -33,19 +34,44 @@ def init_linear(layer: nn.Conv3d | nn.Linear) -> None:
 
 
 class ActivatedConv3d(nn.Module):
-    """Convolution with replicate borders and LeakyReLU; keeps the grid size at stride 1."""
+    """Convolution with replicate borders and LeakyReLU; keeps the grid size."""
 
-    def __init__(
-        self, inputs: int, outputs: int, kernel: int, *, stride: int = 1, padding: int | None = None
-    ):
+    def __init__(self, inputs: int, outputs: int, kernel: int):
         super().__init__()
-        self.padding = kernel // 2 if padding is None else padding
-        self.conv = nn.Conv3d(inputs, outputs, kernel, stride)
+        self.padding = kernel // 2
+        self.conv = nn.Conv3d(inputs, outputs, kernel)
         init_activated(self.conv)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, inputs, x, y, z) -> (b, outputs, x', y', z')."""
+        """(b, inputs, x, y, z) -> (b, outputs, x, y, z)."""
         return activate(self.conv(pad_replicate(x, self.padding)))
+
+
+class PatchConv3d(nn.Module):
+    """Convolution of every patch to one token, and LeakyReLU; a reshape and one matrix product.
+
+    Args:
+        inputs: Channels of the map.
+        outputs: Width of a token.
+        centred: PerAct2 centres patch i on voxel 5i instead of covering voxels 5i to 5i + 4, by padding two
+            voxels in front, so the last two voxels of every axis are in no patch.
+    """
+
+    def __init__(self, inputs: int, outputs: int, *, centred: bool):
+        super().__init__()
+        self.shift = PATCH // 2 if centred else 0
+        self.conv = nn.Conv3d(inputs, outputs, PATCH)
+        init_activated(self.conv)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(b, inputs, v, v, v) -> (b, p^3, outputs), the last axis of the grid fastest."""
+        if self.shift:
+            kept = slice(None, -self.shift)
+            x = F.pad(x[:, :, kept, kept, kept], (self.shift, 0) * 3, mode="replicate")
+        patches = einops.rearrange(
+            x, "b c (x i) (y j) (z k) -> b (x y z) (c i j k)", i=PATCH, j=PATCH, k=PATCH
+        )
+        return activate(F.linear(patches, self.conv.weight.flatten(1), self.conv.bias))
 
 
 class ActivatedLinear(nn.Linear):

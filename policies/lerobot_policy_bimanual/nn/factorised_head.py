@@ -131,7 +131,7 @@ class FactorisedTranslationHead(nn.Module):
             patch = split_voxel(target_voxel, P)[0]
             target_logits = self._score(padded, tokens, patch[..., None])[:, :, 0]
         features = [
-            at_least_float32(stem.amax((2, 3, 4)))[:, None].expand(-1, A, -1),
+            at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
             pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
             at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
@@ -142,19 +142,18 @@ class FactorisedTranslationHead(nn.Module):
     def _score(self, padded: Tensor, tokens: Tensor, patches: Tensor) -> Tensor:
         """Logits (b, arms, n, PATCH^3) of the voxels in patches (b, arms, n)."""
         P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
-        sample = torch.arange(len(padded), device=padded.device).repeat_interleave(n)
-        reach = torch.arange(PATCH + 2, device=padded.device)
+        width, size = padded.shape[-1], PATCH + 2
+        step = torch.arange(size, device=padded.device)
+        within = (step[:, None, None] * width + step[:, None]) * width + step  # (7, 7, 7)
+        corner = ((patches // P**2 * width + patches // P % P) * width + patches % P) * PATCH
+        voxels = corner[..., None] + within.flatten()  # (b, arms, n, 343), flat indices into the padded grid
         logits = []
         for arm, head in enumerate(self.voxel_logits):
-            patch = patches[:, arm].flatten()
-            x, y, z = (
-                (index * PATCH)[:, None] + reach for index in (patch // P**2, patch // P % P, patch % P)
-            )
-            crops = padded[
-                sample[:, None, None, None], :, x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]
-            ]  # (b n, 7, 7, 7, channels)
-            answers = _take(tokens[:, arm, None], patches[:, arm, None]).flatten(0, 2)
-            logits.append(head(crops.permute(0, 4, 1, 2, 3), answers).unflatten(0, (-1, n)))
+            index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
+            crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size))
+            answers = _take(tokens[:, arm, None], patches[:, arm, None])
+            arm_logits = head(crops.transpose(1, 2).flatten(0, 1), answers.flatten(0, 2))
+            logits.append(arm_logits.unflatten(0, (-1, n)))
         return torch.stack(logits, dim=1)
 
     @staticmethod

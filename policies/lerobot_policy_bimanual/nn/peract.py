@@ -7,6 +7,7 @@ from lerobot_policy_bimanual.nn.conv3d import (
     PATCH,
     ActivatedConv3d,
     ActivatedLinear,
+    PatchConv3d,
     init_linear,
 )
 from lerobot_policy_bimanual.nn.dense_head import DenseTranslationHead
@@ -67,19 +68,17 @@ class PerActNetwork(nn.Module):
     ):
         super().__init__()
         self.rotation_bins = rotation_bins
-        patches = voxels // PATCH
+        self.patches = voxels // PATCH
         dense = translation_head == "dense"
         self.stem = ActivatedConv3d(GRID_CHANNELS, channels, 1)
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.
-        self.patchify = ActivatedConv3d(
-            channels, token_dim // 2, PATCH, stride=PATCH, padding=PATCH // 2 if dense else 0
-        )
+        self.patchify = PatchConv3d(channels, token_dim // 2, centred=dense)
         self.proprio = ActivatedLinear(proprio_dim, token_dim // 2)
         self.language = nn.Linear(language_dim, token_dim)
         init_linear(self.language)
         # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
-        self.positions = nn.Parameter(torch.randn(language_tokens + patches**3, token_dim))
+        self.positions = nn.Parameter(torch.randn(language_tokens + self.patches**3, token_dim))
         self.perceiver = PerceiverIO(
             streams=arms,
             token_dim=token_dim,
@@ -114,14 +113,13 @@ class PerActNetwork(nn.Module):
             target_voxel: (b, arms, 3) int64 in training; see `FactorisedTranslationHead`.
         """
         stem = self.stem(grid)  # (b, channels, v, v, v)
-        patches = self.patchify(stem)  # (b, token_dim / 2, p, p, p)
-        P, words = patches.shape[-1], language.shape[1]
-        body = self.proprio(proprio)[:, None].expand(-1, P**3, -1)
-        voxel_tokens = torch.cat([patches.flatten(2).transpose(1, 2), body], dim=-1)  # (b, p^3, token_dim)
+        patches = self.patchify(stem)  # (b, p^3, token_dim / 2)
+        body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)
         tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
         # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
-        answers = self.perceiver(tokens, tokens[:, words:])  # (b, arms, p^3, token_dim)
-        answers = answers.transpose(2, 3).unflatten(-1, (P, P, P))
+        answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
+        answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
         translation, features = self.translation(stem, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
         rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(

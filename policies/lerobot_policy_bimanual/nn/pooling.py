@@ -39,4 +39,6 @@ def spatial_softmax(x: Tensor) -> Tensor:
 
 def pool(x: Tensor) -> Tensor:
     """Spatial softmax and maximum of every channel: (b, c, x, y, z) -> (b, 4 c), at least float32."""
-    return torch.cat([spatial_softmax(x).flatten(1), at_least_float32(x.amax((2, 3, 4)))], dim=1)
+    return torch.cat(
+        [spatial_softmax(x).flatten(1), at_least_float32(x.flatten(2).max(dim=-1).values)], dim=1
+    )

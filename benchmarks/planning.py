@@ -1,0 +1,187 @@
+"""How fast keyposes are planned on this machine.
+
+Prints a table and, as the last line, the same figures as JSON. All times are CPU times of this process, so that
+other work on the machine changes them little.
+
+    python benchmarks/planning.py --problems=200
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.errors import KeyposeFailure
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import Workspace
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.motion.goals import goal_postures
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.motion.rehearsal import rehearse
+from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.task import Task, Variation
+
+HANDS = {
+    Arm.LEFT: Workspace((0.0, -0.1, 0.85), (0.4, 0.4, 1.25)),
+    Arm.RIGHT: Workspace((0.1, -0.45, 0.85), (0.5, 0.1, 1.25)),
+}
+"""Where random hand poses lie: each on its own side, with a common strip in which the arms meet."""
+LINE_M = 0.4
+
+
+class Stopwatch:
+    """CPU times of one kind of problem, and how many of them had a solution."""
+
+    def __init__(self):
+        self.milliseconds: list[float] = []
+        self.solved = 0
+
+    def time[**P, T](self, work: Callable[P, T | None], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Call something that returns None, or refuses, where there is no solution."""
+        start = time.process_time()
+        try:
+            result = work(*args, **kwargs)
+        except KeyposeFailure:
+            result = None
+        self.milliseconds.append(1e3 * (time.process_time() - start))
+        self.solved += result is not None
+        return result
+
+    def add(self, other: "Stopwatch") -> None:
+        self.milliseconds += other.milliseconds
+        self.solved += other.solved
+
+    def figures(self) -> dict[str, float]:
+        median, p99 = np.percentile(self.milliseconds, [50, 99])
+        return {
+            "problems": len(self.milliseconds),
+            "solved": self.solved,
+            "median_ms": round(float(median), 2),
+            "p99_ms": round(float(p99), 2),
+        }
+
+
+def random_hand(arm: Arm, rng: np.random.Generator) -> Pose:
+    """A hand that points down or towards the other side, tilted by up to 45 degrees."""
+    side = -1.0 if arm is Arm.LEFT else 1.0
+    approach = np.array([(0.0, 0.0, -1.0), (0.0, side, 0.0)][rng.integers(2)]) + rng.uniform(-0.5, 0.5, 3)
+    return Pose.looking(HANDS[arm].sample(rng), approach, rng.normal(size=3))
+
+
+def random_keypose(
+    rng: np.random.Generator, straight: bool, start: BimanualKeypose | None = None
+) -> BimanualKeypose:
+    """Random targets; with `start`, straight lines of 40 cm that keep the hands' directions."""
+    targets = []
+    for arm in ARMS:
+        if start is None:
+            pose = random_hand(arm, rng)
+        else:
+            way = rng.normal(size=3)
+            pose = start[arm].pose.translated(LINE_M * way / np.linalg.norm(way))
+        targets.append(Keypose(pose, gripper_open=True, ignore_collisions=straight))
+    return BimanualKeypose(*targets)
+
+
+def best_posture(kinematics: ArmKinematics, start: np.ndarray, pose: Pose) -> np.ndarray | None:
+    """The posture in which a free motion would end."""
+    return next(iter(goal_postures(kinematics, start, pose.matrix)), None)
+
+
+def rehearse_both(scene: Scene, task: Task, variation: Variation) -> bool | None:
+    """The check of a placement: the script with exact and with rounded keyposes."""
+    for codec in (None, KeyposeCodec()):
+        if rehearse(scene, lambda view: task.script(view, variation), codec) is not None:
+            return None
+    return True
+
+
+def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
+    rng = np.random.default_rng(0)
+    scene = Scene()
+    arms = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+    for index in range(problems):
+        arm = ARMS[index % 2]
+        pose = random_hand(arm, rng)
+        posture = watches["goal postures of a pose"].time(
+            best_posture, arms[arm], scene.arm_pair.home_joints, pose
+        )
+        way = rng.normal(size=3)
+        target = pose.translated(LINE_M * way / np.linalg.norm(way)).matrix
+        if posture is not None and len(arms[arm].ik(target)):
+            watches["line of 0.4 m"].time(cartesian_line, arms[arm], posture, target)
+
+
+def measure_plans(problems: int, watches: dict[str, Stopwatch]) -> None:
+    rng = np.random.default_rng(1)
+    scene = Scene()
+    planner = KeyposePlanner(scene)
+    for _ in range(problems):
+        keypose = random_keypose(rng, straight=False)
+        watch = Stopwatch()
+        plan = watch.time(planner.plan, keypose, rng)
+        if plan is None:  # mostly out of reach, or hands that would meet
+            kind = "keypose, refused"
+        else:
+            kind = "keypose, free, around the other arm" if plan.used_rrt else "keypose, free"
+        watches[kind].add(watch)
+        if plan is None:
+            continue
+        for action in plan.actions:
+            scene.tick(action)
+        straight = random_keypose(rng, straight=True, start=keypose)
+        watches["keypose, straight 0.4 m"].time(planner.plan, straight, rng)
+
+
+def measure_rehearsals(draws: int, watches: dict[str, Stopwatch]) -> None:
+    for name in list_tasks():
+        task = get_task(name)
+        scene = Scene(task.spec.props)
+        rng = np.random.default_rng(2)
+        for draw in range(draws):
+            scene.reset()
+            variation = task.spec.variations[draw % len(task.spec.variations)]
+            if task.place(scene, variation, rng):
+                watches["rehearsal of a placement"].time(rehearse_both, scene, task, variation)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--problems", type=int, default=200)
+    parser.add_argument("--draws", type=int, default=10, help="placements rehearsed per task")
+    args = parser.parse_args()
+    kinds = (
+        "goal postures of a pose",
+        "line of 0.4 m",
+        "keypose, free",
+        "keypose, free, around the other arm",
+        "keypose, straight 0.4 m",
+        "keypose, refused",
+        "rehearsal of a placement",
+    )
+    watches = {kind: Stopwatch() for kind in kinds}
+    measure_kinematics(args.problems, watches)
+    measure_plans(args.problems, watches)
+    measure_rehearsals(args.draws, watches)
+
+    table = Table("kind", "problems", "solved", "median", "99 %", title="Planning, CPU time in ms")
+    figures = {kind: watch.figures() for kind, watch in watches.items() if watch.milliseconds}
+    for kind, row in figures.items():
+        table.add_row(
+            kind, str(row["problems"]), str(row["solved"]), f"{row['median_ms']:.1f}", f"{row['p99_ms']:.1f}"
+        )
+    Console().print(table)
+    print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""The verb `replay`: proof that a dataset's actions do what its rows say."""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from lerobot_bimanual.errors import BimanualError, DatasetError
+
+if TYPE_CHECKING:
+    from lerobot_bimanual.dataset.reader import RecordedDataset
+    from lerobot_bimanual.dataset.schema import View
+    from lerobot_env_bimanual.generation.replaying import Replayer, ReplayMode, ReplayResult
+
+
+@dataclass
+class ReplayConfig:
+    """Options of the verb `replay`."""
+
+    root: Path = field(kw_only=True)  # folder of a dataset that `generate` made
+    # `joint` plays the column `action` open-loop and compares the state after every tick (view `frames`), `keypose`
+    # executes the recorded keyposes and compares the last state (either view).
+    replay: Literal["joint", "keypose"] = "joint"
+    episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
+    workers: int = 0  # processes; 0 takes one per core
+
+
+def replay(config: ReplayConfig) -> int:
+    """Replay recorded episodes from their seeds and compare the states.
+
+    Exits with 1 if an episode ends in another state, or is not solved.
+
+    Examples:
+        lerobot-bimanual replay --root=data/lift_ball
+        lerobot-bimanual replay --root=data/lift_ball --replay=keypose --episodes=0:10
+    """
+    from tqdm import tqdm
+
+    from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
+
+    preferred: tuple[View, ...] = ("frames",) if config.replay == "joint" else ("frames", "keyframes")
+    dataset = RecordedDataset(find_view(config.root, preferred))
+    if config.replay == "joint" and dataset.view != "frames":
+        raise DatasetError(
+            f"{dataset.root} is a {dataset.view!r} view, which does not store every action. Replay the 'frames' view "
+            "of the same episodes, or use --replay=keypose"
+        )
+    _warn_of_other_versions(dataset)
+    indices = parse_episodes(config.episodes, len(dataset))
+    workers = config.workers or os.cpu_count() or 1
+    with ProcessPoolExecutor(
+        workers, get_context("forkserver"), _start_worker, (dataset.root, config.replay)
+    ) as pool:
+        played = pool.map(_replay, indices)
+        results = list(tqdm(played, total=len(indices), desc="replay", unit="episode", smoothing=0))
+    _print(results)
+    return 0 if all(result.matches for result in results) else 1
+
+
+def parse_episodes(text: str, count: int) -> list[int]:
+    """Episode indices that `all`, a comma list or a half-open range `a:b` means, of a dataset of `count` episodes.
+
+    Raises:
+        BimanualError: the text is none of these, or there is no such episode.
+    """
+    try:
+        indices = list(_read_indices(text, count))
+    except ValueError:
+        indices = []
+    if not indices or not all(0 <= index < count for index in indices):
+        raise BimanualError(
+            f"episodes is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
+            f"{count - 1}"
+        )
+    return indices
+
+
+def _read_indices(text: str, count: int) -> Iterator[int]:
+    if text == "all":
+        yield from range(count)
+    elif ":" in text:
+        first, end = text.split(":")
+        yield from range(int(first), int(end))
+    else:
+        yield from map(int, text.split(","))
+
+
+def _warn_of_other_versions(dataset: RecordedDataset) -> None:
+    from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
+
+    if dataset.provenance is None:
+        print(f"warning: {dataset.root} does not say with which versions it was generated")
+        return
+    installed = installed_versions()
+    for package in SIMULATION_PACKAGES:
+        recorded = dataset.provenance.versions.get(package)
+        if recorded != installed[package]:
+            print(
+                f"warning: generated with {package} {recorded}, but {installed[package]} is installed: "
+                "trajectories may differ"
+            )
+
+
+def _print(results: Sequence[ReplayResult]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
+    for result in results:
+        groups[result.meta.task, result.meta.variation].append(result)
+    table = Table()
+    for heading in ("task", "variation", "episodes", "ticks", "same states", "solved"):
+        table.add_column(heading, justify="left" if heading == "task" else "right")
+    for (task, variation), group in sorted(groups.items()):
+        same = sum(result.divergence is None for result in group)
+        solved = sum(result.success for result in group)
+        ticks = sum(result.ticks for result in group)
+        table.add_row(task, *map(str, (variation, len(group), ticks, same, solved)))
+    console = Console()
+    console.print(table)
+    for result in results:
+        if not result.matches:
+            where = (
+                "same states" if result.divergence is None else f"other state after tick {result.divergence}"
+            )
+            end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
+            console.print(
+                f"episode {result.index} ({result.meta.task}, seed {result.meta.seed}): {where}, {end}",
+                highlight=False,
+                soft_wrap=True,
+            )
+
+
+_replayer: Replayer | None = None
+
+
+def _start_worker(root: Path, mode: ReplayMode) -> None:
+    from lerobot_env_bimanual.generation.replaying import Replayer
+
+    global _replayer
+    _replayer = Replayer(root, mode)
+
+
+def _replay(index: int) -> ReplayResult:
+    assert _replayer is not None
+    return _replayer.replay(index)

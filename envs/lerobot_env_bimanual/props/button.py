@@ -1,0 +1,83 @@
+"""A push button with a spring under its cap."""
+
+from dataclasses import dataclass
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+RED = (0.85, 0.08, 0.08, 1.0)
+HIGHLIGHT = (0.95, 0.22, 0.20, 1.0)
+COLLAR = (0.20, 0.20, 0.22, 1.0)
+STEEL = (0.70, 0.71, 0.73, 1.0)
+
+HALF_SIDE_M = 0.05
+BASE_HEIGHT_M = 0.021
+CAP_RADIUS_M = 0.028
+CAP_HEIGHT_M = 0.014
+CAP_MASS_KG = 0.0685
+STROKE_M = 0.010
+PLAY_M = 0.0005
+STIFFNESS_N_M = 250.0
+DAMPING_N_S_M = 6.25
+GRAVITY_M_S2 = 9.81
+
+COLLAR_MARGIN_M = 0.004
+COLLAR_HALF_HEIGHT_M = 0.0015
+SCREW_OFFSET_M = 0.041
+SCREW_RADIUS_M = 0.0035
+
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+
+
+@dataclass(frozen=True)
+class Button:
+    """A static square base with a red cap that goes down by 1 cm; its frame lies in the underside's middle.
+
+    Sizes, mass, stroke, spring and damper are those of the original (decoded from RLBench's task file).
+
+    Attributes:
+        name: body and geom of the base, which carries the button's colour. The cap's body and joint are called
+            `<name>_cap`; the joint is 0 m at rest and negative when pressed.
+    """
+
+    name: str
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the base, its trimmings, and the cap on its spring."""
+        base = spec.worldbody.add_body(name=self.name)
+        half_height = BASE_HEIGHT_M / 2
+        base.add_geom(
+            name=self.name, type=BOX, pos=(0, 0, half_height), size=(HALF_SIDE_M, HALF_SIDE_M, half_height)
+        )
+        self._add_trimmings(base)
+        cap = base.add_body(name=f"{self.name}_cap", pos=(0, 0, BASE_HEIGHT_M))
+        cap.add_joint(
+            name=f"{self.name}_cap",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=(0, 0, 1),
+            range=(-STROKE_M, PLAY_M),
+            stiffness=STIFFNESS_N_M,
+            damping=DAMPING_N_S_M,
+            springref=CAP_MASS_KG * GRAVITY_M_S2 / STIFFNESS_N_M,  # carries the cap, so that it rests at 0
+        )
+        cap.add_geom(
+            type=CYLINDER,
+            pos=(0, 0, CAP_HEIGHT_M / 2),
+            size=(CAP_RADIUS_M, CAP_HEIGHT_M / 2, 0),
+            mass=CAP_MASS_KG,
+            rgba=RED,
+        )
+        top = (0.75 * CAP_RADIUS_M, COLLAR_HALF_HEIGHT_M / 3, 0)
+        cap.add_geom(type=CYLINDER, pos=(0, 0, CAP_HEIGHT_M), size=top, rgba=HIGHLIGHT, **VISUAL_ONLY)
+        spec.add_exclude(bodyname1=self.name, bodyname2=cap.name)  # the cap sinks into the base
+
+    def _add_trimmings(self, base) -> None:
+        """A collar around the cap and a screw in each corner."""
+        size = (CAP_RADIUS_M + COLLAR_MARGIN_M, COLLAR_HALF_HEIGHT_M, 0)
+        base.add_geom(type=CYLINDER, pos=(0, 0, BASE_HEIGHT_M), size=size, rgba=COLLAR, **VISUAL_ONLY)
+        screw = (SCREW_RADIUS_M, COLLAR_HALF_HEIGHT_M / 2, 0)
+        for x in (-SCREW_OFFSET_M, SCREW_OFFSET_M):
+            for y in (-SCREW_OFFSET_M, SCREW_OFFSET_M):
+                place = (x, y, BASE_HEIGHT_M)
+                base.add_geom(type=CYLINDER, pos=place, size=screw, rgba=STEEL, **VISUAL_ONLY)
