@@ -1,10 +1,12 @@
 """Use the environment as any Gymnasium environment, with both kinds of action.
 
-    python examples/02_step_the_environment.py
+python examples/02_step_the_environment.py
 """
 
 import gymnasium as gym
+
 import lerobot_env_bimanual  # noqa: F401  registers the bimanual/... ids
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import unproject
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 
@@ -15,10 +17,10 @@ print(env.unwrapped.task_description, info["conditions"])
 # A joint action is one control tick of 50 ms: per arm, left first, seven joints and the gripper (1 is open).
 observation, reward, terminated, truncated, info = env.step(observation["agent_pos"])
 
-# A keypose is a whole motion of both arms: here straight up by 5 cm, with the grippers open.
+# A keypose is a whole motion of both arms: here straight down by 10 cm, grippers open.
 scene = env.unwrapped.scene
-raised = [Keypose(scene.tcp(arm).translated([0, 0, 0.05]), True, True) for arm in ("left", "right")]
-observation, reward, terminated, truncated, info = env.step(BimanualKeypose(*raised).to_vector())
+lowered = [Keypose(scene.tcp(arm).translated([0, 0, -0.1]), True, True) for arm in ARMS]
+observation, reward, terminated, truncated, info = env.step(BimanualKeypose(*lowered).to_vector())
 print(f"{info['ticks']} ticks of 50 ms, hands now at", observation["ee_pose"].round(3))
 
 # Depth is in millimetres, and every camera is calibrated in each observation.

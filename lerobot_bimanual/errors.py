@@ -56,7 +56,7 @@ class KeyposeFailure(BimanualError):
     def __init__(self, arm: str, reason: str):
         self.arm = str(arm)
         self.reason = reason
-        super().__init__(f"{self.arm} arm: {reason}")
+        super().__init__(f"{'both arms' if self.arm == 'both' else self.arm + ' arm'}: {reason}")
 
 
 class PlacementFailure(BimanualError):

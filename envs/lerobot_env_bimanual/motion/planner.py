@@ -195,7 +195,9 @@ class KeyposePlanner:
         self, motion: _Motion, goal: dict[Arm, Array], rng: np.random.Generator
     ) -> dict[Arm, JointPath] | None:
         """Paths around obstacles for the arms in `goal`, in step: what was checked for both must be done by both."""
-        others = {arm: path.at(SWEEP) for arm, path in motion.paths.items()}
+        others = {
+            arm: path.knots[:1] if path.is_still else path.at(SWEEP) for arm, path in motion.paths.items()
+        }
 
         def is_free(joints: Array) -> bool:
             moving = dict(zip(goal, joints.reshape(-1, JOINTS_PER_ARM), strict=True))

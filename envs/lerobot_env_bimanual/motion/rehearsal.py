@@ -137,8 +137,9 @@ class _Rehearsal:
         goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
         if isinstance(goals, str):
             return goals
-        self._joints |= goals
         for arm, joints in goals.items():
+            # The planner starts its next motion from the float32 action that ended this one.
+            self._joints[arm] = joints.astype(np.float32).astype(np.float64)
             if self._kinematics[arm].margins(joints).min() < self._min_margin:
                 return f"{arm} arm close to a joint limit"
         self._view.move_arms(goals)
@@ -170,6 +171,5 @@ class _Rehearsal:
             line = cartesian_line(self._kinematics[arm], self._joints[arm], target)
             if line is None:
                 return f"{arm} arm cannot follow its line"
-            # The planner starts its next motion from the float32 action that ended this one.
-            ends[arm] = line[-1].astype(np.float32).astype(np.float64)
+            ends[arm] = line[-1]
         return ends

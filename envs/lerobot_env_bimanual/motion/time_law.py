@@ -57,6 +57,11 @@ class JointPath:
         """Knots (n, 7) at equal steps of the path parameter."""
         return cls(np.linspace(0.0, 1.0, len(knots)), knots)
 
+    @property
+    def is_still(self) -> bool:
+        """Whether the arm does not move at all."""
+        return bool((self.knots == self.knots[0]).all())
+
     def at(self, fractions: Array) -> Array:
         """Joints (m, 7) in rad at path parameters (m,)."""
         upper = np.clip(np.searchsorted(self.fractions, fractions), 1, len(self.fractions) - 1)

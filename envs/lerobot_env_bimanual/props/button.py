@@ -15,7 +15,8 @@ BASE_HEIGHT_M = 0.021
 CAP_RADIUS_M = 0.028
 CAP_HEIGHT_M = 0.014
 CAP_MASS_KG = 0.0685
-STROKE_M = 0.010
+STROKE_M = CAP_HEIGHT_M
+"""Until the cap is level with the base, which then stops the finger."""
 PLAY_M = 0.0005
 STIFFNESS_N_M = 250.0
 DAMPING_N_S_M = 6.25
@@ -32,9 +33,9 @@ CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 @dataclass(frozen=True)
 class Button:
-    """A static square base with a red cap that goes down by 1 cm; its frame lies in the underside's middle.
+    """A static square base with a red cap that can be pushed into it; its frame lies in the underside's middle.
 
-    Sizes, mass, stroke, spring and damper are those of the original (decoded from RLBench's task file).
+    Sizes, mass, spring and damper are those of the original (decoded from RLBench's task file).
 
     Attributes:
         name: body and geom of the base, which carries the button's colour. The cap's body and joint are called

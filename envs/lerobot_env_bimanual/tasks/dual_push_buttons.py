@@ -61,7 +61,7 @@ LEAST_DISTANCE_M = 0.15
 
 HOVER_Z_M = 0.86
 PRESS_Z_M = 0.775
-"""Centre of a voxel, at which the fingertips are 1 cm below a cap's lower stop: it always goes all the way down."""
+"""Centre of a voxel, at which the fingertips would be 6 mm inside the base: the cap goes down all the way."""
 
 
 @register
@@ -104,17 +104,13 @@ class DualPushButtons(Task):
     def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
         """Above, press."""
         left, right = scene.pose(LEFT).position[:2], scene.pose(RIGHT).position[:2]
-        yield Stage(
-            "above",
-            _hand(left, HOVER_Z_M),
-            _hand(right, HOVER_Z_M),
-            left_open=False,
-            right_open=False,
-            planned=True,
-        )
-        yield Stage("press", _hand(left, PRESS_Z_M), _hand(right, PRESS_Z_M))
+        above, press = _hands(left, right, HOVER_Z_M), _hands(left, right, PRESS_Z_M)
+        yield Stage("above", *above, left_open=False, right_open=False, planned=True)
+        yield Stage("press", *press)
 
 
-def _hand(xy: np.ndarray, height_m: float) -> Pose:
-    """A hand pointing down, its narrow side along y, so that hands over neighbouring buttons do not meet."""
-    return Pose.looking((*xy, height_m), approach=(0, 0, -1), opening=(1, 0, 0))
+def _hands(left_xy: np.ndarray, right_xy: np.ndarray, height_m: float) -> tuple[Pose, Pose]:
+    """Both hands pointing down, narrow side along y, so that hands over neighbouring buttons do not meet."""
+    left = Pose.looking((*left_xy, height_m), approach=(0, 0, -1), opening=(1, 0, 0))
+    right = Pose.looking((*right_xy, height_m), approach=(0, 0, -1), opening=(-1, 0, 0))
+    return left, right

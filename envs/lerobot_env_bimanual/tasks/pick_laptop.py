@@ -121,13 +121,17 @@ class PickLaptop(Task):
 
 
 def _left_hand(laptop: Pose, y_m: float, height_m: float) -> Pose:
-    """Straight down at `y_m` on the laptop's middle line, fingers side by side along its edge."""
+    """Straight down at `y_m` on the laptop's middle line, fingers side by side along its edge.
+
+    Of the two such rolls it is the one nearer to the hand's at home.
+    """
     x, y, _ = laptop.apply((0, y_m, 0))
-    return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=laptop.rotation[:, 0])
+    edge = laptop.rotation[:, 0]
+    return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=edge if edge[0] > 0 else -edge)
 
 
 def _right_hand(laptop: Pose, y_m: float, height_m: float) -> Pose:
     """Towards the far edge and a little down, at `y_m` on the laptop's middle line."""
     x, y, _ = laptop.apply((0, y_m, 0))
     approach = np.cos(TILT_RAD) * laptop.rotation[:, 1] - (0, 0, np.sin(TILT_RAD))
-    return Pose.looking((x, y, height_m), approach=approach, opening=(0, 0, 1))
+    return Pose.looking((x, y, height_m), approach=approach, opening=(0, 0, -1))

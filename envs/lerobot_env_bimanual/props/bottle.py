@@ -1,0 +1,79 @@
+"""A small glass bottle."""
+
+from dataclasses import dataclass
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.lathe import add_lathe
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+GLASS = (0.13, 0.45, 0.24, 1.0)
+PAPER = (0.96, 0.94, 0.86, 1.0)
+CAP = (0.90, 0.78, 0.18, 1.0)
+
+BODY_RADIUS_M, BODY_HEIGHT_M = 0.0178, 0.102
+NECK_RADIUS_M, NECK_BOTTOM_M = 0.0064, 0.118
+SHOULDER_RADIUS_M = 0.012
+CAP_RADIUS_M, CAP_BOTTOM_M, HEIGHT_M = 0.0080, 0.142, 0.154
+EDGE_M = 0.002
+LABEL_M = (0.030, 0.068)
+"""Lower and upper edge of the paper around the body."""
+LABEL_PROUD_M = 0.0003
+BODY_MASS_SHARE, SHOULDER_MASS_SHARE, NECK_MASS_SHARE = 0.86, 0.07, 0.07
+
+HIDDEN_GROUP = 3
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+MESH = mujoco.mjtGeom.mjGEOM_MESH
+
+
+@dataclass(frozen=True)
+class Bottle:
+    """A free bottle, its frame in the middle of the underside. It is seen as turned meshes and felt as cylinders.
+
+    Attributes:
+        name: body.
+        mass_kg: of PerAct2's bottle; sizes are its, too.
+        friction: against everything but the grippers' rubber.
+    """
+
+    name: str = "bottle"
+    mass_kg: float = 0.112
+    friction: float = 0.8
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write what is felt, then glass, label and cap."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        for radius, bottom, top, share in (
+            (BODY_RADIUS_M, 0, BODY_HEIGHT_M, BODY_MASS_SHARE),
+            (SHOULDER_RADIUS_M, BODY_HEIGHT_M, NECK_BOTTOM_M, SHOULDER_MASS_SHARE),
+            (CAP_RADIUS_M, NECK_BOTTOM_M, HEIGHT_M, NECK_MASS_SHARE),
+        ):
+            body.add_geom(
+                type=CYLINDER,
+                pos=(0, 0, (bottom + top) / 2),
+                size=(radius, (top - bottom) / 2, 0),
+                mass=share * self.mass_kg,
+                friction=(self.friction, 0.005, 0.0001),
+                condim=4,
+                solref=(0.006, 1),
+                group=HIDDEN_GROUP,
+            )
+        paper = BODY_RADIUS_M + LABEL_PROUD_M
+        low, high = LABEL_M
+        glass = [
+            (0, 0),
+            (BODY_RADIUS_M - EDGE_M, 0),
+            (BODY_RADIUS_M, EDGE_M),
+            (BODY_RADIUS_M, BODY_HEIGHT_M - EDGE_M),
+            (BODY_RADIUS_M - EDGE_M, BODY_HEIGHT_M + EDGE_M),
+            (SHOULDER_RADIUS_M, BODY_HEIGHT_M + 4 * EDGE_M),
+            (NECK_RADIUS_M, NECK_BOTTOM_M),
+            (NECK_RADIUS_M, CAP_BOTTOM_M),
+            (0, CAP_BOTTOM_M),
+        ]
+        label = [(0, low), (paper, low), (paper, high), (0, high)]
+        cap = [(0, CAP_BOTTOM_M), (CAP_RADIUS_M, CAP_BOTTOM_M), (CAP_RADIUS_M, HEIGHT_M), (0, HEIGHT_M)]
+        for part, profile, rgba in (("glass", glass, GLASS), ("label", label, PAPER), ("cap", cap, CAP)):
+            mesh = f"{self.name}_{part}"
+            add_lathe(spec, mesh, profile)
+            body.add_geom(type=MESH, meshname=mesh, rgba=rgba, **VISUAL_ONLY)

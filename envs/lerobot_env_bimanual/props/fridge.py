@@ -1,0 +1,204 @@
+"""A narrow fridge with two doors, of which the upper one opens."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+SHELL = (0.84, 0.87, 0.90, 1.0)
+DOOR = (0.90, 0.92, 0.94, 1.0)
+LINER = (0.97, 0.98, 1.00, 1.0)
+SHELF = (0.70, 0.82, 0.88, 1.0)
+SEAL = (0.45, 0.47, 0.50, 1.0)
+METAL = (0.30, 0.30, 0.33, 1.0)
+LAMP = (1.00, 0.97, 0.85, 1.0)
+BADGE = (0.12, 0.34, 0.62, 1.0)
+LAMP_EMISSION = 0.9
+LINER_EMISSION = 0.25
+
+HALF_DEPTH_M, HALF_WIDTH_M, HEIGHT_M = 0.122, 0.172, 0.955
+WALL_HALF_M = 0.006
+COMPARTMENT_FLOOR_M = 0.380
+"""Upper side of the board that parts the two compartments."""
+SHELF_M = 0.679
+SHELF_HALF_M = 0.004
+
+# Of the doors, in the fridge's frame: +x goes inside, the hinge is at the edge on the side of -y.
+DOOR_HALF_THICKNESS_M = 0.010
+DOOR_GAP_M = 0.004
+LOWER_DOOR_M = (0.005, 0.368)
+UPPER_DOOR_M = (0.376, 0.952)
+"""Lower and upper edge."""
+DOOR_MASS_KG = 0.8
+HINGE_RANGE_RAD = 2.0
+HINGE_FRICTION_NM = 0.25
+"""Brake that keeps the door where it was left; a retreating hand turns a door with the original's 0.052 N m."""
+HINGE_DAMPING_NM_S = 0.3
+
+HANDLE_FROM_HINGE_M = 0.318
+HANDLE_STAND_OFF_M = 0.05
+"""Between bar and door: room for two fingers, also where they come at an angle."""
+HANDLE_M = (0.464, 0.784)
+LOWER_HANDLE_M = (0.08, 0.30)
+HANDLE_RADIUS_M = 0.0075
+POST_RADIUS_M = 0.006
+
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+
+
+@dataclass(frozen=True)
+class Fridge:
+    """A fridge that stands still. Its frame lies on the table, under its middle, x pointing in and y to the handle.
+
+    Attributes:
+        name: body; also the prefix of the upper door (`..._door`) and its hinge (`..._hinge`).
+        friction: of the shelves.
+    """
+
+    name: str = "fridge"
+    friction: float = 0.6
+
+    @property
+    def front_m(self) -> float:
+        """The plane of the opening: its x in the fridge's frame."""
+        return -HALF_DEPTH_M
+
+    @property
+    def compartment(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Lower and upper corner of the room under the upper compartment's shelf, in the fridge's frame, m."""
+        x, y = HALF_DEPTH_M - 2 * WALL_HALF_M, HALF_WIDTH_M - 2 * WALL_HALF_M
+        return (-HALF_DEPTH_M, -y, COMPARTMENT_FLOOR_M - 0.002), (x, y, SHELF_M - SHELF_HALF_M)
+
+    def handle(self, door_rad: float, height_m: float) -> NDArray[np.float64]:
+        """(3,) point of the upper door's bar when the door is open by `door_rad`, in the fridge's frame, m."""
+        hinge = Pose.upright((*_HINGE_M, height_m), door_rad)
+        return hinge.apply((_HANDLE_X_M, HANDLE_FROM_HINGE_M, 0.0))
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the shell with its closed lower door, and the upper door."""
+        for part, rgba, emission in (("lamp", LAMP, LAMP_EMISSION), ("liner", LINER, LINER_EMISSION)):
+            spec.add_material(name=f"{self.name}_{part}", rgba=rgba, emission=emission)
+        body = spec.worldbody.add_body(name=self.name)
+        self._add_shell(body)
+        self._add_lower_door(body)
+        self._add_upper_door(body)
+        spec.add_exclude(bodyname1=self.name, bodyname2=f"{self.name}_door")
+
+    def _add_shell(self, body) -> None:
+        x, y, z, wall = HALF_DEPTH_M, HALF_WIDTH_M, HEIGHT_M / 2, WALL_HALF_M
+        body.add_geom(type=BOX, pos=(x - wall, 0, z), size=(wall, y, z), rgba=SHELL)
+        for side in (-1, 1):
+            body.add_geom(type=BOX, pos=(0, side * (y - wall), z), size=(x, wall, z), rgba=SHELL)
+            body.add_geom(type=BOX, pos=(0, 0, z + side * (z - wall)), size=(x, y, wall), rgba=SHELL)
+        floor = COMPARTMENT_FLOOR_M - wall
+        for height, half, rgba in (
+            (floor, (x, y - 2 * wall, wall), LINER),
+            (SHELF_M, (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
+        ):
+            body.add_geom(
+                type=BOX, pos=(0, 0, height), size=half, rgba=rgba, friction=(self.friction, 0.005, 0.0001)
+            )
+        self._line(body)
+
+    def _line(self, body) -> None:
+        """Bright sheets inside the upper compartment and a lamp under its ceiling."""
+        x, y, sheet = HALF_DEPTH_M - 2 * WALL_HALF_M, HALF_WIDTH_M - 2 * WALL_HALF_M, 0.0005
+        middle, half = (COMPARTMENT_FLOOR_M + HEIGHT_M) / 2, (HEIGHT_M - COMPARTMENT_FLOOR_M) / 2 - 0.013
+        liner = f"{self.name}_liner"
+        body.add_geom(type=BOX, pos=(x, 0, middle), size=(sheet, y, half), material=liner, **VISUAL_ONLY)
+        for side in (-y, y):
+            body.add_geom(
+                type=BOX,
+                pos=(0.006, side, middle),
+                size=(HALF_DEPTH_M - 0.014, sheet, half),
+                material=liner,
+                **VISUAL_ONLY,
+            )
+        body.add_geom(
+            type=BOX,
+            pos=(0.02, 0, HEIGHT_M - 0.018),
+            size=(0.03, 0.05, 0.006),
+            material=f"{self.name}_lamp",
+            **VISUAL_ONLY,
+        )
+
+    def _add_lower_door(self, body) -> None:
+        low, high = LOWER_DOOR_M
+        front = -HALF_DEPTH_M - DOOR_GAP_M - 2 * DOOR_HALF_THICKNESS_M
+        body.add_geom(
+            type=BOX,
+            pos=(front + DOOR_HALF_THICKNESS_M, 0, (low + high) / 2),
+            size=(DOOR_HALF_THICKNESS_M, HALF_WIDTH_M - 0.002, (high - low) / 2),
+            rgba=DOOR,
+        )
+        _add_handle(body, front, HANDLE_FROM_HINGE_M - HALF_WIDTH_M, LOWER_HANDLE_M)
+
+    def _add_upper_door(self, body) -> None:
+        low, high = UPPER_DOOR_M
+        middle, half_height = (low + high) / 2, (high - low) / 2
+        width, thickness = HALF_WIDTH_M, DOOR_HALF_THICKNESS_M
+        door = body.add_body(name=f"{self.name}_door", pos=(*_HINGE_M, 0))
+        door.add_joint(
+            name=f"{self.name}_hinge",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=(0, 0, 1),
+            range=(0, HINGE_RANGE_RAD),
+            frictionloss=HINGE_FRICTION_NM,
+            damping=HINGE_DAMPING_NM_S,
+        )
+        door.add_geom(
+            type=BOX,
+            pos=(-thickness, width, middle),
+            size=(thickness, width - 0.002, half_height),
+            mass=DOOR_MASS_KG,
+            rgba=DOOR,
+        )
+        _add_handle(door, -2 * thickness, HANDLE_FROM_HINGE_M, HANDLE_M, mass=0.03)
+        # Inside: the dark seal around a bright panel with two racks. Outside: the maker's badge.
+        for inset, proud, rgba in ((0.010, 0.0020, SEAL), (0.026, 0.0025, LINER)):
+            door.add_geom(
+                type=BOX,
+                pos=(0, width, middle),
+                size=(proud, width - inset, half_height - inset),
+                rgba=rgba,
+                **VISUAL_ONLY,
+            )
+        for height in (low + 0.06, low + 0.32):
+            for rise, half in ((0.0, (0.016, 0.003)), (0.03, (0.002, 0.012))):
+                depth, half_rise = half
+                door.add_geom(
+                    type=BOX,
+                    pos=(0.032 - depth, width, height + rise),
+                    size=(depth, width - 0.040, half_rise),
+                    rgba=SHELF,
+                    **VISUAL_ONLY,
+                )
+        door.add_geom(
+            type=BOX,
+            pos=(-2 * thickness, 0.07, high - 0.05),
+            size=(0.001, 0.03, 0.008),
+            rgba=BADGE,
+            **VISUAL_ONLY,
+        )
+
+
+_HINGE_M = (-HALF_DEPTH_M - DOOR_GAP_M, -HALF_WIDTH_M)
+_HANDLE_X_M = -2 * DOOR_HALF_THICKNESS_M - HANDLE_STAND_OFF_M
+"""Of the bar, in the door's frame."""
+
+
+def _add_handle(body, front_m: float, y_m: float, span_m: tuple[float, float], mass: float = 0.0) -> None:
+    """A round upright bar on two posts before the plane x = `front_m`."""
+    low, high = span_m
+    x = front_m - HANDLE_STAND_OFF_M
+    for radius, start, end in (
+        (HANDLE_RADIUS_M, (x, y_m, low), (x, y_m, high)),
+        (POST_RADIUS_M, (x, y_m, low), (front_m, y_m, low)),
+        (POST_RADIUS_M, (x, y_m, high), (front_m, y_m, high)),
+    ):
+        body.add_geom(type=CAPSULE, fromto=(*start, *end), size=(radius, 0, 0), mass=mass, rgba=METAL)
