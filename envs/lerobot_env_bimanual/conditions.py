@@ -69,6 +69,33 @@ class CentredOn:
 
 
 @dataclass(frozen=True)
+class Inside:
+    """The prop's origin lies in a box that is fixed to a container and moves with it.
+
+    Attributes:
+        prop: body whose origin counts.
+        container: body in whose frame the box stands.
+        lower_m: corner of the box, (3,).
+        upper_m: the opposite corner, (3,).
+    """
+
+    prop: str
+    container: str
+    lower_m: tuple[float, float, float]
+    upper_m: tuple[float, float, float]
+
+    @property
+    def name(self) -> str:
+        """E.g. `inside(item, cabinet_top)`."""
+        return f"inside({self.prop}, {self.container})"
+
+    def __call__(self, scene: Scene) -> bool:
+        """Compare the prop's origin in the container's frame."""
+        position = scene.pose(self.container).inverse().apply(scene.pose(self.prop).position)
+        return bool(np.all(position >= self.lower_m) and np.all(position <= self.upper_m))
+
+
+@dataclass(frozen=True)
 class AtRest:
     """The prop's origin hardly moves."""
 

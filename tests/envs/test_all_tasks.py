@@ -25,11 +25,19 @@ def task(name):
     return get_task(name)
 
 
+@pytest.fixture(scope="module")
+def environments():
+    opened = {}
+    yield opened
+    for env in opened.values():
+        env.close()
+
+
 @pytest.fixture
-def env(name):
-    env = BimanualEnv(name, obs="state", split="val")
-    yield env
-    env.close()
+def env(name, environments):
+    if name not in environments:
+        environments[name] = BimanualEnv(name, obs="state", split="val")
+    return environments[name]
 
 
 def test_the_specification_is_consistent(name, task):

@@ -94,12 +94,14 @@ def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float
 def _play_joint_actions(env: BimanualEnv, episode: RecordedEpisode) -> int | None:
     """Play every tick; returns the first one that ended in another state, or that could not be played."""
     actions, hashes = episode.columns[schema.ACTION], episode.columns[schema.STATE_HASH]
+    is_over = False
     for tick, (action, expected) in enumerate(zip(actions, hashes, strict=True)):
-        if tick and (env.progress.terminated or env.progress.ticks < tick):
+        if is_over:
             return tick
-        env.step(action)
+        _, _, terminated, truncated, _ = env.step(action)
         if schema.state_hash_column(env.state_hash()) != expected:
             return tick
+        is_over = terminated or truncated
     return None
 
 

@@ -8,10 +8,16 @@ from lerobot_env_bimanual.scene import Scene
 
 
 class Carried:
-    """A free prop fixed to a hand at the relative pose that both have in `data` now."""
+    """A free prop fixed to a hand at the relative pose that both have in `data` now.
+
+    Raises:
+        ValueError: The prop is not free, such as a drawer; those do not move with a hand here.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, hand: str, prop: str):
         self.body = model.body(prop).id
+        if not is_free(model, self.body):
+            raise ValueError(f"{prop!r} has no free joint, so it cannot be carried by {hand!r}")
         self._hand = model.body(hand).id
         address = model.jnt_qposadr[model.body_jntadr[self.body]]
         self._position = slice(address, address + 3)

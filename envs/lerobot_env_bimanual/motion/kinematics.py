@@ -95,8 +95,8 @@ class ArmKinematics:
     def reaches(self, joints: Array, target: Array) -> bool:
         """Whether joints (7,) put the hand at a pose (4, 4) exactly.
 
-        At the very edge of a branch the closed form clips its arguments and about one solution in a thousand is
-        off by up to 2 mm; whoever uses a solution checks it.
+        At the very edge of a branch, and where joints 1 and 3 turn about one axis, the closed form clips its
+        arguments: one solution in a thousand is off by up to 2 mm. So whoever uses a solution checks it.
         """
         return bool(np.abs(self.fk(joints) - target).max() < EXACT)
 

@@ -64,6 +64,8 @@ class Laptop:
             range=(0, HINGE_RANGE_RAD),
             frictionloss=HINGE_FRICTION_NM,
             damping=0.01,
+            solref_limit=(0.004, 1),
+            solimp_limit=(0.98, 0.999, 0.001, 0.5, 2),
         )
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)

@@ -2,6 +2,7 @@
 
 from lerobot_env_bimanual.tasks import (
     dual_push_buttons,
+    handover_item,
     handover_item_easy,
     lift_ball,
     lift_tray,
@@ -12,6 +13,7 @@ from lerobot_env_bimanual.tasks import (
 
 __all__ = [
     "dual_push_buttons",
+    "handover_item",
     "handover_item_easy",
     "lift_ball",
     "lift_tray",

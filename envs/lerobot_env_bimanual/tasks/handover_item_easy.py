@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
+from lerobot_env_bimanual.handover import hand_over
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.registry import register
@@ -32,19 +32,9 @@ ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
 AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
 SUCCESS_HEIGHT_M = 0.80
 
-HOVER_M = 0.10
-GRASP_Z_M = 0.815
-"""Centre of a voxel, 25 mm above the item's middle."""
-LIFT_TO_M = 1.12
-EXCHANGE = np.array([0.25, -0.10, 1.105])
-"""Where the item's centre is presented; within easy reach of both arms."""
 LEFT_BEHIND_M = 0.025
 RIGHT_BEHIND_M = 0.020
 """How far the tool centre points stop short of the item's centre: 4.5 cm apart, palms 12 cm apart."""
-CLEARANCE_M = 0.12
-"""How far the right hand waits before the item and the left one withdraws."""
-LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
-RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(-1, 0, 1))
 
 
 @register
@@ -79,18 +69,5 @@ class HandoverItemEasy(Task):
         return True
 
     def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
-        """Pick up, present, receive where the item really is, release, withdraw."""
-        item = scene.pose("item")
-        grasp = Pose.looking(
-            (*item.position[:2], GRASP_Z_M), approach=(0, 0, -1), opening=item.rotation[:, 0]
-        )
-        present = LEFT_PRESENTS.translated(EXCHANGE).advanced(-LEFT_BEHIND_M)
-        wait = RIGHT_RECEIVES.translated(EXCHANGE).advanced(-RIGHT_BEHIND_M - CLEARANCE_M)
-        yield Stage("hover", left=grasp.translated((0, 0, HOVER_M)), right=wait, planned=True)
-        yield Stage("grasp", left=grasp, left_open=False, left_holds="item")
-        yield Stage("lift", left=grasp.translated((0, 0, LIFT_TO_M - GRASP_Z_M)))
-        yield Stage("present", left=present)
-        receive = RIGHT_RECEIVES.translated(scene.pose("item").position).advanced(-RIGHT_BEHIND_M)
-        yield Stage("receive", right=receive, right_open=False, right_holds="item")
-        yield Stage("release", left_open=True)
-        yield Stage("withdraw", left=present.advanced(-CLEARANCE_M))
+        """Pick up, present, receive, release, withdraw."""
+        yield from hand_over(scene, "item", LEFT_BEHIND_M, RIGHT_BEHIND_M)

@@ -78,6 +78,12 @@ def test_a_carried_prop_moves_with_the_hand(furnished_scene):
     scene.data.qpos[:] = data_before
 
 
+def test_what_stands_fixed_cannot_be_carried(furnished_scene):
+    checker = CollisionChecker(furnished_scene)
+    with pytest.raises(ValueError, match="'wall' has no free joint"):
+        checker.begin_free_motion(ARMS, [(Arm.LEFT, "wall")], HOME, HOME)
+
+
 def test_a_pinched_block_is_known_to_be_in_the_hand(furnished_scene):
     scene = furnished_scene
     scene.place("wall", Pose.upright((0.5, 0.6, 0.2)))

@@ -1,0 +1,99 @@
+"""A light baking tray with a handle and a few biscuits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+ALUMINIUM = (0.86, 0.87, 0.90, 1.0)
+RIM = (0.74, 0.75, 0.79, 1.0)
+PAPER = (0.95, 0.90, 0.78, 1.0)
+BISCUIT = (0.76, 0.50, 0.24, 1.0)
+
+RIM_HALF_M = (0.003, 0.009)
+"""Half width and half height."""
+RIM_MASS_SHARE = 0.16
+PAPER_INSET_M = 0.012
+PAPER_HALF_THICKNESS_M = 0.0004
+BISCUIT_RADIUS_M = 0.021
+BISCUIT_HALF_HEIGHT_M = 0.004
+
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+
+
+@dataclass(frozen=True)
+class BakingTray:
+    """A free board with a rim and a flat handle at its near end, -x. Its frame is in the middle of board and handle.
+
+    Attributes:
+        name: body and board geom.
+        size_m: full sizes of board and handle together (PerAct2 code).
+        handle_size_m: full depth along x and full width along y of the handle. It is short, so that a gripper has
+            to aim.
+        mass_kg: everything (PerAct2 code); the biscuits are for the eye.
+        friction: against everything but the grippers' rubber.
+    """
+
+    name: str = "tray"
+    size_m: tuple[float, float, float] = (0.21, 0.30, 0.006)
+    handle_size_m: tuple[float, float] = (0.043, 0.09)
+    mass_kg: float = 0.315
+    friction: float = 0.5
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write board, handle and rim, and paper and biscuits for the eye."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        x, y, z = np.array(self.size_m) / 2
+        handle_x, handle_y = np.array(self.handle_size_m) / 2
+        board_x, board_half_x = handle_x, x - handle_x
+        metal_kg = self.mass_kg * (1 - RIM_MASS_SHARE)
+        handle_share = handle_x * handle_y / (handle_x * handle_y + board_half_x * y)
+        board = (board_half_x, y, z)
+        self._add_solid(
+            body, (board_x, 0, 0), board, ALUMINIUM, metal_kg * (1 - handle_share), name=self.name
+        )
+        handle = (handle_x, handle_y, z)
+        self._add_solid(body, (handle_x - x, 0, 0), handle, ALUMINIUM, metal_kg * handle_share)
+        self._add_rim(body, board_x, board)
+        self._add_biscuits(body, board_x, board)
+
+    def _add_rim(self, body, board_x: float, board) -> None:
+        x, y, z = board
+        width, height = RIM_HALF_M
+        for side in (-1, 1):
+            for position, size in (
+                ((board_x + side * (x - width), 0, z + height), (width, y, height)),
+                ((board_x, side * (y - width), z + height), (x, width, height)),
+            ):
+                self._add_solid(body, position, size, RIM, self.mass_kg * RIM_MASS_SHARE / 4)
+
+    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "") -> None:
+        body.add_geom(
+            name=name,
+            type=BOX,
+            pos=position,
+            size=size,
+            rgba=rgba,
+            mass=mass,
+            friction=(self.friction, 0.005, 0.0001),
+            condim=4,
+            solref=(0.006, 1),
+        )
+
+    def _add_biscuits(self, body, board_x: float, board) -> None:
+        x, y, z = board
+        paper = (x - PAPER_INSET_M, y - PAPER_INSET_M, PAPER_HALF_THICKNESS_M)
+        body.add_geom(type=BOX, pos=(board_x, 0, z), size=paper, rgba=PAPER, **VISUAL_ONLY)
+        for column in np.linspace(-1, 1, 2) * 0.45 * x:
+            for row in np.linspace(-1, 1, 4) * 0.66 * y:
+                body.add_geom(
+                    type=CYLINDER,
+                    pos=(board_x + column, row, z + BISCUIT_HALF_HEIGHT_M),
+                    size=(BISCUIT_RADIUS_M, BISCUIT_HALF_HEIGHT_M, 0),
+                    rgba=BISCUIT,
+                    **VISUAL_ONLY,
+                )

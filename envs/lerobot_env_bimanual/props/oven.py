@@ -1,0 +1,259 @@
+"""An oven with a door that tips open and a rack that slides out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+STEEL = (0.80, 0.81, 0.83, 1.0)
+DARK = (0.17, 0.17, 0.19, 1.0)
+GLASS = (0.05, 0.05, 0.07, 1.0)
+ENAMEL = (0.34, 0.35, 0.40, 1.0)
+LAMP = (1.00, 0.90, 0.65, 1.0)
+DISPLAY = (0.25, 0.85, 0.60, 1.0)
+WIRE = (0.66, 0.66, 0.68, 1.0)
+METAL = (0.88, 0.88, 0.90, 1.0)
+LINER_EMISSION = 0.25
+LAMP_EMISSION = 0.9
+
+# In the oven's frame, which lies on the table under its middle; +x goes inside, +y to the left of who looks in.
+HALF_DEPTH_M, HALF_WIDTH_M, HEIGHT_M = 0.192, 0.275, 0.600
+FLOOR_M, CEILING_M = 0.1025, 0.455
+"""Of the cavity (decoded from RLBench's task file)."""
+WALL_HALF_M = 0.010
+BACK_HALF_M = 0.006
+FOOT_HEIGHT_M = 0.012
+FOOT_RADIUS_M = 0.018
+FOOT_INSET_M = (0.06, 0.05)
+
+HINGE_BEFORE_FRONT_M = 0.006
+DOOR_HALF_M = (0.006, 0.274, 0.172)
+DOOR_LIFT_M = 0.002
+DOOR_MASS_KG = 0.8
+DOOR_RANGE_RAD = 1.55
+DOOR_FRICTION_NM = 0.15
+"""Brake of the hinge."""
+DOOR_DAMPING_NM_S = 3.0
+"""A door let go of at half its way sinks to the end in about a second."""
+HANDLE_Z_M = 0.2935
+"""Above the hinge."""
+HANDLE_STAND_OFF_M = 0.05
+"""Between bar and door: room for two fingers."""
+HANDLE_RADIUS_M = 0.010
+POST_RADIUS_M = 0.008
+
+RACK_M = 0.2885
+"""Middle of the rack, above the table."""
+RACK_BEHIND_FRONT_M = 0.07
+RACK_HALF_M = (0.145, 0.235, 0.005)
+RACK_MASS_KG = 1.363
+RACK_TRAVEL_M = 0.30
+RACK_FRICTION_N = 0.5
+RACK_DAMPING_N_S_M = 2.0
+RACK_WIRES = 12
+RAIL_HALF_M = (0.162, 0.008, 0.004)
+
+HIDDEN_GROUP = 3
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+FACING_FRONT = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
+"""Turns the axis of a cylinder to x."""
+
+
+@dataclass(frozen=True)
+class Oven:
+    """An oven that stands still. Its frame lies on the table, under its middle, x pointing in.
+
+    Attributes:
+        name: body; also the prefix of the door (`..._door`), its hinge (`..._hinge`), the rack (`..._rack`) and
+            its slide (`..._slide`).
+        handle_y_m: right and left end of the door's handle.
+    """
+
+    name: str = "oven"
+    handle_y_m: tuple[float, float] = (-0.13, 0.13)
+
+    @property
+    def top_m(self) -> float:
+        """Height of the top above the table."""
+        return HEIGHT_M
+
+    @property
+    def front_m(self) -> float:
+        """The plane of the opening: its x in the oven's frame."""
+        return -HALF_DEPTH_M
+
+    @property
+    def rack_top_m(self) -> float:
+        """Height of what lies on the rack, above the table."""
+        return RACK_M + RACK_HALF_M[2]
+
+    def handle(self, door_rad: float, y_m: float) -> NDArray[np.float64]:
+        """(3,) point of the door's handle when the door is open by `door_rad`, in the oven's frame, m."""
+        sin, cos = np.sin(door_rad), np.cos(door_rad)
+        out, up = DOOR_HALF_M[0] + HANDLE_STAND_OFF_M, HANDLE_Z_M
+        hinge_x = self.front_m - HINGE_BEFORE_FRONT_M
+        return np.array([hinge_x - out * cos - up * sin, y_m, FLOOR_M + up * cos - out * sin])
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write body, door and rack."""
+        for part, rgba, emission in (("liner", ENAMEL, LINER_EMISSION), ("lamp", LAMP, LAMP_EMISSION)):
+            spec.add_material(name=f"{self.name}_{part}", rgba=rgba, emission=emission)
+        body = spec.worldbody.add_body(name=self.name)
+        self._add_body(body)
+        self._add_inside(body)
+        self._add_panel(body)
+        self._add_door(body)
+        self._add_rack(body)
+        for part in ("door", "rack"):
+            spec.add_exclude(bodyname1=self.name, bodyname2=f"{self.name}_{part}")
+
+    def _add_body(self, body) -> None:
+        """Plinth, head, walls and back, on four feet."""
+        x, y = HALF_DEPTH_M, HALF_WIDTH_M
+        low, high = (FOOT_HEIGHT_M + FLOOR_M) / 2, (CEILING_M + HEIGHT_M) / 2
+        middle, half = (FLOOR_M + CEILING_M) / 2, (CEILING_M - FLOOR_M) / 2
+        body.add_geom(type=BOX, pos=(0, 0, low), size=(x, y, (FLOOR_M - FOOT_HEIGHT_M) / 2), rgba=DARK)
+        body.add_geom(type=BOX, pos=(0, 0, high), size=(x, y, (HEIGHT_M - CEILING_M) / 2), rgba=STEEL)
+        body.add_geom(
+            type=BOX, pos=(x - BACK_HALF_M, 0, middle), size=(BACK_HALF_M, y - 0.02, half), rgba=DARK
+        )
+        for side in (-1, 1):
+            wall = (0, side * (y - WALL_HALF_M), middle)
+            body.add_geom(type=BOX, pos=wall, size=(x, WALL_HALF_M, half), rgba=STEEL)
+            for end in (-1, 1):
+                foot = (end * (x - FOOT_INSET_M[0]), side * (y - FOOT_INSET_M[1]), FOOT_HEIGHT_M / 2)
+                body.add_geom(
+                    type=CYLINDER, pos=foot, size=(FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, 0), rgba=DARK
+                )
+
+    def _add_inside(self, body) -> None:
+        """Bright enamel, a lamp under the ceiling, and the rails that the rack slides on."""
+        x, y, sheet = HALF_DEPTH_M - 2 * BACK_HALF_M, HALF_WIDTH_M - 2 * WALL_HALF_M, 0.0005
+        middle, half = (FLOOR_M + CEILING_M) / 2, (CEILING_M - FLOOR_M) / 2
+        liner, centre_x = f"{self.name}_liner", -BACK_HALF_M
+        for position, size in (
+            ((x, 0, middle), (sheet, y, half)),
+            ((centre_x, 0, FLOOR_M), (x - centre_x, y, sheet)),
+            ((centre_x, 0, CEILING_M), (x - centre_x, y, sheet)),
+            ((centre_x, -y, middle), (x - centre_x, sheet, half)),
+            ((centre_x, y, middle), (x - centre_x, sheet, half)),
+        ):
+            body.add_geom(type=BOX, pos=position, size=size, material=liner, **VISUAL_ONLY)
+        body.add_geom(
+            type=BOX,
+            pos=(0.03, 0, CEILING_M - 0.006),
+            size=(0.035, 0.06, 0.006),
+            material=f"{self.name}_lamp",
+            **VISUAL_ONLY,
+        )
+        rail_z = RACK_M - RACK_HALF_M[2] - RAIL_HALF_M[2]
+        for side in (-1, 1):
+            body.add_geom(
+                type=BOX, pos=(0.02, side * (y - RAIL_HALF_M[1]), rail_z), size=RAIL_HALF_M, rgba=WIRE
+            )
+
+    def _add_panel(self, body) -> None:
+        """Dark panel with four knobs and a clock, above the door."""
+        height = (CEILING_M + HEIGHT_M) / 2
+        body.add_geom(
+            type=BOX,
+            pos=(self.front_m, 0, height),
+            size=(0.001, HALF_WIDTH_M - 0.012, 0.055),
+            rgba=DARK,
+            **VISUAL_ONLY,
+        )
+        body.add_geom(
+            type=BOX,
+            pos=(self.front_m, 0, height),
+            size=(0.0016, 0.045, 0.02),
+            rgba=DISPLAY,
+            **VISUAL_ONLY,
+        )
+        for y in (-0.20, -0.12, 0.12, 0.20):
+            for depth, radius, rgba in ((0.008, 0.021, STEEL), (0.018, 0.015, METAL)):
+                body.add_geom(
+                    type=CYLINDER,
+                    pos=(self.front_m - depth / 2, y, height),
+                    quat=FACING_FRONT,
+                    size=(radius, depth / 2, 0),
+                    rgba=rgba,
+                    **VISUAL_ONLY,
+                )
+
+    def _add_door(self, oven) -> None:
+        door = oven.add_body(
+            name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M)
+        )
+        door.add_joint(
+            name=f"{self.name}_hinge",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=(0, -1, 0),
+            range=(0, DOOR_RANGE_RAD),
+            frictionloss=DOOR_FRICTION_NM,
+            damping=DOOR_DAMPING_NM_S,
+        )
+        x, y, z = DOOR_HALF_M
+        middle = z + DOOR_LIFT_M
+        door.add_geom(type=BOX, pos=(0, 0, middle), size=DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
+        for proud, half_y, half_z, rgba in (
+            (0.0008, y - 0.010, z - 0.010, DARK),
+            (0.0014, y - 0.055, z - 0.070, GLASS),
+        ):
+            door.add_geom(
+                type=BOX,
+                pos=(0, 0, middle - 0.02 * (rgba is GLASS)),
+                size=(x + proud, half_y, half_z),
+                rgba=rgba,
+                **VISUAL_ONLY,
+            )
+        self._add_handle(door)
+
+    def _add_handle(self, door) -> None:
+        right, left = self.handle_y_m
+        x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
+        bar = {"size": (HANDLE_RADIUS_M, 0, 0), "mass": 0.05, "friction": (1.0, 0.01, 0.0001)}
+        door.add_geom(type=CAPSULE, fromto=(x, right, z, x, left, z), rgba=METAL, **bar)
+        for y in self.handle_y_m:
+            door.add_geom(
+                type=CAPSULE,
+                fromto=(x, y, z, -DOOR_HALF_M[0], y, z),
+                size=(POST_RADIUS_M, 0, 0),
+                mass=0.02,
+                rgba=METAL,
+            )
+
+    def _add_rack(self, oven) -> None:
+        """A plate in physics, a grid of wires for the eye."""
+        rack = oven.add_body(name=f"{self.name}_rack", pos=(self._rack_x_m, 0, RACK_M))
+        rack.add_joint(
+            name=f"{self.name}_slide",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=(-1, 0, 0),
+            range=(0, RACK_TRAVEL_M),
+            frictionloss=RACK_FRICTION_N,
+            damping=RACK_DAMPING_N_S_M,
+        )
+        rack.add_geom(type=BOX, size=RACK_HALF_M, mass=RACK_MASS_KG, group=HIDDEN_GROUP)
+        x, y, radius = RACK_HALF_M
+        for side in (-1, 1):
+            frame = ((side * (x - radius), 0, 0), (radius, y, radius))
+            ends = ((0, side * (y - radius), 0), (x, radius, radius))
+            for position, size in (frame, ends):
+                rack.add_geom(type=BOX, pos=position, size=size, rgba=WIRE, **VISUAL_ONLY)
+        for wire_y in np.linspace(-y, y, RACK_WIRES + 2)[1:-1]:
+            rack.add_geom(
+                type=CAPSULE,
+                fromto=(-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2),
+                size=(radius / 2, 0, 0),
+                rgba=WIRE,
+                **VISUAL_ONLY,
+            )
+
+    @property
+    def _rack_x_m(self) -> float:
+        return self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]

@@ -1,0 +1,107 @@
+"""Hand over the item of the named colour.
+
+Bimanual because all items lie on the left arm's side and one has to end in the right hand, in the air: the left
+arm picks it up and presents it, the right arm takes hold of it while the left one still holds it.
+
+Departures from the original: the right hand must hold the right item between its fingers, at 0.80 m or higher,
+with no part of the left arm touching any item, as the paper's text says; the original asks for the item near the
+right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over leaves
+room for the fingers beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.conditions import Above, Held, Untouched
+from lerobot_env_bimanual.handover import grasp_axis, hand_over
+from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.registry import register
+from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.scene import Scene
+
+COLORS = {
+    "red": (1.0, 0.0, 0.0, 1.0),
+    "green": (0.0, 1.0, 0.0, 1.0),
+    "blue": (0.0, 0.0, 1.0, 1.0),
+    "yellow": (1.0, 1.0, 0.0, 1.0),
+    "purple": (0.5, 0.0, 0.5, 1.0),
+}
+SIDE_M = 0.04
+ITEMS = tuple(f"item{index}" for index in range(len(COLORS)))
+"""The first one is to be handed over: it gets the variation's colour, the others share the remaining ones."""
+TARGET = ITEMS[0]
+AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.2322, 0.15255), half_yaw_rad=np.pi)
+SUCCESS_HEIGHT_M = 0.80
+
+LEAST_DISTANCE_M = 0.06
+"""Between the centres of two items; as their diagonal is 5.7 cm, they never touch."""
+FINGERS_M = np.array([0.065, 0.015])
+"""Half of what the open fingers of a hand pointing down take up, along and across their opening."""
+LEFT_BEHIND_M = 0.005
+RIGHT_BEHIND_M = 0.005
+"""How far the tool centre points stop short of the item's centre: 1 cm apart, palms 8.4 cm apart."""
+
+
+@register
+class HandoverItem(Task):
+    """The left hand picks the item of the right colour up and presents it, the right hand takes it."""
+
+    spec = TaskSpec(
+        name="handover_item",
+        id=6,
+        instructions=(
+            "bring me the {color} item",
+            "hand over the {color} object",
+            "hand over the {color} item",
+        ),
+        variations=tuple(Variation(index, {"color": color}) for index, color in enumerate(COLORS)),
+        taxonomy=Taxonomy(
+            temporal=True,
+            spatial=True,
+            physical=True,
+            symmetric=False,
+            synchronous=True,
+            prehension=Prehension.PREHENSILE,
+        ),
+        props=tuple(Block(item, size_m=(SIDE_M, SIDE_M, SIDE_M), mass_kg=0.064) for item in ITEMS),
+        success=(
+            Held(TARGET, by=Arm.RIGHT),
+            Above(TARGET, SUCCESS_HEIGHT_M),
+            *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
+        ),
+        horizon_ticks=450,
+    )
+
+    def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
+        """Items anywhere on the left arm's side, but for where the left fingers go."""
+        target, *others = (AREA.sample(rng, TABLE_HEIGHT_M + SIDE_M / 2) for _ in ITEMS)
+        color = variation.words["color"]
+        colors = (color, *rng.permutation([name for name in COLORS if name != color]))
+        for item, pose, name in zip(ITEMS, (target, *others), colors, strict=True):
+            scene.place(item, pose)
+            scene.set_color(item, COLORS[name])
+        apart = all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations((target, *others), 2))
+        return apart and not any(_between_fingers(other, target) for other in others)
+
+    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+        """Pick up, present, receive, release, withdraw."""
+        yield from hand_over(scene, TARGET, LEFT_BEHIND_M, RIGHT_BEHIND_M)
+
+
+def _between_fingers(other: Pose, target: Pose) -> bool:
+    """Whether another item, at any yaw, may be where the left fingers close around the target."""
+    along = grasp_axis(target)
+    across = np.array([-along[1], along[0], 0.0])
+    offset = np.abs(np.stack([along, across]) @ (other.position - target.position))
+    return bool((offset < FINGERS_M + SIDE_M / np.sqrt(2)).all())

@@ -1,0 +1,78 @@
+"""Made-up episodes, and datasets of them, for the tests of schema, writer and reader."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+
+STAGE_TICKS = (12, 9)
+MOTION_TICKS = (8, 5)
+"""Two stages, each a motion followed by waiting."""
+
+CAMERAS = ("front", "left_wrist")
+SIZE = (24, 32)
+
+
+@pytest.fixture(scope="session")
+def make_episode() -> Callable[[int], Episode]:
+    """Builds the same random episode of 21 ticks for the same seed."""
+    return _make_episode
+
+
+@pytest.fixture(scope="session")
+def datasets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folder per view of a dataset that holds the episodes of seeds 0 and 1."""
+    from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
+
+    root = tmp_path_factory.mktemp("datasets")
+    with (
+        ViewWriter(root / "frames", "local/frames", "frames", CAMERAS, *SIZE) as frames,
+        ViewWriter(root / "keyframes", "local/keyframes", "keyframes", CAMERAS, *SIZE, (0.5,)) as keyframes,
+    ):
+        for seed in (0, 1):
+            write_episode(_make_episode(seed), [frames, keyframes])
+    return {view: root / view for view in schema.VIEWS}
+
+
+def _make_episode(seed: int) -> Episode:
+    rng = np.random.default_rng(seed)
+    ticks = sum(STAGE_TICKS)
+    observed = [
+        key for key in schema.VECTORS if key.startswith("observation.") and key != schema.NEXT_KEYPOSE
+    ]
+
+    def observation(stage: int) -> dict[str, np.ndarray]:
+        vectors = {key: rng.normal(size=len(schema.VECTORS[key])).astype(np.float32) for key in observed}
+        return vectors | {schema.KEYPOSE_STEP: np.array([stage], dtype=np.float32)}
+
+    steps = []
+    for stage, (stage_ticks, motion_ticks) in enumerate(zip(STAGE_TICKS, MOTION_TICKS, strict=True)):
+        actions = rng.normal(size=(motion_ticks, len(schema.JOINT_NAMES))).astype(np.float32)
+        for tick in range(stage_ticks):
+            state_hash = int(rng.integers(-(2**63), 2**63 - 1))
+            steps.append(Step(observation(stage), actions[min(tick, motion_ticks - 1)], stage, state_hash))
+    images = [_images(row) for row in range(ticks + 1)]
+    return Episode(
+        meta=EpisodeMeta("lift_ball", 0, "train", seed, "lift the ball"),
+        keyposes=rng.normal(size=(len(STAGE_TICKS), len(schema.KEYPOSE_NAMES))).astype(np.float32),
+        steps=tuple(steps),
+        final_observation=observation(len(STAGE_TICKS)),
+        images=images.__getitem__,
+    )
+
+
+def _images(row: int) -> dict[str, np.ndarray]:
+    """A smooth picture that differs between rows and cameras."""
+    height, width = SIZE
+    y, x = np.mgrid[:height, :width]
+    images = {}
+    for index, camera in enumerate(CAMERAS):
+        rgb = np.stack([4 * x + 2 * row, 5 * y + 40 * index, np.full_like(x, 10 * row)], axis=-1)
+        images[schema.image_key(camera)] = rgb.clip(0, 255).astype(np.uint8)
+        depth_mm = 10.0 + 3990.0 * (x + width * y + row) / (width * height + 30)
+        images[schema.depth_key(camera)] = depth_mm.astype(np.float32)[None]
+    return images

@@ -1,0 +1,132 @@
+"""Datasets read back without LeRobot, and refused when they are not ours."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+
+
+@pytest.fixture
+def features() -> dict:
+    return json.loads(json.dumps(schema.features(("front",), 8, 8, "frames")))
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_all_columns_come_back_bit_for_bit(datasets, make_episode, view: schema.View) -> None:
+    dataset = RecordedDataset(datasets[view])
+    assert (len(dataset), dataset.view, dataset.cameras) == (2, view, ("front", "left_wrist"))
+    for recorded in dataset.episodes():
+        episode = make_episode(recorded.index)
+        assert recorded.meta == episode.meta
+        rows = rows_of_view(episode, view, (0.5,))
+        assert len(recorded) == len(rows)
+        for key, column in recorded.columns.items():
+            written = np.array([np.squeeze(row_columns(episode, row, view)[key]) for row in rows])
+            assert np.array_equal(column, written), key
+
+
+def test_reading_imports_neither_lerobot_nor_torch() -> None:
+    check = "import sys, lerobot_bimanual.dataset.reader; print({'lerobot', 'torch'} & set(sys.modules))"
+    assert subprocess.check_output([sys.executable, "-c", check], text=True).strip() == "set()"
+
+
+def test_an_episode_that_is_not_there_is_an_error(datasets) -> None:
+    with pytest.raises(DatasetError, match="episodes 0 to 1, but not 2"):
+        RecordedDataset(datasets["frames"]).episode(2)
+
+
+def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="no LeRobot dataset"):
+        RecordedDataset(tmp_path)
+    with pytest.raises(DatasetError, match="no dataset at"):
+        find_view(tmp_path)
+
+
+def test_a_view_is_found_at_the_root_or_below(datasets) -> None:
+    root = datasets["frames"].parent
+    assert find_view(root, ("keyframes", "frames")) == datasets["keyframes"]
+    assert find_view(datasets["frames"], ("keyframes",)) == datasets["frames"]
+
+
+def test_our_own_features_pass_and_so_do_copies_with_other_columns(features) -> None:
+    check_features(features, "here")
+    del features[schema.depth_key("front")]
+    check_features(features | {"extra": {"dtype": "float32", "shape": [1], "names": None}}, "here")
+
+
+def test_a_mismatch_names_everything_that_differs(features) -> None:
+    del features[schema.SEED]
+    features[schema.ACTION]["shape"] = [14]
+    features[schema.STATE]["names"].reverse()
+    features[schema.KEYFRAME]["dtype"] = "int64"
+    with pytest.raises(SchemaMismatch) as mismatch:
+        check_features(features, "here")
+    for part in ("seed is missing", "shape of action is [14], not [16]", "names of observation.state"):
+        assert part in str(mismatch.value)
+    assert "dtype of keyframe is int64, not bool" in str(mismatch.value)
+
+
+def test_another_schema_version_is_refused(features) -> None:
+    features[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: 99}
+    with pytest.raises(SchemaMismatch, match=f"schema version is 99, not {schema.SCHEMA_VERSION}"):
+        check_features(features, "here")
+
+
+def provenance() -> Provenance:
+    return Provenance(
+        schema_version=schema.SCHEMA_VERSION,
+        view="frames",
+        versions=installed_versions(),
+        settings={"episodes": 2, "intermediate": [0.5]},
+        command="lerobot-bimanual generate --task=lift_ball",
+        episodes=[Recipe("lift_ball", 0, "train", 0), Recipe("lift_ball", 0, "train", 2)],
+        skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
+    )
+
+
+def test_provenance_is_read_as_it_was_written(datasets, tmp_path) -> None:
+    shutil.copytree(datasets["frames"], tmp_path / "copy")
+    assert RecordedDataset(tmp_path / "copy").provenance is None
+    provenance().write(tmp_path / "copy")
+    assert RecordedDataset(tmp_path / "copy").provenance == provenance()
+
+
+def test_provenance_of_another_form_is_refused(tmp_path) -> None:
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta/bimanual.json").write_text('{"episodes": [], "skipped": [], "colour": "red"}')
+    with pytest.raises(SchemaMismatch, match=r"bimanual\.json"):
+        Provenance.read(tmp_path)
+
+
+def test_the_card_explains_every_column_and_how_to_make_the_dataset_again(datasets, tmp_path: Path) -> None:
+    shutil.copytree(datasets["frames"], tmp_path / "copy")
+    provenance().write(tmp_path / "copy")
+    write_card(tmp_path / "copy", "me/lift_ball")
+    card = (tmp_path / "copy/README.md").read_text()
+    for key in schema.features(("front", "left_wrist"), 24, 32, "frames"):
+        assert f"| `{key}` |" in card
+    for part in (
+        provenance().command,
+        "mujoco",
+        "license: apache-2.0",
+        "Seeds 0 to 2",
+        "1 of them",
+        "2407.00278",
+    ):
+        assert part in card
+
+
+def test_a_card_needs_provenance(datasets) -> None:
+    with pytest.raises(DatasetError, match="no provenance"):
+        write_card(datasets["frames"], "me/lift_ball")

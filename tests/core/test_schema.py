@@ -1,0 +1,100 @@
+"""The feature table, and which rows of an episode each view stores."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+
+TICKS, FIRST_STAGE = 21, 12
+"""Of the made-up episode: motion in ticks 0 to 7 and 12 to 16, waiting in between and after."""
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_vectors_are_flat_and_every_element_has_a_name_of_its_own(view: schema.View) -> None:
+    for key, feature in schema.features(CAMERA_NAMES, 64, 48, view).items():
+        if feature["dtype"] not in ("image", "video"):
+            assert len(feature["shape"]) == 1, key
+        if feature["dtype"] == "float32":
+            assert len(set(feature["names"])) == feature["shape"][0], key
+
+
+def test_views_differ_in_the_storage_of_images_only() -> None:
+    frames, keyframes = (schema.features(CAMERA_NAMES, 64, 48, view) for view in schema.VIEWS)
+    assert list(frames) == list(keyframes)
+    differing = {key for key in frames if frames[key] != keyframes[key]}
+    assert differing == {f(camera) for camera in CAMERA_NAMES for f in (schema.image_key, schema.depth_key)}
+
+
+def test_whole_millimetres_survive_twelve_bits() -> None:
+    low, high = 1000 * schema.DEPTH_MIN_M, 1000 * schema.DEPTH_MAX_M
+    millimetres = np.arange(low, high + 1)
+    codes = np.rint((millimetres - low) / (high - low) * 4095)
+    assert np.array_equal(np.rint(low + codes * (high - low) / 4095), millimetres)
+
+
+def test_a_state_hash_fits_into_a_signed_integer() -> None:
+    assert schema.state_hash_column("00000000000000ff" + "a" * 48) == 255
+    assert schema.state_hash_column("f" * 64) == -1
+    assert np.int64(schema.state_hash_column("8" + "0" * 63)) == np.iinfo(np.int64).min
+
+
+def test_the_view_frames_has_the_row_before_every_tick(make_episode) -> None:
+    assert rows_of_view(make_episode(0), "frames", (0.5,)) == list(range(TICKS))
+
+
+def test_the_view_keyframes_has_start_stages_and_end(make_episode) -> None:
+    assert rows_of_view(make_episode(0), "keyframes") == [0, FIRST_STAGE, TICKS]
+
+
+def test_intermediate_rows_lie_within_the_motion_and_not_in_the_waiting(make_episode) -> None:
+    assert rows_of_view(make_episode(0), "keyframes", (0.5,)) == [0, 4, 12, 14, 21]
+    assert rows_of_view(make_episode(0), "keyframes", (0.99,)) == [0, 8, 12, 17, 21]
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_columns_have_the_types_and_shapes_of_the_schema(make_episode, view: schema.View) -> None:
+    episode = make_episode(0)
+    table = schema.features((), 1, 1, view)
+    for row in rows_of_view(episode, view):
+        columns = row_columns(episode, row, view)
+        assert set(columns) == set(table)
+        for key, value in columns.items():
+            if table[key]["dtype"] == "string":
+                assert isinstance(value, str)
+            else:
+                assert (str(value.dtype), value.shape) == (table[key]["dtype"], table[key]["shape"]), key
+
+
+@pytest.mark.parametrize(("view", "keyframes"), [("frames", [12, 20]), ("keyframes", [12, 21])])
+def test_keyframes_are_the_rows_after_completed_keyposes_and_the_last_one(
+    make_episode, view: schema.View, keyframes: list[int]
+) -> None:
+    episode = make_episode(0)
+    rows = rows_of_view(episode, view)
+    assert [row for row in rows if row_columns(episode, row, view)[schema.KEYFRAME]] == keyframes
+
+
+def test_the_label_is_the_keypose_under_way_and_at_the_end_the_last_one(make_episode) -> None:
+    episode = make_episode(0)
+    labels = [row_columns(episode, row, "keyframes")[schema.NEXT_KEYPOSE] for row in range(episode.rows)]
+    for row, label in enumerate(labels):
+        assert np.array_equal(label, episode.keyposes[0 if row < FIRST_STAGE else 1]), row
+
+
+def test_the_last_row_shows_the_last_observation_and_repeats_action_and_hash(make_episode) -> None:
+    episode = make_episode(0)
+    before, last = (row_columns(episode, row, "keyframes") for row in (TICKS - 1, TICKS))
+    assert np.array_equal(last[schema.STATE], episode.final_observation[schema.STATE])
+    for key in (schema.ACTION, schema.STATE_HASH):
+        assert np.array_equal(before[key], last[key])
+    assert [int(row[schema.TICK][0]) for row in (before, last)] == [TICKS - 1, TICKS]
+
+
+def test_stages_start_where_the_stage_changes(make_episode) -> None:
+    starts = make_episode(0).stage_starts()
+    stages = [step.stage for step in make_episode(0).steps]
+    assert starts == [0, *(row for row, (a, b) in enumerate(pairwise(stages), start=1) if a != b)]

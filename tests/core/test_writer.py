@@ -1,0 +1,101 @@
+"""What LeRobot reads is what was written, and a lost frame or a broken-off dataset is noticed."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lerobot.datasets.dataset_tools import merge_datasets
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.dataset.video import count_frames
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+from lerobot_bimanual.dataset.writer import ViewWriter, check_videos, write_episode
+from lerobot_bimanual.errors import DatasetError
+
+CAMERAS = ("front", "left_wrist")
+SIZE = (24, 32)
+TICKS = 21
+KEYFRAME_ROWS = 5
+
+
+def open_dataset(root: Path) -> LeRobotDataset:
+    return LeRobotDataset("local/test", root=root, video_backend="pyav")
+
+
+@pytest.mark.parametrize(("view", "rows"), [("frames", TICKS), ("keyframes", KEYFRAME_ROWS)])
+def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.View, rows: int) -> None:
+    dataset = open_dataset(datasets[view])
+    assert (len(dataset), dataset.num_episodes, dataset.fps) == (2 * rows, 2, 20)
+    assert dataset.meta.robot_type == schema.ROBOT_TYPE
+    episode = make_episode(1)
+    for position, row in enumerate(rows_of_view(episode, view, (0.5,))):
+        item = dataset[rows + position]
+        assert item["task"] == "lift the ball"
+        for key, value in row_columns(episode, row, view).items():
+            assert np.array_equal(np.atleast_1d(item[key]), np.atleast_1d(value)), (row, key)
+        for camera in CAMERAS:
+            images = episode.images(row)
+            depth = item[schema.depth_key(camera)].numpy()
+            assert (depth.dtype, depth.shape) == (np.float32, (1, *SIZE))
+            assert np.abs(depth - images[schema.depth_key(camera)]).max() <= 0.5
+            rgb = np.moveaxis(item[schema.image_key(camera)].numpy() * 255, 0, -1)
+            error = np.abs(rgb - images[schema.image_key(camera)])
+            assert error.max() < 1e-3 if view == "keyframes" else error.mean() < 4
+
+
+def test_each_row_is_rendered_once_however_many_views_store_it(tmp_path, make_episode) -> None:
+    episode, asked = make_episode(0), []
+    counted = type(episode)(
+        episode.meta,
+        episode.keyposes,
+        episode.steps,
+        episode.final_observation,
+        lambda row: asked.append(row) or episode.images(row),
+    )
+    with ViewWriter(tmp_path / "keyframes", "local/x", "keyframes", CAMERAS, *SIZE) as keyframes:
+        write_episode(counted, [keyframes])
+        assert asked == [0, 12, TICKS]
+        asked.clear()
+        with ViewWriter(tmp_path / "frames", "local/x", "frames", CAMERAS, *SIZE) as frames:
+            write_episode(counted, [frames, keyframes])
+    assert asked == list(range(TICKS + 1))
+
+
+def test_a_lost_frame_is_noticed(datasets, tmp_path, make_episode) -> None:
+    broken = tmp_path / "broken"
+    shutil.copytree(datasets["frames"], broken)
+    check_videos(broken)
+    video = next(broken.glob("videos/*front/chunk-000/*.mp4"))
+    assert count_frames(video) == 2 * TICKS
+    with ViewWriter(tmp_path / "short", "local/x", "frames", CAMERAS, *SIZE) as short:
+        write_episode(make_episode(0), [short])
+    shutil.copy(next((tmp_path / "short").glob("videos/*front/chunk-000/*.mp4")), video)
+    with pytest.raises(DatasetError, match=f"holds {TICKS} frames, but its episodes have {2 * TICKS} rows"):
+        check_videos(broken)
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_what_breaks_off_is_no_dataset(tmp_path, make_episode, view: schema.View) -> None:
+    root = tmp_path / view
+    with pytest.raises(KeyboardInterrupt), ViewWriter(root, "local/x", view, CAMERAS, *SIZE) as writer:  # noqa: PT012
+        write_episode(make_episode(0), [writer])
+        writer.add_row(make_episode(1), 0, make_episode(1).images(0))
+        raise KeyboardInterrupt
+    with pytest.raises(DatasetError, match="no episodes"):
+        RecordedDataset(root)
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_lerobot_merges_datasets_without_losing_a_column(datasets, tmp_path, view: schema.View) -> None:
+    parts = [open_dataset(datasets[view])] * 2
+    merge_datasets(parts, "local/merged", tmp_path / "merged")
+    merged, part = RecordedDataset(tmp_path / "merged"), RecordedDataset(datasets[view])
+    assert (len(merged), merged.view, merged.cameras) == (4, view, CAMERAS)
+    for index in range(4):
+        again, first = merged.episode(index), part.episode(index % 2)
+        assert again.meta == first.meta
+        for key, column in first.columns.items():
+            assert np.array_equal(again.columns[key], column), key

@@ -1,0 +1,116 @@
+"""LeRobot's own command lines train, resume and evaluate the policies on a generated dataset."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from safetensors.torch import load_file
+
+pytestmark = pytest.mark.slow
+
+SIZE = 32
+TINY_PERACT2 = [
+    "--policy.type=peract2",
+    "--policy.voxel_size=10",
+    "--policy.channels=8",
+    "--policy.token_dim=16",
+    "--policy.num_latents=16",
+    "--policy.latent_dim=32",
+    "--policy.depth=1",
+    "--policy.heads=2",
+    "--policy.language_tokens=4",
+    "--policy.language_dim=16",
+    "--policy.lr_schedule=constant",  # so that 2 steps and 2 more are the same as 4
+]
+CAMERA = {"type": "VISUAL", "shape": [3, SIZE, SIZE]}
+TINY_ACT = [
+    "--policy.type=act",
+    "--policy.pretrained_backbone_weights=null",
+    "--policy.dim_model=32",
+    "--policy.n_heads=2",
+    "--policy.dim_feedforward=64",
+    "--policy.n_encoder_layers=1",
+    "--policy.chunk_size=5",
+    "--policy.n_action_steps=5",
+    "--policy.input_features="
+    + json.dumps(
+        {f"observation.images.{camera}": CAMERA for camera in ("front", "left_wrist", "right_wrist")}
+        | {"observation.state": {"type": "STATE", "shape": [16]}}
+    ),
+]
+
+
+def run(command: str, *flags: str, folder: Path) -> None:
+    """A command of this environment, offline and on one thread."""
+    child = subprocess.run(
+        [str(Path(sys.executable).with_name(command)), *flags],
+        cwd=folder,
+        env=os.environ | {"HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
+
+
+def train(*flags: str, folder: Path) -> None:
+    run(
+        "lerobot-train",
+        *flags,
+        "--policy.device=cpu",
+        "--policy.push_to_hub=false",
+        "--batch_size=2",
+        "--num_workers=0",
+        "--env_eval_freq=0",
+        folder=folder,
+    )
+
+
+def evaluate(output: str, folder: Path) -> dict:
+    run(
+        "lerobot-eval",
+        f"--policy.path={output}/checkpoints/last/pretrained_model",
+        "--policy.device=cpu",
+        "--env.type=bimanual",
+        "--env.task=push_box",
+        f"--env.image_size={SIZE}",
+        "--eval.n_episodes=1",
+        "--eval.batch_size=1",
+        f"--output_dir={output}/eval",
+        folder=folder,
+    )
+    return json.loads((folder / output / "eval" / "eval_info.json").read_text())["overall"]
+
+
+def weights(folder: Path) -> dict:
+    return load_file(folder / "checkpoints" / "last" / "pretrained_model" / "model.safetensors")
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory) -> Path:
+    """A folder with a dataset of two demonstrations in both views."""
+    folder = tmp_path_factory.mktemp("room")
+    flags = ("--task=push_box", "--episodes=2", f"--image_size={SIZE}", "--workers=1", "--root=data")
+    run("lerobot-bimanual", "generate", *flags, folder=folder)
+    return folder
+
+
+def test_peract2_trains_resumes_exactly_and_is_evaluated(room):
+    data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
+    train(*TINY_PERACT2, *data, "--output_dir=straight", "--steps=4", "--save_freq=4", folder=room)
+    train(*TINY_PERACT2, *data, "--output_dir=resumed", "--steps=2", "--save_freq=2", folder=room)
+    config = room / "resumed" / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
+    run("lerobot-train", f"--config_path={config}", "--resume=true", "--steps=4", folder=room)
+    straight, resumed = weights(room / "straight"), weights(room / "resumed")
+    assert straight.keys() == resumed.keys()
+    assert all(straight[name].equal(resumed[name]) for name in straight)
+    assert evaluate("straight", room)["n_episodes"] == 1
+
+
+def test_act_trains_on_named_cameras_and_is_evaluated(room):
+    data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'frames'}")
+    train(*TINY_ACT, *data, "--output_dir=act", "--steps=2", "--save_freq=2", folder=room)
+    assert evaluate("act", room)["n_episodes"] == 1
