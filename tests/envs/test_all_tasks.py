@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_tasks
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import get_task, list_tasks
 
 SEEDS = (11, 12, 13)
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.conditions import Above, AtRest, CentredOn, Held, Touched, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.scene import Scene
-
-from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.geometry.pose import Pose
 
 HIGH_IN_THE_AIR = Pose.upright((0.25, 0.3, 1.2))
 

@@ -5,11 +5,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes, noop
-from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
-from lerobot_env_bimanual.registry import list_tasks
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
@@ -17,6 +12,11 @@ from lerobot_bimanual.errors import BimanualError, UnknownTask
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
+from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes, noop
+from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.registry import list_tasks
 
 SEEDS = (0, 1)
 IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball")

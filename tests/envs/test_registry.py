@@ -3,11 +3,11 @@ import sys
 from dataclasses import replace
 
 import pytest
+
+from lerobot_bimanual.errors import UnknownTask
 from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.registry import get_task, list_suites, list_tasks, register, resolve_tasks
 from lerobot_env_bimanual.task import Prehension, Taxonomy
-
-from lerobot_bimanual.errors import UnknownTask
 
 
 def test_tasks_are_listed_sorted_and_named_after_their_modules():

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, pad_replicate
+from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, activate, pad_replicate
 from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
 from lerobot_policy_bimanual.nn.pooling import pool
@@ -90,7 +90,7 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(written_out
     x = torch.randn(2, 3, size, size + 1, size, dtype=torch.float64, requires_grad=True)
     weights = (x, layer.conv.weight, layer.conv.bias)
     expected = written_out.upsampled_conv(*weights)
-    actual = layer(x)
+    actual = activate(layer(x))
     torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)  # interpolation weights are float32
     probe = torch.randn_like(actual)
     for got, want in zip(
@@ -104,9 +104,8 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(written_out
 def test_skip_convolution_equals_convolving_the_joined_maps(written_out):
     layer = SkipConv3d(3).double()
     skip, x = torch.randn(2, 2, 3, 4, 4, 4, dtype=torch.float64)
-    expected = written_out.leaky(
-        written_out.conv(torch.cat([skip, x], dim=1), layer.conv.weight, layer.conv.bias)
-    )
+    joined = torch.cat([skip, written_out.leaky(x)], dim=1)
+    expected = written_out.leaky(written_out.conv(joined, layer.conv.weight, layer.conv.bias))
     torch.testing.assert_close(layer(layer.skip_half(skip), x), expected)
 
 
@@ -125,6 +124,25 @@ def test_pooling_equals_a_softmax_over_all_voxels_with_gradients(written_out):
     torch.testing.assert_close(
         torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
     )
+
+
+def test_padding_and_its_gradient_equal_torchs_own():
+    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
+    expected = torch.nn.functional.pad(x, (2,) * 6, mode="replicate")
+    actual = pad_replicate(x, 2)
+    assert torch.equal(actual, expected)
+    probe = torch.randn_like(actual)
+    assert torch.equal(torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0])
+
+
+def test_pooling_in_chunks_changes_nothing(monkeypatch):
+    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
+    whole = pool(x)
+    probe = torch.randn_like(whole)
+    gradient = torch.autograd.grad(whole, x, probe)[0]
+    monkeypatch.setattr("lerobot_policy_bimanual.nn.pooling.CHUNK", 250)  # two channels of 120 voxels
+    torch.testing.assert_close(pool(x), whole)
+    torch.testing.assert_close(torch.autograd.grad(pool(x), x, probe)[0], gradient)
 
 
 def test_pooling_keeps_the_ranking_of_bfloat16_features():

@@ -7,6 +7,7 @@ workers gives the same list.
 from __future__ import annotations
 
 import os
+import signal
 from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -60,7 +61,7 @@ class Campaign:
 
     def __init__(self, workers: int):
         count = workers or os.cpu_count() or 1
-        self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=_use_one_thread)
+        self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=_prepare_worker)
 
     def __enter__(self) -> Campaign:
         return self
@@ -111,6 +112,7 @@ def play(job: Job) -> Outcome:
     return run_episode(_environments[key], job.seed, control)
 
 
-def _use_one_thread() -> None:
-    """Keep linear algebra in a worker to its own core."""
+def _prepare_worker() -> None:
+    """Keep linear algebra to one core, and leave an interrupt from the keyboard to the main process."""
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -9,6 +9,7 @@ from lerobot_env_bimanual.tasks import (
     pick_laptop,
     pick_plate,
     push_box,
+    sweep_to_dustpan,
 )
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "pick_laptop",
     "pick_plate",
     "push_box",
+    "sweep_to_dustpan",
 ]

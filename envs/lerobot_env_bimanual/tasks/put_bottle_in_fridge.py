@@ -40,13 +40,13 @@ PITCH_RAD = np.deg2rad(10.0)
 """Of both hands below the horizontal. The bottle stays upright as long as it does not change."""
 
 # The left hand: its fingers to the sides of the bottle.
-GRASP_YAW_RAD = np.deg2rad(-20.0)
+BRING_YAW_RAD = np.deg2rad(40.0)
+"""From grasp to release; nearly straight into the fridge, and the left arm can do it from everywhere."""
 GRASP_Z_M = 0.815
 """Centre of a voxel, 65 mm above the table."""
 BEFORE_BOTTLE_M = 0.09
 LIFT_M = 0.30
 VIA_M = (0.22, -0.02, 1.20)
-INSERT_YAW_RAD = np.deg2rad(30.0)
 RELEASE_M = (0.062, 0.02)
 """Behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""
 RELEASE_Z_M = 1.215
@@ -56,7 +56,7 @@ BEFORE_FRIDGE_M = 0.17
 # The right hand: its fingers to the sides of the upright bar, turning along by three quarters of the door's angle.
 HANDLE_Z_M = 1.335
 BEFORE_HANDLE_M = 0.09
-PULL_YAW_RAD = np.deg2rad(60.0)
+PULL_YAW_RAD = np.deg2rad(50.0)
 TURN_SHARE = 0.75
 DOOR_RAD = np.deg2rad((20.0, 40.0, 60.0, 80.0))
 AWAY_M = 0.11
@@ -102,11 +102,11 @@ class PutBottleInFridge(Task):
     def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, open the door, make way, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
-        grasp = _hand((*bottle[:2], GRASP_Z_M), GRASP_YAW_RAD)
-        via = _hand(VIA_M, (GRASP_YAW_RAD + INSERT_YAW_RAD) / 2)
+        grasp = _hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)
+        via = _hand(VIA_M, BRING_YAW_RAD)
         depth, aside = RELEASE_M
-        release = _hand((*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], RELEASE_Z_M), INSERT_YAW_RAD)
-        before_fridge = release.translated(-BEFORE_FRIDGE_M * _heading(INSERT_YAW_RAD))
+        release = _hand((*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], RELEASE_Z_M), BRING_YAW_RAD)
+        before_fridge = release.translated(-BEFORE_FRIDGE_M * _heading(BRING_YAW_RAD))
 
         def pull(door_rad: float) -> Pose:
             handle = fridge.apply(FRIDGE.handle(door_rad, HANDLE_Z_M - TABLE_HEIGHT_M))
@@ -114,7 +114,7 @@ class PutBottleInFridge(Task):
 
         yield Stage(
             "approach",
-            left=grasp.translated(-BEFORE_BOTTLE_M * _heading(GRASP_YAW_RAD)),
+            left=grasp.translated(-BEFORE_BOTTLE_M * _heading(BRING_YAW_RAD)),
             right=pull(0).advanced(-BEFORE_HANDLE_M),
             planned=True,
         )

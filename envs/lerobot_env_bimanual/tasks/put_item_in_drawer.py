@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))
-AREA = PlacementArea(center_m=(0.25, 0.0), half_size_m=(0.08, 0.08), half_yaw_rad=np.deg2rad(22.5))
+AREA = PlacementArea(center_m=(0.25, -0.03), half_size_m=(0.12, 0.10), half_yaw_rad=np.deg2rad(22.5))
 CABINET_OFFSET_M = (0.025, -0.25)
 """From the point that is drawn, about which the cabinet is turned, to its middle (decoded from RLBench's task file)."""
 ITEM_OFFSET_M = (0.025, 0.10)

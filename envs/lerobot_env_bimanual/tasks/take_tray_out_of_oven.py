@@ -41,8 +41,8 @@ DOOR_RAD = np.deg2rad((17.0, 34.0, 50.0))
 """At the last of which the hand lets go; the door sinks on by itself."""
 PITCH_SHARE = 0.3
 BACK_M = 0.15
-ASIDE_M = 0.30
-UP_M = 0.20
+ASIDE_M = (0.58, -0.40, 1.165)
+"""Where it then waits, world frame: beside the door, and below the left arm's way with the tray."""
 
 # The left hand: level, its fingers above and below the tray's handle.
 WAIT_M = (-0.40, 0.15, 0.53)
@@ -111,7 +111,7 @@ class TakeTrayOutOfOven(Task):
         yield Stage("open", right=handle(DOOR_RAD[-1]), right_open=True)
         back = handle(DOOR_RAD[-1]).advanced(-BACK_M)
         yield Stage("back", right=back)
-        aside = back.translated(-ASIDE_M * oven.rotation[:, 1] + (0, 0, UP_M))
+        aside = Pose(np.array(ASIDE_M), back.quat_wxyz)
         yield Stage("make way", grasp.advanced(-BEFORE_TRAY_M), aside)
         yield Stage("grasp tray", left=grasp, left_open=False, left_holds="tray")
         lifted = grasp.translated((0, 0, LIFT_M))
@@ -120,7 +120,7 @@ class TakeTrayOutOfOven(Task):
         yield Stage("take out", left=out)
         yield Stage("raise", left=out.translated((0, 0, TABLE_HEIGHT_M + RAISE_TO_M - out.position[2])))
 
-RSIGN = LSIGN = 1
+RSIGN, LSIGN = -1, -1
 
 def _hand(position, pitch_rad: float = 0.0, opening: int = 1) -> Pose:
     """A hand that points into the oven and up by `pitch_rad`, its fingers one above the other; oven's frame."""

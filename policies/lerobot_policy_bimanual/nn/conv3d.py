@@ -1,6 +1,9 @@
 """3-D convolutions of the PerAct family: replicate borders, LeakyReLU, no normalisation."""
 
+from typing import Any
+
 import einops
+import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
@@ -16,9 +19,24 @@ def activate(x: Tensor) -> Tensor:
     return F.leaky_relu(x, LEAK, inplace=True)
 
 
+class _PadReplicate(torch.autograd.Function):
+    """`F.pad(mode="replicate")` without keeping its input for the backward pass, which needs only the shape."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, width: int) -> Tensor:
+        ctx.shape, ctx.width = x.shape, width
+        return F.pad(x, (width,) * 6, mode="replicate")
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, None]:
+        (grad,) = grad_outputs
+        shape_only = grad.new_empty(1).expand(ctx.shape)
+        return torch.ops.aten.replication_pad3d_backward(grad, shape_only, (ctx.width,) * 6), None
+
+
 def pad_replicate(x: Tensor, width: int) -> Tensor:
     """Grow (b, c, x, y, z) by `width` voxels on all six sides, repeating the border."""
-    return F.pad(x, (width,) * 6, mode="replicate") if width else x
+    return _PadReplicate.apply(x, width) if width else x  # pyright: ignore[reportReturnType]
 
 
 def init_activated(layer: nn.Conv3d | nn.Linear) -> None:

@@ -63,9 +63,11 @@ class SkipConv3d(nn.Module):
         return F.conv3d(pad_replicate(skip, 1), self.conv.weight[:, :channels], self.conv.bias)
 
     def forward(self, skip_half: Tensor, x: Tensor) -> Tensor:
-        """Join `skip_half(...)` with x (b, c, v, v, v), then LeakyReLU."""
+        """LeakyReLU of x (b, c, v, v, v), joined with `skip_half(...)`, then LeakyReLU again."""
         channels = self.conv.out_channels
-        return activate(F.conv3d(pad_replicate(x, 1), self.conv.weight[:, channels:]) + skip_half)
+        # Activating the padded map equals padding the activated one, and leaves one large map less to keep.
+        x = activate(pad_replicate(x, 1))
+        return activate(F.conv3d(x, self.conv.weight[:, channels:]) + skip_half)
 
 
 class LogitConv3d(nn.Module):
@@ -81,7 +83,7 @@ class LogitConv3d(nn.Module):
         """(b, c, v, v, v) -> (b, v, v, v), at least float32."""
         X, Y, Z = x.shape[2:]
         per_tap = self.weight[0].flatten(1).T[:, :, None, None, None]  # (27, c, 1, 1, 1)
-        fields = F.conv3d(pad_replicate(x, 1), per_tap).unbind(1)
+        fields = pad_replicate(F.conv3d(x, per_tap), 1).unbind(1)
         logits = at_least_float32(self.bias)
         for tap, field in enumerate(fields):
             i, j, k = tap // 9, tap // 3 % 3, tap % 3

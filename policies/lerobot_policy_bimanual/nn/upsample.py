@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.conv3d import PATCH, activate, init_activated, pad_replicate
+from lerobot_policy_bimanual.nn.conv3d import PATCH, init_activated, pad_replicate
 
 KERNEL = 5
 LOW_TAPS = 3
@@ -52,7 +52,7 @@ GROUPS = phase_groups()
 
 
 class UpsampledConv3d(nn.Module):
-    """Trilinear upsampling by `PATCH`, a 5x5x5 convolution with replicate borders, and LeakyReLU."""
+    """Trilinear upsampling by `PATCH` and a 5x5x5 convolution with replicate borders."""
 
     phases: Tensor
 
@@ -100,4 +100,4 @@ class UpsampledConv3d(nn.Module):
                     cells.append(cell.permute(0, 4, 5, 1, 6, 2, 7, 3))  # (B, outputs, X, a, Y, b, Z, c)
                 rows.append(torch.cat(cells, dim=7))
             slabs.append(torch.cat(rows, dim=5))
-        return activate(torch.cat(slabs, dim=3).view(B, -1, PATCH * X, PATCH * Y, PATCH * Z))
+        return torch.cat(slabs, dim=3).view(B, -1, PATCH * X, PATCH * Y, PATCH * Z)

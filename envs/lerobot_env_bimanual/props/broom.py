@@ -1,0 +1,145 @@
+"""A hand broom."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_env_bimanual.arena import BRISTLES, TABLE_ONLY
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+WOOD = (0.80, 0.62, 0.38, 1.0)
+CAP = (0.78, 0.20, 0.16, 1.0)
+PAINT = (0.78, 0.20, 0.16, 1.0)
+STRAW = ((0.93, 0.84, 0.52, 1.0), (0.86, 0.75, 0.42, 1.0))
+
+STICK_HALF_WIDTH_M = 0.0085
+HEAD_HALF_M = (0.125, 0.019, 0.014)
+HEAD_Z_M = 0.040
+BRISTLE_HALF_DEPTH_M = 0.017
+BRISTLE_REACH_M = 0.010
+"""How far below the table the bristles are felt: they sweep, whatever the height and tilt of the hand."""
+WING_HALF_M = (0.003, 0.014)
+"""Outermost bristles, swept forward, which keep dirt from escaping sideways; half sizes along x and y."""
+FOOT_HALF_WIDTH_M = 0.006
+FOOT_FRICTION = 0.05
+FOOT_STIFFNESS, FOOT_DAMPING = 800, 30
+TUFTS = 15
+
+STICK_MASS_KG, HEAD_MASS_KG, BRISTLE_MASS_KG, WING_MASS_KG, FOOT_MASS_KG = 0.06, 0.10, 0.02, 0.005, 0.01
+
+HIDDEN_GROUP = 3
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
+
+
+@dataclass(frozen=True)
+class Broom:
+    """A free broom, its frame under the stick where the bristles end; it sweeps towards -y.
+
+    Bristles touch dirt and nothing else, as bristles bend: with a solid block the broom catches on the pan's lip
+    and tilts (design study). Two slippery, yielding feet, which touch the table alone, carry it in their place.
+
+    Attributes:
+        name: body.
+        height_m: to the upper end of the stick.
+    """
+
+    name: str = "broom"
+    height_m: float = 0.35
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write stick and head, the bristles and feet as they are felt, and the tufts as they are seen."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        self._add_stick(body)
+        body.add_geom(type=BOX, pos=(0, 0, HEAD_Z_M), size=HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
+        self._add_bristles(body)
+        self._add_feet(body)
+        self._add_tufts(body)
+
+    def _add_stick(self, body) -> None:
+        """Felt as a square bar, whose sides a gripper holds firmly; seen as a round one."""
+        half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
+        middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
+        body.add_geom(
+            type=BOX,
+            pos=(0, 0, middle),
+            size=(half, half, half_length),
+            mass=STICK_MASS_KG,
+            group=HIDDEN_GROUP,
+        )
+        body.add_geom(type=CYLINDER, pos=(0, 0, middle), size=(half, half_length, 0), rgba=WOOD, **VISUAL_ONLY)
+        body.add_geom(type=SPHERE, pos=(0, 0, self.height_m), size=(half, 0, 0), rgba=CAP, **VISUAL_ONLY)
+        socket = 1.6 * half
+        body.add_geom(
+            type=CYLINDER,
+            pos=(0, 0, HEAD_Z_M + HEAD_HALF_M[2] + socket / 2),
+            size=(socket, socket / 2, 0),
+            rgba=PAINT,
+            **VISUAL_ONLY,
+        )
+
+    def _add_bristles(self, body) -> None:
+        half_x, _, head_half_z = HEAD_HALF_M
+        top = HEAD_Z_M - head_half_z
+        z, half_z = (top - BRISTLE_REACH_M) / 2, (top + BRISTLE_REACH_M) / 2
+        block = (half_x, BRISTLE_HALF_DEPTH_M, half_z)
+        self._add_sweeping(body, (0, 0, z), block, BRISTLE_MASS_KG)
+        wing_x, wing_y = WING_HALF_M
+        for side in (-1, 1):
+            place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, z)
+            self._add_sweeping(body, place, (wing_x, wing_y, half_z), WING_MASS_KG)
+
+    def _add_sweeping(self, body, position, size, mass: float) -> None:
+        body.add_geom(
+            type=BOX,
+            pos=position,
+            size=size,
+            mass=mass,
+            friction=(0.3, 0.005, 0.0001),
+            contype=BRISTLES,
+            conaffinity=0,
+            group=HIDDEN_GROUP,
+        )
+
+    def _add_feet(self, body) -> None:
+        half_x, half_y, head_half_z = HEAD_HALF_M
+        half_z = (HEAD_Z_M - head_half_z) / 2
+        for side in (-1, 1):
+            body.add_geom(
+                type=BOX,
+                pos=(side * (half_x - FOOT_HALF_WIDTH_M), 0, half_z),
+                size=(FOOT_HALF_WIDTH_M, half_y, half_z),
+                mass=FOOT_MASS_KG,
+                friction=(FOOT_FRICTION, 0.005, 0.0001),
+                priority=2,  # else the table's larger friction counts, and the broom trails behind the hand
+                solref=(-FOOT_STIFFNESS, -FOOT_DAMPING),
+                contype=TABLE_ONLY,
+                conaffinity=0,
+                group=HIDDEN_GROUP,
+            )
+
+    def _add_tufts(self, body) -> None:
+        """Straw in two shades, spread a little like a fan, and the wings."""
+        half_x, _, head_half_z = HEAD_HALF_M
+        half_z = (HEAD_Z_M - head_half_z) / 2
+        spacing = 2 * half_x / TUFTS
+        for tuft in range(TUFTS):
+            share = (tuft - (TUFTS - 1) / 2) / (TUFTS / 2)
+            angle = -0.12 * share
+            body.add_geom(
+                type=BOX,
+                pos=(share * half_x, 0, half_z),
+                quat=(np.cos(angle / 2), 0, np.sin(angle / 2), 0),
+                size=(0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z),
+                rgba=STRAW[tuft % 2],
+                **VISUAL_ONLY,
+            )
+        wing_x, wing_y = WING_HALF_M
+        for side in (-1, 1):
+            place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
+            body.add_geom(
+                type=BOX, pos=place, size=(wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY
+            )

@@ -1,0 +1,83 @@
+"""A dustpan with an upright handle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+
+BLUE = (0.20, 0.45, 0.75, 1.0)
+DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
+RUBBER = (0.13, 0.14, 0.16, 1.0)
+WOOD = (0.80, 0.62, 0.38, 1.0)
+
+FLOOR_HALF_M = (0.145, 0.080, 0.001)
+FLOOR_Y_M = -0.005
+LIP_HALF_M = (0.145, 0.018, 0.0008)
+LIP_SLOPE_RAD = np.deg2rad(4.0)
+SIDE_HALF_M = (0.003, 0.085, 0.022)
+BACK_HALF_M = (0.149, 0.003, 0.030)
+BACK_Y_M = -0.088
+SOCKET_HALF_M = (0.020, 0.012, 0.012)
+HANDLE_RADIUS_M = 0.0105
+HANDLE_BOTTOM_M = 0.020
+RIBS = 5
+
+FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.25, 0.01, 0.03, 0.04
+HANDLE_MASS_KG, SOCKET_MASS_KG = 0.08, 0.02
+
+BOX = mujoco.mjtGeom.mjGEOM_BOX
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
+
+
+@dataclass(frozen=True)
+class Dustpan:
+    """A free pan, open towards +y, its frame in the middle of the underside.
+
+    Attributes:
+        name: body.
+        handle_y_m: where the handle stands, in the pan's axes.
+        height_m: to the upper end of the handle.
+    """
+
+    name: str = "dustpan"
+    handle_y_m: float = -0.10
+    height_m: float = 0.36
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write floor, lip, walls and handle, and ribs and grip for the eye."""
+        body = spec.worldbody.add_body(name=self.name)
+        body.add_freejoint()
+        self._add_box(body, (0, FLOOR_Y_M, FLOOR_HALF_M[2]), FLOOR_HALF_M, FLOOR_MASS_KG)
+        # The lip slopes from the floor's upper side down to the table.
+        lip_y = FLOOR_Y_M + FLOOR_HALF_M[1] + LIP_HALF_M[1] - 0.003
+        quat = (np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0)
+        self._add_box(body, (0, lip_y, 0.0007), LIP_HALF_M, LIP_MASS_KG, quat=quat)
+        for side in (-1, 1):
+            place = (side * (FLOOR_HALF_M[0] + 0.001), 0, SIDE_HALF_M[2])
+            self._add_box(body, place, SIDE_HALF_M, SIDE_MASS_KG)
+        self._add_box(body, (0, BACK_Y_M, BACK_HALF_M[2]), BACK_HALF_M, BACK_MASS_KG)
+        socket = (0, self.handle_y_m + 0.005, 0.018)
+        self._add_box(body, socket, SOCKET_HALF_M, SOCKET_MASS_KG)
+        self._add_handle(body)
+        self._add_ribs(body)
+
+    def _add_box(self, body, position, size, mass: float, quat=(1, 0, 0, 0)) -> None:
+        body.add_geom(type=BOX, pos=position, quat=quat, size=size, mass=mass, rgba=BLUE)
+
+    def _add_handle(self, body) -> None:
+        half = (self.height_m - HANDLE_BOTTOM_M) / 2
+        middle, top = (0, self.handle_y_m, HANDLE_BOTTOM_M + half), (0, self.handle_y_m, self.height_m)
+        size = (HANDLE_RADIUS_M, half, 0)
+        body.add_geom(type=CYLINDER, pos=middle, size=size, mass=HANDLE_MASS_KG, rgba=WOOD)
+        body.add_geom(type=SPHERE, pos=top, size=(HANDLE_RADIUS_M, 0, 0), rgba=RUBBER, **VISUAL_ONLY)
+
+    def _add_ribs(self, body) -> None:
+        """Grooves along the floor."""
+        half_x, half_y, half_z = FLOOR_HALF_M
+        for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
+            place = (x, FLOOR_Y_M, 2 * half_z)
+            rib = (0.003, 0.9 * half_y, 0.0003)
+            body.add_geom(type=BOX, pos=place, size=rib, rgba=DARK_BLUE, **VISUAL_ONLY)

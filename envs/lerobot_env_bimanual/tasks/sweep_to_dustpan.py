@@ -1,0 +1,138 @@
+"""Sweep the dirt into the dustpan.
+
+Bimanual because one hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is
+asked for, as in the paper and the original, and the pan is heavy enough to stay where it is: a left arm that
+sweeps well succeeds without the right one.
+
+Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain
+the dirt, wherever it stands. Broom and stand, and pan and dirt, are placed anew in each episode, turned by up to
+15 degrees; there they never move, so that a motion that ignores the scene would sweep every time. The broom is
+shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper end from above, since
+the stick cannot pass through a palm. Crumbs are 15 mm wide instead of 10 mm, to be seen, and weigh 2 g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.conditions import Inside
+from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.props.broom import Broom
+from lerobot_env_bimanual.props.broom_stand import BroomStand
+from lerobot_env_bimanual.props.crumb import Crumb
+from lerobot_env_bimanual.props.dustpan import Dustpan
+from lerobot_env_bimanual.registry import register
+from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.scene import Scene
+
+BROOM = Broom("broom", height_m=0.35)
+STAND = BroomStand("stand")
+PAN = Dustpan("dustpan")
+CRUMBS = tuple(Crumb(f"dirt{index}", side_m=0.015, mass_kg=0.002) for index in range(5))
+STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
+DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
+"""The middle of the dirt; pan and sweep are turned with it."""
+DIRT_HALF_M = np.array([0.09675, 0.1356])
+"""How far crumbs lie from that middle (decoded from RLBench's task file)."""
+CRUMB_DISTANCE_M = 0.024
+PAN_Y_M = -0.25
+"""From the middle of the dirt to the pan (decoded from RLBench's task file)."""
+INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
+"""The original's box, in the pan's axes."""
+
+# The left hand: straight down on the broom's stick.
+ABOVE_M = 0.095
+GRIP_Z_M = 1.085
+"""Centre of a voxel, 15 mm below the stick's end; grasp and sweep share it, so that rounding cancels out."""
+TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
+SWEEP_FROM_M = 0.445
+"""In front of the pan, behind the dirt; the sweep ends in the pan's middle."""
+
+# The right hand: from the side and slightly from above, on the pan's handle.
+HOLD_Z_M = 0.25
+APPROACH = np.array([-np.sqrt(0.5), np.sqrt(0.5), -np.tan(np.deg2rad(10.0))])
+OPENING = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0])
+BEFORE_HANDLE_M = 0.09
+
+
+@register
+class SweepToDustpan(Task):
+    """The left hand takes the broom and sweeps, the right hand holds the pan."""
+
+    spec = TaskSpec(
+        name="sweep_to_dustpan",
+        id=9,
+        instructions=(
+            "sweep dirt to dustpan",
+            "sweep the dirt up",
+            "use the broom to brush the dirt into the dustpan",
+            "clean up the dirt",
+            "pick up the brush and clean up the table",
+            "grasping the broom by its handle, clear way the dirt from the table",  # spelled like the original
+            "leave the table clean",
+            "sweep the dust to the pan",
+        ),
+        variations=(Variation(),),
+        taxonomy=Taxonomy(
+            temporal=True,
+            spatial=True,
+            physical=True,
+            symmetric=False,
+            synchronous=False,
+            prehension=Prehension.PREHENSILE,
+        ),
+        props=(STAND, BROOM, PAN, *CRUMBS),
+        success=tuple(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
+        horizon_ticks=400,
+    )
+
+    def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
+        """Broom in its stand behind, pan in front, dirt scattered between them."""
+        stand = STAND_AREA.sample(rng, TABLE_HEIGHT_M)
+        dirt = DIRT_AREA.sample(rng, TABLE_HEIGHT_M)
+        spots = rng.uniform(-1.0, 1.0, (len(CRUMBS), 2)) * DIRT_HALF_M
+        yaws = rng.uniform(-np.pi, np.pi, len(CRUMBS))
+        scene.place(STAND.name, stand)
+        scene.place(BROOM.name, stand)
+        scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
+        for crumb, (x, y), yaw in zip(CRUMBS, spots, yaws, strict=True):
+            scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.side_m / 2), yaw))
+        return all(np.linalg.norm(a - b) >= CRUMB_DISTANCE_M for a, b in combinations(spots, 2))
+
+    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+        """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
+        x, y, _ = scene.pose(BROOM.name).position
+        pan = scene.pose(PAN.name)
+        grasp = Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=(1, 0, 0))
+        hold = Pose.looking(
+            pan.apply((0.0, PAN.handle_y_m, HOLD_Z_M)), pan.rotation @ APPROACH, pan.rotation @ OPENING
+        )
+        yield Stage("approach", grasp.advanced(-ABOVE_M), hold.advanced(-BEFORE_HANDLE_M), planned=True)
+        yield Stage(
+            "grasp",
+            grasp,
+            hold,
+            left_open=False,
+            right_open=False,
+            left_holds=BROOM.name,
+            right_holds=PAN.name,
+        )
+        yield Stage("take out", left=grasp.translated(TAKE_OUT_M))
+        behind = _sweeping(pan, SWEEP_FROM_M)
+        yield Stage("behind", left=behind.translated((0, 0, TAKE_OUT_M[2])))
+        yield Stage("lower", left=behind)
+        yield Stage("sweep", left=_sweeping(pan, 0.0))
+
+
+def _sweeping(pan: Pose, y_m: float) -> Pose:
+    """The left hand while it holds the broom square to the pan, `y_m` in front of the pan's middle."""
+    x, y, _ = pan.apply((0.0, y_m, 0.0))
+    return Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=pan.rotation[:, 0])

@@ -1,0 +1,36 @@
+"""A small generated dataset, shared by the tests of generation and replay."""
+
+from pathlib import Path
+
+import pytest
+
+from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+
+
+def generation(root: Path, **options) -> GenerateConfig:
+    """Three episodes of one task in two shards, with small images of two cameras."""
+    defaults = {
+        "task": "lift_ball",
+        "episodes": 3,
+        "image_size": "24x32",
+        "cameras": ("front", "left_wrist"),
+        "intermediate": ("0.5",),
+        "episodes_per_shard": 2,
+        "workers": 1,
+        "repo_id": "local/small",
+    }
+    return GenerateConfig(**defaults | options, root=root)
+
+
+@pytest.fixture(scope="session")
+def small_generation():
+    """Builds the options of the small dataset for a root folder."""
+    return generation
+
+
+@pytest.fixture(scope="session")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Root of the small dataset, both views."""
+    root = tmp_path_factory.mktemp("generated") / "small"
+    generate(generation(root))
+    return root
