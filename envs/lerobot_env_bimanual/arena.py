@@ -27,11 +27,11 @@ NEAR_M = 0.01
 FAR_M = 10.0
 
 # Contact layers (bit masks). Everything collides in the common layer; props may add geoms that touch the table
-# alone by giving them contype TABLE_ONLY and conaffinity 0. Bristles bend around everything but dirt, which takes
-# part in their layer by its conaffinity.
+# alone by giving them contype TABLE_ONLY and conaffinity 0, or dirt alone by DIRT_ONLY: dirt has that bit in its
+# conaffinity.
 COMMON_LAYER = 1
 TABLE_ONLY = 2
-BRISTLES = 4
+DIRT_ONLY = 4
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,27 @@ class Above:
 
 
 @dataclass(frozen=True)
+class WhollyAbove:
+    """Every point of the prop, or of the boxes around its geoms, is at least this high."""
+
+    prop: str
+    height_m: float
+
+    @property
+    def name(self) -> str:
+        """E.g. `wholly_above(tray, 1.35)`."""
+        return f"wholly_above({self.prop}, {self.height_m:.2f})"
+
+    def __call__(self, scene: Scene) -> bool:
+        """Compare the lowest corner."""
+        geoms = scene.model.geom_bodyid == scene.model.body(self.prop).id
+        centres, half_sizes = np.split(scene.model.geom_aabb[geoms], 2, axis=1)
+        vertical = scene.data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
+        middles = scene.data.geom_xpos[geoms, 2] + (vertical * centres).sum(axis=1)
+        return bool((middles - (np.abs(vertical) * half_sizes).sum(axis=1)).min() >= self.height_m)
+
+
+@dataclass(frozen=True)
 class CentredOn:
     """The prop's origin lies over the square of this half side at the target's centre, in the target's axes."""
 

@@ -38,7 +38,8 @@ def hand_over(scene: Scene, item: str, left_behind_m: float, right_behind_m: flo
         right_behind_m: the same of the right one; the sum keeps the fingertips apart.
     """
     pose = scene.pose(item)
-    grasp = Pose.looking(pose.position, approach=(0, 0, -1), opening=grasp_axis(pose)).advanced(-left_behind_m)
+    down = Pose.looking(pose.position, approach=(0, 0, -1), opening=grasp_axis(pose))
+    grasp = down.advanced(-left_behind_m)
     present = LEFT_PRESENTS.translated(EXCHANGE).advanced(-left_behind_m)
     wait = RIGHT_RECEIVES.translated(EXCHANGE).advanced(-right_behind_m - CLEARANCE_M)
     yield Stage("hover", grasp.advanced(-HOVER_M), wait, planned=True)

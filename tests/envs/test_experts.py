@@ -8,7 +8,7 @@ import pytest
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.errors import BimanualError, UnknownTask
+from lerobot_bimanual.errors import BimanualError, UnknownTask, UnknownVariation
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
@@ -176,6 +176,11 @@ def test_seeds_are_a_half_open_range():
 def test_certify_refuses_unknown_tasks_before_it_starts_anything():
     with pytest.raises(UnknownTask, match="lift_ball"):
         certify(CertifyConfig(task="lift_bal"))
+
+
+def test_certify_refuses_unknown_variations_before_it_starts_anything():
+    with pytest.raises(UnknownVariation, match="'lift_ball' has no variation '7'"):
+        certify(CertifyConfig(task="lift_ball", variation="7"))
 
 
 @pytest.mark.sim

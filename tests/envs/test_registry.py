@@ -1,3 +1,4 @@
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -5,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from lerobot_bimanual.errors import UnknownTask
+from lerobot_env_bimanual.commands.tasks import TasksConfig, tasks
 from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.registry import get_task, list_suites, list_tasks, register, resolve_tasks
 from lerobot_env_bimanual.task import Prehension, Taxonomy
@@ -84,3 +86,23 @@ def test_a_taxonomy_row_names_its_suites():
 def test_what_a_task_is_can_be_imported_without_mujoco():
     program = "import sys, lerobot_env_bimanual.task, lerobot_env_bimanual.conditions; assert 'mujoco' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_verb_lists_every_task_for_programs(capsys):
+    tasks(TasksConfig(format="json"))
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert sorted(rows) == list(list_tasks())
+    assert rows["lift_ball"]["instructions"] == [["lift the ball"]]
+    assert rows["lift_ball"]["success"] == [
+        "above(ball, 0.95)",
+        "touched(ball, left)",
+        "touched(ball, right)",
+    ]
+    assert rows["push_box"]["taxonomy"]["prehension"] == "non_prehensile"
+
+
+def test_the_verb_lists_every_task_for_people(capsys):
+    tasks(TasksConfig(task="symmetric"))
+    table = capsys.readouterr().out
+    assert "push_box" in table
+    assert "handover_item_easy" not in table

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -316,47 +315,45 @@ def test_wrong_options_are_refused_before_anything_is_made(tmp_path, small_gener
 
 # -- crashes ------------------------------------------------------------------------------------------------
 
-
-def processes_of_group(group: int) -> list[int]:
-    found = []
-    for entry in Path("/proc").iterdir():
-        try:
-            if entry.name.isdecimal() and os.getpgid(int(entry.name)) == group:
-                found.append(int(entry.name))
-        except ProcessLookupError:
-            continue
-    return found
+KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
+"""What appears while the first shard is recorded, after it, and while shards are merged."""
 
 
 @pytest.mark.slow
-def test_a_run_that_is_killed_again_and_again_ends_with_the_same_dataset(generated, tmp_path) -> None:
+def test_a_run_that_is_killed_at_every_stage_ends_with_the_same_dataset(generated, tmp_path) -> None:
     root = tmp_path / generated.name
+    partial = root.with_name(root.name + ".partial")
     command = [
         *(sys.executable, "-m", "lerobot_bimanual.cli", "generate", f"--root={root}", "--workers=2"),
         *("--task=lift_ball", "--episodes=3", "--image_size=24x32", "--cameras=front,left_wrist"),
         *("--intermediate=0.5", "--episodes_per_shard=2", "--repo_id=local/small"),
     ]
-    rng = np.random.default_rng(0)
-    kills = 0
-    while True:
-        run = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-        )
-        try:
-            run.wait(timeout=rng.uniform(2, 45) if kills < 6 else 300)
-        except subprocess.TimeoutExpired:
-            os.kill(run.pid, signal.SIGKILL)  # the parent alone: its workers have to notice
-            run.wait()
-            kills += 1
-            deadline = time.monotonic() + 20
-            while processes_of_group(run.pid) and time.monotonic() < deadline:
-                time.sleep(0.2)
-            assert not processes_of_group(run.pid), "workers outlived their parent"
-            continue
-        assert run.stdout is not None
-        assert run.returncode == 0, run.stdout.read().decode()
-        break
-    assert kills
-    assert not root.with_name(root.name + ".partial").exists()
+    rng = np.random.default_rng()  # at other moments in every run of the test
+    for sight in KILL_WHEN:
+        run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+        while not any(partial.glob(sight)):
+            assert run.poll() is None, f"ended before {sight} appeared"
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0, 0.5))
+        os.kill(run.pid, signal.SIGKILL)  # the parent alone: its workers have to notice
+        run.wait()
+        wait_until_gone(run.pid)
+        assert not root.exists()
+    last = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert last.returncode == 0, last.stderr
+    assert not partial.exists()
     assert tree_hashes(root) == tree_hashes(generated)
-    shutil.rmtree(root)
+
+
+def wait_until_gone(group: int, patience_s: float = 20) -> None:
+    deadline = time.monotonic() + patience_s
+    while any(group_of(entry.name) == group for entry in Path("/proc").iterdir()):
+        assert time.monotonic() < deadline, "workers outlived their parent"
+        time.sleep(0.1)
+
+
+def group_of(process: str) -> int | None:
+    try:
+        return os.getpgid(int(process))
+    except (ValueError, ProcessLookupError):
+        return None

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lerobot_env_bimanual.expert.campaign import Campaign, Job
     from lerobot_env_bimanual.expert.runner import Outcome
 
+EACH_VARIATION = "each"
 PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
 """Packages whose versions decide the outcome of an episode."""
 
@@ -54,6 +55,8 @@ def certify(config: CertifyConfig) -> None:
     from lerobot_env_bimanual.registry import resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
+    for name in names:
+        _check_variation(name, config.variation)
     with Campaign(config.workers) as campaign:
         jobs = [job for name in names for job in _jobs(campaign, config, name, seeds)]
         outcomes = campaign.play(jobs, config.control)
@@ -73,6 +76,14 @@ def parse_seeds(text: str) -> range:
     if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
         raise BimanualError(f"seeds is {text!r}, but must be a half-open range such as 0:100")
     return range(int(first), int(end))
+
+
+def _check_variation(task: str, variation: str) -> None:
+    """Refuse, before any process starts, a variation that the task does not have."""
+    from lerobot_env_bimanual.env import BimanualEnv
+
+    if variation != EACH_VARIATION:
+        BimanualEnv(task, variation)
 
 
 def certificate(config: CertifyConfig, outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -96,10 +107,11 @@ def certificate(config: CertifyConfig, outcomes: Sequence[Outcome]) -> dict[str,
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
     from lerobot_env_bimanual.expert.campaign import Job
     from lerobot_env_bimanual.registry import get_task
+    from lerobot_env_bimanual.settings import ANY_VARIATION
 
     blind = config.control == "blind"
     # The blind control may know its variation, as a policy does from the instruction: "any" is taken apart.
-    apart = config.variation == "each" or (blind and config.variation == "any")
+    apart = config.variation == EACH_VARIATION or (blind and config.variation == ANY_VARIATION)
     indices = map(str, range(len(get_task(task).spec.variations)))
     for variation in indices if apart else (config.variation,):
         keyposes = campaign.blind_keyposes(task, variation) if blind else ()

@@ -7,7 +7,6 @@ workers gives the same list.
 from __future__ import annotations
 
 import os
-import signal
 from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,11 +16,12 @@ from multiprocessing import get_context
 from tqdm import tqdm
 
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.runner import Outcome, run_episode
+from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
 
 BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""
@@ -61,7 +61,8 @@ class Campaign:
 
     def __init__(self, workers: int):
         count = workers or os.cpu_count() or 1
-        self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=_prepare_worker)
+        use_one_thread_per_process()
+        self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=prepare_worker)
 
     def __enter__(self) -> Campaign:
         return self
@@ -102,17 +103,18 @@ _environments: dict[tuple[str, str, str], BimanualEnv] = {}
 
 
 def play(job: Job) -> Outcome:
-    """Play one job in this process, in an environment that is kept for the next one of its kind."""
+    """Play one job in this process, in an environment that is kept for the next one of its kind.
+
+    Raises:
+        PlacementFailure: the seed's episode cannot be set up.
+    """
     key = (job.task, job.variation, job.split)
     if key not in _environments:
         _environments.clear()
         _environments[key] = BimanualEnv(job.task, job.variation, job.split, obs="state")
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)
-    return run_episode(_environments[key], job.seed, control)
-
-
-def _prepare_worker() -> None:
-    """Keep linear algebra to one core, and leave an interrupt from the keyboard to the main process."""
-    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return run_episode(_environments[key], job.seed, control)
+    except PlacementFailure as failure:
+        raise PlacementFailure(f"{job.split} seed {job.seed}: {failure}") from failure

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lerobot_env_bimanual.arena import BRISTLES, TABLE_ONLY
+from lerobot_env_bimanual.arena import DIRT_ONLY, TABLE_ONLY
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
-CAP = (0.78, 0.20, 0.16, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)
 STRAW = ((0.93, 0.84, 0.52, 1.0), (0.86, 0.75, 0.42, 1.0))
 
@@ -21,8 +20,7 @@ BRISTLE_REACH_M = 0.010
 """How far below the table the bristles are felt: they sweep, whatever the height and tilt of the hand."""
 WING_HALF_M = (0.003, 0.014)
 """Outermost bristles, swept forward, which keep dirt from escaping sideways; half sizes along x and y."""
-FOOT_HALF_WIDTH_M = 0.006
-FOOT_FRICTION = 0.05
+FOOT_RADIUS_M = 0.006
 FOOT_STIFFNESS, FOOT_DAMPING = 800, 30
 TUFTS = 15
 
@@ -30,6 +28,7 @@ STICK_MASS_KG, HEAD_MASS_KG, BRISTLE_MASS_KG, WING_MASS_KG, FOOT_MASS_KG = 0.06,
 
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 
@@ -39,7 +38,7 @@ class Broom:
     """A free broom, its frame under the stick where the bristles end; it sweeps towards -y.
 
     Bristles touch dirt and nothing else, as bristles bend: with a solid block the broom catches on the pan's lip
-    and tilts (design study). Two slippery, yielding feet, which touch the table alone, carry it in their place.
+    and tilts (design study). Two frictionless, yielding feet, which touch the table alone, carry it in their place.
 
     Attributes:
         name: body.
@@ -70,8 +69,10 @@ class Broom:
             mass=STICK_MASS_KG,
             group=HIDDEN_GROUP,
         )
-        body.add_geom(type=CYLINDER, pos=(0, 0, middle), size=(half, half_length, 0), rgba=WOOD, **VISUAL_ONLY)
-        body.add_geom(type=SPHERE, pos=(0, 0, self.height_m), size=(half, 0, 0), rgba=CAP, **VISUAL_ONLY)
+        body.add_geom(
+            type=CYLINDER, pos=(0, 0, middle), size=(half, half_length, 0), rgba=WOOD, **VISUAL_ONLY
+        )
+        body.add_geom(type=SPHERE, pos=(0, 0, self.height_m), size=(half, 0, 0), rgba=PAINT, **VISUAL_ONLY)
         socket = 1.6 * half
         body.add_geom(
             type=CYLINDER,
@@ -99,22 +100,22 @@ class Broom:
             size=size,
             mass=mass,
             friction=(0.3, 0.005, 0.0001),
-            contype=BRISTLES,
+            contype=DIRT_ONLY,
             conaffinity=0,
             group=HIDDEN_GROUP,
         )
 
     def _add_feet(self, body) -> None:
-        half_x, half_y, head_half_z = HEAD_HALF_M
-        half_z = (HEAD_Z_M - head_half_z) / 2
+        half_x, half_y, _ = HEAD_HALF_M
         for side in (-1, 1):
+            x, y, z = side * (half_x - FOOT_RADIUS_M), half_y - FOOT_RADIUS_M, FOOT_RADIUS_M
             body.add_geom(
-                type=BOX,
-                pos=(side * (half_x - FOOT_HALF_WIDTH_M), 0, half_z),
-                size=(FOOT_HALF_WIDTH_M, half_y, half_z),
+                type=CAPSULE,
+                size=(FOOT_RADIUS_M, 0, 0),
+                fromto=(x, -y, z, x, y, z),
                 mass=FOOT_MASS_KG,
-                friction=(FOOT_FRICTION, 0.005, 0.0001),
-                priority=2,  # else the table's larger friction counts, and the broom trails behind the hand
+                condim=1,  # without friction; with the table's the broom trails behind the hand
+                priority=2,
                 solref=(-FOOT_STIFFNESS, -FOOT_DAMPING),
                 contype=TABLE_ONLY,
                 conaffinity=0,
@@ -140,6 +141,4 @@ class Broom:
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
-            body.add_geom(
-                type=BOX, pos=place, size=(wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY
-            )
+            body.add_geom(type=BOX, pos=place, size=(wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY)

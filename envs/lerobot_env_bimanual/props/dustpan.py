@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lerobot_env_bimanual.arena import DIRT_ONLY
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
@@ -16,6 +17,8 @@ FLOOR_HALF_M = (0.145, 0.080, 0.001)
 FLOOR_Y_M = -0.005
 LIP_HALF_M = (0.145, 0.018, 0.0008)
 LIP_SLOPE_RAD = np.deg2rad(4.0)
+LIP_Z_M = 0.0007
+LIP_OVERLAP_M = 0.003
 SIDE_HALF_M = (0.003, 0.085, 0.022)
 BACK_HALF_M = (0.149, 0.003, 0.030)
 BACK_Y_M = -0.088
@@ -23,6 +26,8 @@ SOCKET_HALF_M = (0.020, 0.012, 0.012)
 HANDLE_RADIUS_M = 0.0105
 HANDLE_BOTTOM_M = 0.020
 RIBS = 5
+GAP_M = 0.0005
+"""Of everything but the floor above the table: the pan stands on four corners, which are computed quickly."""
 
 FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.25, 0.01, 0.03, 0.04
 HANDLE_MASS_KG, SOCKET_MASS_KG = 0.08, 0.02
@@ -51,21 +56,32 @@ class Dustpan:
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
         self._add_box(body, (0, FLOOR_Y_M, FLOOR_HALF_M[2]), FLOOR_HALF_M, FLOOR_MASS_KG)
-        # The lip slopes from the floor's upper side down to the table.
-        lip_y = FLOOR_Y_M + FLOOR_HALF_M[1] + LIP_HALF_M[1] - 0.003
-        quat = (np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0)
-        self._add_box(body, (0, lip_y, 0.0007), LIP_HALF_M, LIP_MASS_KG, quat=quat)
+        self._add_lip(body)
         for side in (-1, 1):
-            place = (side * (FLOOR_HALF_M[0] + 0.001), 0, SIDE_HALF_M[2])
+            place = (side * (FLOOR_HALF_M[0] + 0.001), 0, GAP_M + SIDE_HALF_M[2])
             self._add_box(body, place, SIDE_HALF_M, SIDE_MASS_KG)
-        self._add_box(body, (0, BACK_Y_M, BACK_HALF_M[2]), BACK_HALF_M, BACK_MASS_KG)
+        self._add_box(body, (0, BACK_Y_M, GAP_M + BACK_HALF_M[2]), BACK_HALF_M, BACK_MASS_KG)
         socket = (0, self.handle_y_m + 0.005, 0.018)
         self._add_box(body, socket, SOCKET_HALF_M, SOCKET_MASS_KG)
         self._add_handle(body)
         self._add_ribs(body)
 
-    def _add_box(self, body, position, size, mass: float, quat=(1, 0, 0, 0)) -> None:
-        body.add_geom(type=BOX, pos=position, quat=quat, size=size, mass=mass, rgba=BLUE)
+    def _add_box(self, body, position, size, mass: float) -> None:
+        body.add_geom(type=BOX, pos=position, size=size, mass=mass, rgba=BLUE)
+
+    def _add_lip(self, body) -> None:
+        """A ramp from the floor's upper side down into the table, so thin that only dirt notices it."""
+        y = FLOOR_Y_M + FLOOR_HALF_M[1] + LIP_HALF_M[1] - LIP_OVERLAP_M
+        body.add_geom(
+            type=BOX,
+            pos=(0, y, LIP_Z_M),
+            quat=(np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0),
+            size=LIP_HALF_M,
+            mass=LIP_MASS_KG,
+            rgba=BLUE,
+            contype=DIRT_ONLY,
+            conaffinity=0,
+        )
 
     def _add_handle(self, body) -> None:
         half = (self.height_m - HANDLE_BOTTOM_M) / 2

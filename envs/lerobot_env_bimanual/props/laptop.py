@@ -6,6 +6,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.slab import add_slab
 
 ALUMINIUM = (0.72, 0.74, 0.77, 1.0)
 LID_ALUMINIUM = (0.80, 0.82, 0.85, 1.0)
@@ -24,6 +25,7 @@ SHEET_HALF_THICKNESS_M = 0.0003
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Laptop:
         base = spec.worldbody.add_body(name=self.name)
         base.add_freejoint()
         self._add_solid(base, (0, 0, 0), base_half, self.base_mass_kg)
-        _add_slab(base, (0, 0, 0), base_half, ALUMINIUM)
+        add_slab(spec, self.name, base_half, CORNER_RADIUS_M)
+        base.add_geom(type=MESH, meshname=self.name, rgba=ALUMINIUM, **VISUAL_ONLY)
         self._decorate_base(base, base_half)
         hinge = (0, base_half[1] - HINGE_INSET_M, base_half[2] + SEAM_M + lid_half[2])
         lid = base.add_body(name=f"{self.name}_lid", pos=hinge)
@@ -69,7 +72,8 @@ class Laptop:
         )
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)
-        _add_slab(lid, middle, lid_half, LID_ALUMINIUM)
+        add_slab(spec, lid.name, lid_half, CORNER_RADIUS_M)
+        lid.add_geom(type=MESH, meshname=lid.name, pos=middle, rgba=LID_ALUMINIUM, **VISUAL_ONLY)
         self._decorate_lid(lid, middle, lid_half)
 
     def _add_solid(self, body, position, half, mass: float) -> None:
@@ -120,15 +124,3 @@ class Laptop:
             rgba=SCREEN,
             **VISUAL_ONLY,
         )
-
-
-def _add_slab(body, position, half, rgba) -> None:
-    """What is seen: a slab with rounded corners."""
-    x, y, z = half
-    radius = CORNER_RADIUS_M
-    for size in ((x - radius, y, z), (x, y - radius, z)):
-        body.add_geom(type=BOX, pos=position, size=size, rgba=rgba, **VISUAL_ONLY)
-    for side_x in (-1, 1):
-        for side_y in (-1, 1):
-            corner = np.add(position, (side_x * (x - radius), side_y * (y - radius), 0))
-            body.add_geom(type=CYLINDER, pos=corner, size=(radius, z, 0), rgba=rgba, **VISUAL_ONLY)

@@ -75,7 +75,7 @@ class Oven:
     """
 
     name: str = "oven"
-    handle_y_m: tuple[float, float] = (-0.13, 0.13)
+    handle_y_m: tuple[float, float] = (-0.11, 0.11)
 
     @property
     def top_m(self) -> float:

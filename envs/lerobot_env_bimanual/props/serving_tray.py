@@ -6,6 +6,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.slab import add_slab
 
 WOOD = (0.70, 0.50, 0.30, 1.0)
 RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
@@ -18,10 +19,12 @@ RIM_WIDTH_M = 0.008
 MAT_INSET_M = 0.006
 STRIPE_HALF_WIDTH_M = 0.004
 SHEET_HALF_THICKNESS_M = 0.0004
-INLAY_RADIUS_M = 0.006
+INLAY_INSET_M = 0.015
 
+HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,14 @@ class ServingTray:
     mass_kg: float = 0.45
     friction: float = 0.6
 
+    @property
+    def _handle_mesh(self) -> str:
+        return f"{self.name}_handle"
+
+    @property
+    def _inlay_mesh(self) -> str:
+        return f"{self.name}_inlay"
+
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handles and rim, and a mat and inlays for the eye."""
         body = spec.worldbody.add_body(name=self.name)
@@ -55,23 +66,26 @@ class ServingTray:
         handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
         self._add_solid(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, name=self.name)
+        handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, z)
+        add_slab(spec, self._handle_mesh, handle_half, radius_m=handle_half[1])
+        inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
+        add_slab(spec, self._inlay_mesh, inlay_half, radius_m=inlay_half[1])
         for side in (-1, 1):
             self._add_handle(body, side * (y + self.handle_size_m[1] / 2), wood_density * handle_area / 2)
         self._add_rim(body, x, y, z)
         self._add_mat(body, x, y, z)
 
     def _add_handle(self, body, y: float, mass: float) -> None:
-        """A box between two half discs, with an inlay of the same outline."""
+        """Felt as a box between two discs, seen as one slab with an inlay."""
         radius, half_z = self.handle_size_m[1] / 2, self.size_m[2] / 2
         half_x = self.handle_size_m[0] / 2 - radius
-        self._add_solid(body, (0, y, 0), (half_x, radius, half_z), WOOD, mass)
-        inlay_z = half_z + SHEET_HALF_THICKNESS_M
-        inlay = (half_x, INLAY_RADIUS_M, inlay_z)
-        body.add_geom(type=BOX, pos=(0, y, 0), size=inlay, rgba=INLAY, **VISUAL_ONLY)
+        self._add_solid(body, (0, y, 0), (half_x, radius, half_z), WOOD, mass, group=HIDDEN_GROUP)
         for x in (-half_x, half_x):
-            self._add_solid(body, (x, y, 0), (radius, half_z, 0), WOOD, 0.0, shape=CYLINDER)
-            end = (INLAY_RADIUS_M, inlay_z, 0)
-            body.add_geom(type=CYLINDER, pos=(x, y, 0), size=end, rgba=INLAY, **VISUAL_ONLY)
+            self._add_solid(
+                body, (x, y, 0), (radius, half_z, 0), WOOD, 0.0, shape=CYLINDER, group=HIDDEN_GROUP
+            )
+        for mesh, rgba in ((self._handle_mesh, WOOD), (self._inlay_mesh, INLAY)):
+            body.add_geom(type=MESH, meshname=mesh, pos=(0, y, 0), rgba=rgba, **VISUAL_ONLY)
 
     def _add_rim(self, body, x: float, y: float, z: float) -> None:
         bar, height = RIM_WIDTH_M / 2, self.rim_height_m / 2
@@ -79,9 +93,9 @@ class ServingTray:
         for side in (-1, 1):
             along, across = (side * (x - bar), 0, z + height), (0, side * (y - bar), z + height)
             self._add_solid(body, along, (bar, y, height), RIM_WOOD, mass)
-            self._add_solid(body, across, (x, bar, height), RIM_WOOD, mass)
+            self._add_solid(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass)
 
-    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", shape=BOX) -> None:
+    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", shape=BOX, group: int = 0) -> None:
         body.add_geom(
             name=name,
             type=shape,
@@ -92,6 +106,7 @@ class ServingTray:
             friction=(self.friction, 0.005, 0.0001),
             condim=4,
             solref=(0.006, 1),
+            group=group,
         )
 
     def _add_mat(self, body, x: float, y: float, z: float) -> None:

@@ -10,6 +10,7 @@ from lerobot_env_bimanual.tasks import (
     pick_plate,
     push_box,
     sweep_to_dustpan,
+    take_tray_out_of_oven,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "pick_plate",
     "push_box",
     "sweep_to_dustpan",
+    "take_tray_out_of_oven",
 ]

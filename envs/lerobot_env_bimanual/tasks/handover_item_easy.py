@@ -44,7 +44,7 @@ class HandoverItemEasy(Task):
     spec = TaskSpec(
         name="handover_item_easy",
         id=11,
-        instructions=("handover the item", "bring me the item", "hand over the object"),
+        instructions=("bring me the item", "hand over the object", "hand over the item"),
         variations=(Variation(),),
         taxonomy=Taxonomy(
             temporal=True,

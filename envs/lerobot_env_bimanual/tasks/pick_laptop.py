@@ -123,7 +123,7 @@ class PickLaptop(Task):
 def _left_hand(laptop: Pose, y_m: float, height_m: float) -> Pose:
     """Straight down at `y_m` on the laptop's middle line, fingers side by side along its edge.
 
-    Of the two such rolls it is the one nearer to the hand's at home.
+    Of the two such rolls it is the one whose opening points towards the right arm.
     """
     x, y, _ = laptop.apply((0, y_m, 0))
     edge = laptop.rotation[:, 0]

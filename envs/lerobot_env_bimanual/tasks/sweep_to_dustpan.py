@@ -8,7 +8,8 @@ Departures from the original: broom and pan are real bodies, held by friction, a
 the dirt, wherever it stands. Broom and stand, and pan and dirt, are placed anew in each episode, turned by up to
 15 degrees; there they never move, so that a motion that ignores the scene would sweep every time. The broom is
 shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper end from above, since
-the stick cannot pass through a palm. Crumbs are 15 mm wide instead of 10 mm, to be seen, and weigh 2 g.
+the stick cannot pass through a palm. Crumbs are 15 mm wide instead of 10 mm, to be seen,
+round instead of square, and weigh 2 g.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
 PAN = Dustpan("dustpan")
-CRUMBS = tuple(Crumb(f"dirt{index}", side_m=0.015, mass_kg=0.002) for index in range(5))
+CRUMBS = tuple(Crumb(f"dirt{index}", radius_m=0.0075, mass_kg=0.002) for index in range(5))
 STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
@@ -104,7 +105,7 @@ class SweepToDustpan(Task):
         scene.place(BROOM.name, stand)
         scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
         for crumb, (x, y), yaw in zip(CRUMBS, spots, yaws, strict=True):
-            scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.side_m / 2), yaw))
+            scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m), yaw))
         return all(np.linalg.norm(a - b) >= CRUMB_DISTANCE_M for a, b in combinations(spots, 2))
 
     def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:

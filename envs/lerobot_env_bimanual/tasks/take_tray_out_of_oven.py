@@ -15,7 +15,7 @@ import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Above, Grasped
+from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")
-AREA = PlacementArea(center_m=(0.511, 0.360), half_size_m=(0.04, 0.04), half_yaw_rad=np.deg2rad(18.0))
-MEAN_YAW_RAD = np.deg2rad(60.0)
+AREA = PlacementArea(center_m=(0.511, 0.360), half_size_m=(0.06, 0.06), half_yaw_rad=np.deg2rad(16.0))
+MEAN_YAW_RAD = np.deg2rad(65.0)
 TRAY_EDGE_M = OVEN.front_m + 0.022
 """Where the tray's handle begins, in the oven's frame: 48 mm of it overhang the rack."""
 TRAY_M = (TRAY_EDGE_M + TRAY.size_m[0] / 2, 0.0, OVEN.rack_top_m + TRAY.size_m[2] / 2)
 
 # The right hand: its fingers above and below the bar, pitched up with the door by a share of its angle, because
 # below a hand that followed all the way there would be no room for it.
-HANDLE_Y_M = -0.10
+HANDLE_Y_M = -0.08
 BEFORE_HANDLE_M = 0.09
 DOOR_RAD = np.deg2rad((17.0, 34.0, 50.0))
 """At the last of which the hand lets go; the door sinks on by itself."""
@@ -45,7 +45,7 @@ ASIDE_M = (0.58, -0.40, 1.165)
 """Where it then waits, world frame: beside the door, and below the left arm's way with the tray."""
 
 # The left hand: level, its fingers above and below the tray's handle.
-WAIT_M = (-0.40, 0.15, 0.53)
+WAIT_M = (-0.40, 0.15, 0.685)
 """Before the front, to the left, above the table: outside the door's sweep."""
 TRAY_Y_M = 0.0
 BEFORE_TRAY_M = 0.10
@@ -82,7 +82,7 @@ class TakeTrayOutOfOven(Task):
             prehension=Prehension.PREHENSILE,
         ),
         props=(OVEN, TRAY),
-        success=(Grasped("tray"), Above("tray", TABLE_HEIGHT_M + OVEN.top_m)),
+        success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),
         horizon_ticks=600,
     )
 
@@ -120,7 +120,7 @@ class TakeTrayOutOfOven(Task):
         yield Stage("take out", left=out)
         yield Stage("raise", left=out.translated((0, 0, TABLE_HEIGHT_M + RAISE_TO_M - out.position[2])))
 
-RSIGN, LSIGN = -1, -1
+RSIGN, LSIGN = 1, -1
 
 def _hand(position, pitch_rad: float = 0.0, opening: int = 1) -> Pose:
     """A hand that points into the oven and up by `pitch_rad`, its fingers one above the other; oven's frame."""

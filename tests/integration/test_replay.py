@@ -1,0 +1,113 @@
+"""Recorded actions and keyposes replay to the same states, and a dataset that lies is found out."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_env_bimanual.commands.replay import ReplayConfig, parse_episodes, replay
+from lerobot_env_bimanual.generation.replaying import Replayer, keyposes_of
+
+pytestmark = pytest.mark.sim
+
+
+def test_every_recorded_episode_replays_tick_by_tick(generated) -> None:
+    replayer, recorded = Replayer(generated / "frames", "joint"), RecordedDataset(generated / "frames")
+    for index in (2, 0, 1):
+        result = replayer.replay(index)
+        assert result.matches
+        assert (result.meta.seed, result.ticks) == (index, len(recorded.episode(index)))
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_recorded_keyposes_replay_to_the_same_final_state(generated, view: schema.View) -> None:
+    assert Replayer(generated / view, "keypose").replay(1).matches
+
+
+def test_both_views_know_the_same_keyposes(generated) -> None:
+    frames, keyframes = (RecordedDataset(generated / view) for view in schema.VIEWS)
+    for index in range(3):
+        expected = keyposes_of(frames.episode(index), "frames")
+        assert np.array_equal(keyposes_of(keyframes.episode(index), "keyframes"), expected)
+        assert len(expected) == frames.episode(index).columns[schema.KEYPOSE_STEP][-1] + 1
+
+
+def test_the_verb_prints_a_table_and_succeeds(generated, capsys) -> None:
+    assert replay(ReplayConfig(root=generated, workers=1)) == 0
+    printed = capsys.readouterr().out
+    assert "lift_ball" in printed
+    assert "warning" not in printed
+
+
+@pytest.fixture
+def tampered(generated, tmp_path) -> Path:
+    """The first shard with one joint target of tick 30 of episode 1 changed by a hundredth of a radian."""
+    root = tmp_path / "tampered"
+    shutil.copytree(generated / "frames", root)
+    file = root / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(file)
+    row = table["episode_index"].to_pylist().index(1) + 30
+    actions = table[schema.ACTION].to_pylist()
+    actions[row][0] += 0.01
+    column = table.column_names.index(schema.ACTION)
+    field = table.schema.field(schema.ACTION)
+    pq.write_table(table.set_column(column, field, pa.array(actions, field.type)), file)
+    return root
+
+
+def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
+    replayer = Replayer(tampered, "joint")
+    assert replayer.replay(0).matches
+    assert replayer.replay(1).divergence == 30
+
+
+def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
+    assert replay(ReplayConfig(root=tampered, episodes="1", workers=1)) == 1
+    assert "episode 1 (lift_ball, seed 1): other state after tick 30" in capsys.readouterr().out
+
+
+def test_actions_that_go_on_after_the_end_are_a_divergence(generated, tmp_path) -> None:
+    root = tmp_path / "longer"
+    shutil.copytree(generated / "frames", root)
+    recorded = RecordedDataset(root).episode(2)
+    columns = {key: np.concatenate([column, column[-1:]]) for key, column in recorded.columns.items()}
+    replayer = Replayer(root, "joint")
+    longer = type(recorded)(recorded.index, recorded.meta, columns)
+    replayer._dataset.episode = lambda _: longer
+    assert replayer.replay(2).divergence == len(recorded)
+
+
+def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
+    root = tmp_path / "old"
+    shutil.copytree(generated / "keyframes", root)
+    path = root / PROVENANCE_FILE
+    provenance = json.loads(path.read_text())
+    provenance["versions"]["mujoco"] = "1.2.3"
+    path.write_text(json.dumps(provenance))
+    assert replay(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
+
+
+def test_joint_actions_need_the_view_frames(generated) -> None:
+    with pytest.raises(DatasetError, match="--replay=keypose"):
+        replay(ReplayConfig(root=generated / "keyframes"))
+
+
+def test_episodes_are_chosen_by_index_or_range() -> None:
+    assert parse_episodes("all", 3) == [0, 1, 2]
+    assert parse_episodes("2,0", 3) == [2, 0]
+    assert parse_episodes("1:3", 3) == [1, 2]
+
+
+@pytest.mark.parametrize("text", ["3", "-1", "2:1", "x", "", "0:9"])
+def test_episodes_that_are_not_there_are_refused(text: str) -> None:
+    with pytest.raises(BimanualError, match="from 0 to 2"):
+        parse_episodes(text, 3)
