@@ -16,7 +16,7 @@ class Arm(StrEnum):
     RIGHT = "right"
 
     @property
-    def index(self) -> int:
+    def ordinal(self) -> int:
         """Position of this arm in every two-arm array: 0 for left, 1 for right."""
         return 0 if self is Arm.LEFT else 1
 

@@ -91,8 +91,8 @@ class Scene:
             getattr(self.model, field)[:] = pristine
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
-            self.data.qpos[self._joint_qpos[arm.index]] = self.arm_pair.home_joints
-            self.data.qpos[self._finger_qpos[arm.index]] = self.arm_pair.finger_travel_m
+            self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
+            self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
         self._commanded = self._home_action
         self._ctrl_target = self._to_ctrl(self._home_action)
         self.data.ctrl[:ACTION_DIM] = self._ctrl_target
@@ -184,21 +184,21 @@ class Scene:
 
     def tcp(self, arm: Arm) -> Pose:
         """World pose of the tool centre point: z approach, y opening of the fingers."""
-        site = self._tcp_site[arm.index]
+        site = self._tcp_site[arm.ordinal]
         rotation = self.data.site_xmat[site].reshape(3, 3)
         return Pose(self.data.site_xpos[site], matrix_to_quat_wxyz(rotation))
 
     def joint_positions(self, arm: Arm) -> NDArray[np.float64]:
         """(7,) rad."""
-        return self.data.qpos[self._joint_qpos[arm.index]]
+        return self.data.qpos[self._joint_qpos[arm.ordinal]]
 
     def joint_velocities(self, arm: Arm) -> NDArray[np.float64]:
         """(7,) rad/s."""
-        return self.data.qvel[self._joint_dof[arm.index]]
+        return self.data.qvel[self._joint_dof[arm.ordinal]]
 
     def finger_positions(self, arm: Arm) -> NDArray[np.float64]:
         """(2,) m of travel, 0 closed."""
-        return self.data.qpos[self._finger_qpos[arm.index]]
+        return self.data.qpos[self._finger_qpos[arm.ordinal]]
 
     def gripper_opening(self, arm: Arm) -> float:
         """Measured opening, 0 closed .. 1 open."""

@@ -47,7 +47,7 @@ def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
     angle_rad = rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION])
     errors = {}
     for arm in ARMS:
-        errors[f"{arm}_position_cm"] = 100 * distance_m[:, arm.index].mean()
-        errors[f"{arm}_rotation_deg"] = torch.rad2deg(angle_rad[:, arm.index]).mean()
-        errors[f"{arm}_far"] = (distance_m[:, arm.index] > FAR_M).float().mean()
+        errors[f"{arm}_position_cm"] = 100 * distance_m[:, arm.ordinal].mean()
+        errors[f"{arm}_rotation_deg"] = torch.rad2deg(angle_rad[:, arm.ordinal]).mean()
+        errors[f"{arm}_far"] = (distance_m[:, arm.ordinal] > FAR_M).float().mean()
     return errors

@@ -28,7 +28,7 @@ def scene(compiled_scene):
 def close(scene, arm):
     """Tick until the arm's hand has closed on whatever is in it."""
     action = scene.commanded
-    action[8 * arm.index + 7] = 0.0
+    action[8 * arm.ordinal + 7] = 0.0
     for _ in range(8):
         scene.tick(action)
 

@@ -91,13 +91,13 @@ def test_a_gripper_closes_opens_and_reports_it(scene, arm):
     scene.reset()
     command = scene.commanded
     assert scene.gripper_opening(arm) == pytest.approx(1.0, abs=1e-3)
-    command[GRIPPERS[arm.index]] = 0.0
+    command[GRIPPERS[arm.ordinal]] = 0.0
     for _ in range(10):
         scene.tick(command)
     assert scene.gripper_opening(arm) < 0.02
     assert scene.gripper_opening(arm.other) == pytest.approx(1.0, abs=1e-3)
     assert np.ptp(scene.finger_positions(arm)) < 5e-4
-    command[GRIPPERS[arm.index]] = 0.5
+    command[GRIPPERS[arm.ordinal]] = 0.5
     for _ in range(10):
         scene.tick(command)
     half = (PANDA_PAIR.gripper_ctrl(0.5)) / PANDA_PAIR.finger_travel_m

@@ -98,7 +98,7 @@ def grasp(scene: Scene, arm: Arm) -> np.ndarray:
     gravity = scene.model.opt.gravity.copy()
     scene.model.opt.gravity[:] = 0
     command = scene.commanded
-    command[7 + 8 * arm.index] = 0.0
+    command[7 + 8 * arm.ordinal] = 0.0
     for _ in range(10):
         scene.tick(command)
     scene.model.opt.gravity[:] = gravity
@@ -118,7 +118,7 @@ def test_friction_alone_holds_a_block_and_lets_it_go(scene, arm):
     slip_m, turn_rad = start.distance_to(scene.tcp(arm).inverse() @ scene.pose("item"))
     assert slip_m < 0.001
     assert turn_rad < 0.05
-    command[7 + 8 * arm.index] = 1.0
+    command[7 + 8 * arm.ordinal] = 1.0
     for _ in range(4):
         scene.tick(command)
     assert not scene.held(arm, "item")

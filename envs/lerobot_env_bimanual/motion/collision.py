@@ -68,11 +68,11 @@ class CollisionChecker:
         for arm, prop in carried:
             hand = self._scene.arm_pair.hand_body(arm)
             self._carried.append(Carried(self._model, self._data, hand, prop))
-            owner[self._model.body_rootid == self._carried[-1].body] = arm.index
+            owner[self._model.body_rootid == self._carried[-1].body] = arm.ordinal
         is_arm = self._owner >= 0
         self._least_distance[:] = NEVER
         for arm in checked:
-            mine = owner == arm.index
+            mine = owner == arm.ordinal
             self._require(mine & is_arm, ~mine, CLEARANCE_M)
             self._require(mine & ~is_arm, ~mine, 0.0)
             self._require(mine, mine, 0.0)
@@ -88,7 +88,7 @@ class CollisionChecker:
         self._copy_state()
         self._carried = []
         self._least_distance[:] = NEVER
-        left, right = (self._owner == arm.index for arm in ARMS)
+        left, right = (self._owner == arm.ordinal for arm in ARMS)
         self._require(left, left, 0.0)
         self._require(right, right, 0.0)
         self._require(left & ~self._is_finger, right & ~self._is_finger, 0.0)
@@ -147,5 +147,5 @@ def _owners(scene: Scene) -> NDArray[np.int64]:
     owner = np.full(scene.model.nbody, -1)
     for arm in ARMS:
         base = scene.model.body(scene.arm_pair.base_body(arm)).id
-        owner[scene.model.body_rootid == base] = arm.index
+        owner[scene.model.body_rootid == base] = arm.ordinal
     return owner

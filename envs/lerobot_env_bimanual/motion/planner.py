@@ -104,7 +104,7 @@ class KeyposePlanner:
             KeyposeFailure: A target outside the workspace or out of reach, or no collision-free path.
         """
         commanded = self._scene.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
-        motion = _Motion({arm: commanded[arm.index, :-1].astype(np.float64) for arm in ARMS})
+        motion = _Motion({arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS})
         to_plan: dict[Arm, Pose] = {}
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
@@ -247,8 +247,8 @@ class KeyposePlanner:
             (ticks + REST_TICKS + waiting, len(ARMS), JOINTS_PER_ARM + 1), dtype=np.float32
         )
         for arm in ARMS:
-            arm_actions[:ticks, arm.index, :-1] = motion.paths[arm].at(fractions)
-            arm_actions[ticks:, arm.index, :-1] = motion.paths[arm].knots[-1]
+            arm_actions[:ticks, arm.ordinal, :-1] = motion.paths[arm].at(fractions)
+            arm_actions[ticks:, arm.ordinal, :-1] = motion.paths[arm].knots[-1]
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
         return Plan(arm_actions.reshape(-1, ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)

@@ -86,8 +86,8 @@ class RehearsalScene(Scene):
         """Set the arms' joints, (7,) rad each, and take carried props along."""
         action = self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
         for arm, posture in joints.items():
-            self.data.qpos[self._joint_qpos[arm.index]] = posture
-            action[arm.index, :-1] = posture
+            self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
+            action[arm.ordinal, :-1] = posture
         mujoco.mj_kinematics(self.model, self.data)
         for carried in self._carried.values():
             carried.follow(self.data)
@@ -95,8 +95,8 @@ class RehearsalScene(Scene):
 
     def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
         """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""
-        self.data.qpos[self._finger_qpos[arm.index]] = self.arm_pair.finger_travel_m * is_open
-        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.index, -1] = is_open
+        self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m * is_open
+        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.ordinal, -1] = is_open
         self._refresh()
         if is_open:
             self._carried.pop(arm, None)
@@ -115,13 +115,13 @@ class _Rehearsal:
         self._kinematics = {arm: ArmKinematics.of(view.arm_pair, arm) for arm in ARMS}
         self._checker = CollisionChecker(view)
         commanded = view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
-        self._joints = {arm: commanded[arm.index, :-1].astype(np.float64) for arm in ARMS}
+        self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
 
     def present_keypose(self) -> BimanualKeypose:
         """The keypose that keeps everything as it is."""
         openings = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[:, -1]
         targets = [
-            Keypose(self._kinematics[arm].pose(self._joints[arm]), bool(openings[arm.index] > 0.5), True)
+            Keypose(self._kinematics[arm].pose(self._joints[arm]), bool(openings[arm.ordinal] > 0.5), True)
             for arm in ARMS
         ]
         return BimanualKeypose(*targets)

@@ -104,7 +104,11 @@ class Laptop:
             body.add_geom(type=BOX, pos=position, size=size, rgba=DARK, **VISUAL_ONLY)
         inset = 2 * CORNER_RADIUS_M
         body.add_geom(
-            type=BOX, pos=(0, 0, z + SEAM_M / 2), size=(x - inset, y - 0.004, SEAM_M / 2), rgba=DARK, **VISUAL_ONLY
+            type=BOX,
+            pos=(0, 0, z + SEAM_M / 2),
+            size=(x - inset, y - 0.004, SEAM_M / 2),
+            rgba=DARK,
+            **VISUAL_ONLY,
         )
 
     def _decorate_lid(self, body, middle, half) -> None:

@@ -95,7 +95,9 @@ class ServingTray:
             self._add_solid(body, along, (bar, y, height), RIM_WOOD, mass)
             self._add_solid(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass)
 
-    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", shape=BOX, group: int = 0) -> None:
+    def _add_solid(
+        self, body, position, size, rgba, mass: float, name: str = "", shape=BOX, group: int = 0
+    ) -> None:
         body.add_geom(
             name=name,
             type=shape,

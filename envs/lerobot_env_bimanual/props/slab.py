@@ -26,14 +26,11 @@ def add_slab(spec: mujoco.MjSpec, name: str, half_size_m: ArrayLike, radius_m: f
 def slab(half_size_m: ArrayLike, radius_m: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Vertices (n, 3) in metres and faces (m, 3), counter-clockwise seen from outside; see `add_slab`."""
     x, y, z = np.asarray(half_size_m, dtype=np.float64)
-    angles = np.linspace(0, np.pi / 2, CORNER_SEGMENTS + 1)
-    quarter = radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
-    corner = (x - radius_m, y - radius_m)
     outline = []
-    for turn, side_x, side_y in ((0, 1, 1), (1, -1, 1), (2, -1, -1), (3, 1, -1)):
-        cos, sin = round(np.cos(turn * np.pi / 2)), round(np.sin(turn * np.pi / 2))
-        rotated = quarter @ np.array([[cos, sin], [-sin, cos]])
-        outline.append(rotated + (side_x * corner[0], side_y * corner[1]))
+    for turn, center in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angles = np.linspace(turn, turn + 1, CORNER_SEGMENTS + 1) * np.pi / 2
+        arc = np.column_stack([np.cos(angles), np.sin(angles)])
+        outline.append(radius_m * arc + np.multiply(center, (x - radius_m, y - radius_m)))
     bottom = np.concatenate(outline)  # (n, 2), counter-clockwise
     count = len(bottom)
     vertices = np.concatenate(

@@ -75,7 +75,7 @@ class ArmPair:
 
     def base_pose(self, arm: Arm) -> Pose:
         """World pose of an arm's base."""
-        return self.base_poses[arm.index]
+        return self.base_poses[arm.ordinal]
 
     def joint_names(self, arm: Arm) -> tuple[str, ...]:
         """The seven arm joints, base to wrist."""

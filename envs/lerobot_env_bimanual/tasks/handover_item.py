@@ -80,7 +80,7 @@ class HandoverItem(Task):
             Above(TARGET, SUCCESS_HEIGHT_M),
             *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
         ),
-        horizon_ticks=450,
+        horizon_ticks=500,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

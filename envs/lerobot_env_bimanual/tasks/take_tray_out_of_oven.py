@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")
-AREA = PlacementArea(center_m=(0.511, 0.360), half_size_m=(0.06, 0.06), half_yaw_rad=np.deg2rad(16.0))
+AREA = PlacementArea(center_m=(0.50, 0.335), half_size_m=(0.085, 0.085), half_yaw_rad=np.deg2rad(20.0))
 MEAN_YAW_RAD = np.deg2rad(65.0)
 TRAY_EDGE_M = OVEN.front_m + 0.022
 """Where the tray's handle begins, in the oven's frame: 48 mm of it overhang the rack."""

@@ -197,4 +197,4 @@ def test_the_end_posture_is_the_best_one_when_nothing_is_in_the_way(scene):
     end = plan.actions[-1].reshape(2, 8)[:, :7].astype(np.float64)
     for arm in ARMS:
         kinematics = ArmKinematics.of(PANDA_PAIR, arm)
-        assert kinematics.margins(end[arm.index]).min() > 0.04
+        assert kinematics.margins(end[arm.ordinal]).min() > 0.04
