@@ -5,8 +5,18 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.conditions import Above, AtRest, CentredOn, Held, Touched, Untouched
+from lerobot_env_bimanual.conditions import (
+    Above,
+    AtRest,
+    CentredOn,
+    Held,
+    Inside,
+    Pressed,
+    Touched,
+    Untouched,
+)
 from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.scene import Scene
 
@@ -45,6 +55,8 @@ def test_names_are_those_of_the_reports():
     assert Touched("ball", Arm.LEFT).name == "touched(ball, left)"
     assert Untouched("item", Arm.RIGHT).name == "untouched(item, right)"
     assert Held("item", Arm.RIGHT).name == "held(item, right)"
+    assert Inside("item", "target", (0, 0, 0), (1, 1, 1)).name == "inside(item, target)"
+    assert Pressed("button").name == "pressed(button)"
 
 
 def test_above_compares_the_height_of_the_origin(scene):
@@ -96,3 +108,23 @@ def test_a_forearm_is_part_of_the_arm_but_not_of_the_hand(scene):
     scene.place("item", Pose.upright(scene.data.geom_xpos[geom]))
     assert not Untouched("item", Arm.LEFT)(scene)
     assert not Touched("item", Arm.LEFT)(scene)
+
+
+@pytest.mark.parametrize(
+    ("offset", "met"), [((0.09, 0, 0.01), True), ((0.11, 0, 0.01), False), ((0, 0, -0.01), False)]
+)
+def test_inside_measures_in_the_axes_of_the_container(scene, offset, met):
+    target = Pose.upright((0.3, 0.1, 0.75), np.deg2rad(30))
+    scene.place("target", target)
+    scene.place("item", Pose.upright(target.apply(offset)))
+    assert Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05))(scene) == met
+
+
+def test_a_button_is_pressed_while_its_cap_is_down_and_springs_back():
+    scene = Scene([Button("button")])
+    assert not Pressed("button")(scene)
+    scene.set_joint("button_cap", -0.0011)
+    assert Pressed("button")(scene)
+    scene.settle()
+    assert not Pressed("button")(scene)
+    assert scene.joint_value("button_cap") == pytest.approx(0.0, abs=2e-4)

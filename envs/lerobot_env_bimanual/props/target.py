@@ -14,21 +14,23 @@ BORDER_WIDTH_M = 0.006
 
 @dataclass(frozen=True)
 class Target:
-    """A static red sheet with a printed border; it touches nothing. Its frame lies in its underside's middle.
+    """A static sheet with a printed border; it touches nothing. Its frame lies in its underside's middle.
 
     Attributes:
         name: body.
         size_m: full sizes along x and y (PerAct2 code).
+        rgba: of the sheet.
     """
 
     name: str = "target"
     size_m: tuple[float, float] = (0.333, 0.198)
+    rgba: tuple[float, float, float, float] = RED
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the sheet and the four bars of its border."""
         half_x, half_y = self.size_m[0] / 2, self.size_m[1] / 2
         body = spec.worldbody.add_body(name=self.name)
-        self._add_sheet(body, (0, 0), (half_x, half_y), 0.5, RED, name=self.name)
+        self._add_sheet(body, (0, 0), (half_x, half_y), 0.5, self.rgba, name=self.name)
         border_x, border_y = half_x - BORDER_INSET_M, half_y - BORDER_INSET_M
         for side in (-1, 1):
             self._add_sheet(body, (0, side * border_y), (border_x, BORDER_WIDTH_M / 2), 1.0, PRINT)

@@ -9,6 +9,7 @@ from lerobot_env_bimanual.tasks import (
     pick_laptop,
     pick_plate,
     push_box,
+    put_item_in_drawer,
     sweep_to_dustpan,
     take_tray_out_of_oven,
 )
@@ -22,6 +23,7 @@ __all__ = [
     "pick_laptop",
     "pick_plate",
     "push_box",
+    "put_item_in_drawer",
     "sweep_to_dustpan",
     "take_tray_out_of_oven",
 ]

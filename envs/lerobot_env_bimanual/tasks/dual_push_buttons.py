@@ -6,9 +6,8 @@ more than one hand spans.
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
 original is satisfied when the first and some time later the second has been touched. There are the paper's five
 variations, which are the first five of the original's fifty triples of colours. Buttons keep 15 cm apart, where
-the original's may overlap. Pressing the third button in addition does no harm. A motion
-that ignores the scene never succeeds (0 of 30). The hands end 6 mm above where they are sent: they rest on the
-buttons.
+the original's may overlap. Pressing the third button in addition does no harm. A motion that ignores the scene
+never succeeds (0 of 30). The hands come to rest 6 mm above where they are sent, on the buttons' bases.
 """
 
 from __future__ import annotations
@@ -51,7 +50,8 @@ TRIPLES = (
     ("green", "navy", "teal"),
     ("purple", "rose", "black"),
 )
-"""Colours of the right arm's button, the left arm's, and the one to leave alone, per variation."""
+WORDS = ("color_a", "color_b", "color_other")
+"""The right arm's button, the left arm's, and the one to leave alone; triples are in this order."""
 
 RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
 AREAS = {
@@ -74,13 +74,12 @@ class DualPushButtons(Task):
         name="dual_push_buttons",
         id=2,
         instructions=(
-            "push the {right} and the {left} buttons",
-            "press the {right} and the {left} buttons",
-            "push down the buttons with the {right} and the the {left} base",  # spelled like the original
+            "push the {color_a} and the {color_b} buttons",
+            "press the {color_a} and the {color_b} buttons",
+            "push down the buttons with the {color_a} and the the {color_b} base",  # spelled like the original
         ),
         variations=tuple(
-            Variation(index, dict(zip(("right", "left", "other"), colors, strict=True)))
-            for index, colors in enumerate(TRIPLES)
+            Variation(index, dict(zip(WORDS, colors, strict=True))) for index, colors in enumerate(TRIPLES)
         ),
         taxonomy=Taxonomy(
             temporal=True,

@@ -75,7 +75,7 @@ class PutItemInDrawer(Task):
         ),
         props=(CABINET, ITEM),
         success=tuple(Untouched("item", by=arm) for arm in ARMS),
-        horizon_ticks=300,
+        horizon_ticks=420,
     )
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:

@@ -32,19 +32,20 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         x, y, z = ((scaled >= 0) & (scaled < V)).unbind(1)
         inside = x & y & z  # False for NaN
         x, y, z = scaled.int().unbind(1)  # truncation is the floor of what lies inside
-        # Points outside get a cell each behind the grid: nothing to filter, so the host need not wait for the
-        # device, and no single cell that all of them fight for.
-        behind = torch.arange(V**3, V**3 + N, dtype=torch.int32, device=points.device)
-        cell = torch.where(inside, (x * V + y) * V + z, behind).long()[:, None]  # (b, 1, n)
+        # Points outside add zero to some voxel, a different one each: nothing to filter, so the host need not wait
+        # for the device, and no single cell that all of them fight for.
+        anywhere = torch.arange(N, dtype=torch.int32, device=points.device) % V**3
+        cell = torch.where(inside, (x * V + y) * V + z, anywhere).long()[:, None].expand(-1, 3, -1)
+        inside = inside[:, None]
 
-        sums = points.new_zeros(B, 7, V**3 + N)
-        sums[:, :3].scatter_add_(2, cell.expand(-1, 3, -1), points)
-        sums[:, 3:6].scatter_add_(2, cell.expand(-1, 3, -1), colours)
-        sums[:, 6:].scatter_add_(2, cell, torch.ones_like(points[:, :1]))
-        sums = sums[..., : V**3]
-
-        count = sums[:, 6:]
+        grid = points.new_zeros(B, GRID_CHANNELS, V**3)
+        means, occupied = grid[:, :6], grid[:, 9:]
+        means[:, :3].scatter_add_(2, cell, torch.where(inside, points, 0.0))
+        means[:, 3:].scatter_add_(2, cell, torch.where(inside, colours, 0.0))
+        occupied.scatter_add_(2, cell[:, :1], inside.to(points.dtype))
+        means /= occupied.clamp(min=1)
+        occupied.clamp_(max=1)
+        grid = grid.unflatten(2, (V, V, V))
         axis = torch.arange(V, dtype=points.dtype, device=points.device) / V
-        index = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij")).flatten(1).expand(B, -1, -1)
-        grid = torch.cat([sums[:, :6] / count.clamp(min=1), index, count.clamp(max=1)], dim=1)
-        return grid.unflatten(2, (V, V, V))
+        grid[:, 6:9] = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"))
+        return grid

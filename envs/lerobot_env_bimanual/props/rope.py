@@ -1,0 +1,128 @@
+"""A rope with knotted ends that lies in the shape of an S."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
+from lerobot_env_bimanual.gl import mujoco
+
+TAIL = (0.15, 0.30, 0.85, 1.0)
+HEAD = (0.90, 0.10, 0.08, 1.0)
+STRANDS = ((0.93, 0.62, 0.36, 1.0), (0.87, 0.52, 0.27, 1.0))
+"""Colours of odd and even links, which make it look twisted."""
+
+BEND_RAD = 1.2864
+"""Largest heading of the S away from the line between the ends, which are 0.268 m apart then (PerAct2 code)."""
+STIFFNESS_NM = 5e-4
+"""Towards straight; so small that friction on the table keeps the S."""
+DAMPING_NM_S = 2e-3
+JOINT_ARMATURE = 1e-4
+ROOT_ARMATURE = 1e-3
+"""Of the free joint, in kg and kg m2: what a closed hand that comes down on the rope may press on."""
+GAP_M = 0.001
+"""Between the middles of neighbouring links' end caps."""
+KNOT_HALF_LENGTH_M = 0.00325
+
+CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
+
+
+@dataclass(frozen=True)
+class Rope:
+    """A chain of capsules that bends to all sides but does not twist.
+
+    The root body is the tail link, `<name>_<last>` the head link. Each link's frame lies in its middle, x pointing
+    to the next link.
+
+    Attributes:
+        name: body of the tail; also the prefix of the other links' bodies.
+        links: number of links.
+        pitch_m: from one link's middle to the next one's.
+        radius_m: of the rope. (1.5 times the original's: fingers have to get hold of it.)
+        knot_radius_m: of the two end links.
+        link_mass_kg: of each link (PerAct2 code).
+        friction: against everything but the grippers' rubber.
+    """
+
+    name: str = "rope"
+    links: int = 18
+    pitch_m: float = 0.0225
+    radius_m: float = 0.0075
+    knot_radius_m: float = 0.012
+    link_mass_kg: float = 0.0251
+    friction: float = 0.8
+
+    @property
+    def tail(self) -> str:
+        """Body of the first link."""
+        return self.name
+
+    @property
+    def head(self) -> str:
+        """Body of the last link."""
+        return self._link(self.links - 1)
+
+    @property
+    def tail_heading_rad(self) -> float:
+        """Heading of the tail link, from the line that leads from the tail to the head."""
+        return float(self._headings[0])
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write one link inside the other."""
+        body = spec.worldbody.add_body(name=self.tail)
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE, armature=ROOT_ARMATURE)
+        self._add_capsule(body, 0)
+        for index, turn_rad in enumerate(np.diff(self._headings), start=1):
+            body = self._add_link(body, index, turn_rad)
+        for first, second in self._next_but_one():
+            spec.add_exclude(bodyname1=first, bodyname2=second)
+
+    def _add_link(self, parent, index: int, turn_rad: float):
+        half = self.pitch_m / 2
+        body = parent.add_body(
+            name=self._link(index),
+            pos=(half + half * np.cos(turn_rad), half * np.sin(turn_rad), 0),
+            quat=quat_wxyz_from_axis_angle((0, 0, 1), turn_rad),
+        )
+        for axis, rest_rad in (((0, 0, 1), -turn_rad), ((0, 1, 0), 0.0)):
+            body.add_joint(
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                pos=(-half, 0, 0),
+                axis=axis,
+                stiffness=STIFFNESS_NM,
+                springref=rest_rad,
+                damping=DAMPING_NM_S,
+                armature=JOINT_ARMATURE,
+            )
+        self._add_capsule(body, index)
+        return body
+
+    def _add_capsule(self, body, index: int) -> None:
+        is_end = index in (0, self.links - 1)
+        half = KNOT_HALF_LENGTH_M if is_end else self.pitch_m / 2 - GAP_M
+        body.add_geom(
+            type=CAPSULE,
+            fromto=(-half, 0, 0, half, 0, 0),
+            size=(self.knot_radius_m if is_end else self.radius_m, 0, 0),
+            mass=self.link_mass_kg,
+            rgba={0: TAIL, self.links - 1: HEAD}.get(index, STRANDS[index % 2]),
+            friction=(self.friction, 0.01, 0.001),
+            condim=4,
+            solref=(0.006, 1),
+        )
+
+    @property
+    def _headings(self) -> NDArray[np.float64]:
+        """(links,) of the links, from the line that leads from the tail to the head."""
+        between = BEND_RAD * np.cos(2 * np.pi * (np.arange(self.links - 1) + 0.5) / (self.links - 1))
+        return np.concatenate([between[:1], (between[1:] + between[:-1]) / 2, between[-1:]])
+
+    def _next_but_one(self) -> Iterator[tuple[str, str]]:
+        """Links whose caps overlap when the rope bends; direct neighbours never collide anyway."""
+        for index in range(self.links - 2):
+            yield self._link(index), self._link(index + 2)
+
+    def _link(self, index: int) -> str:
+        return f"{self.name}_{index}" if index else self.name

@@ -1,0 +1,117 @@
+"""Straighten the rope.
+
+Bimanual because TODO
+
+Departures from the original: TODO
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.conditions import Inside
+from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
+from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.registry import register
+from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.scene import Scene
+
+ROPE = Rope("rope")
+PLATE_SIZE_M = (0.10, 0.06)
+TAIL_PLATE = Target("tail_plate", PLATE_SIZE_M, rgba=TAIL)
+HEAD_PLATE = Target("head_plate", PLATE_SIZE_M, rgba=HEAD)
+AREA = PlacementArea(center_m=(0.27, -0.07), half_size_m=(0.13, 0.19), half_yaw_rad=np.pi)
+"""Of the middle between the plates."""
+
+# In the axes of the drawn pose: the plates lie on the y axis (decoded from RLBench's task file).
+PLATE_OFFSET_M = 0.194
+TAIL_START_M = np.array([0.0795, 0.182])
+HEAD_START_M = np.array([-0.020, -0.067])
+ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
+"""The box in which an end counts, in the plate's frame (PerAct2 code)."""
+
+ABOVE_Z_M = 0.865
+GRASP_Z_M = 0.765
+"""Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the table."""
+PREFERRED_OPENING = {Arm.LEFT: np.array([0.0, -1.0, 0.0]), Arm.RIGHT: np.array([0.0, 1.0, 0.0])}
+
+
+@register
+class StraightenRope(Task):
+    """Each hand grasps one end, and both drag theirs to its plate."""
+
+    spec = TaskSpec(
+        name="straighten_rope",
+        id=8,
+        instructions=(
+            "straighten rope",
+            "pull the rope straight",
+            "grasping each end of the rope in turn, leave the rope straight on the table",
+            "pull each end of the rope until is is straight",
+            "tighten the rope",
+            "pull the rope tight",
+        ),
+        variations=(Variation(),),
+        taxonomy=Taxonomy(
+            temporal=True,
+            spatial=True,
+            physical=True,
+            symmetric=False,
+            synchronous=True,
+            prehension=Prehension.PREHENSILE,
+        ),
+        props=(TAIL_PLATE, HEAD_PLATE, ROPE),
+        success=(
+            Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),
+            Inside(ROPE.head, "head_plate", *ON_PLATE_M),
+        ),
+        horizon_ticks=400,
+    )
+
+    def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
+        """Two plates in any direction, the rope in the shape of an S beside the line between them."""
+        middle = AREA.sample(rng, TABLE_HEIGHT_M)
+        scene.place("tail_plate", middle @ Pose.upright((0, PLATE_OFFSET_M, 0)))
+        scene.place("head_plate", middle @ Pose.upright((0, -PLATE_OFFSET_M, 0)))
+        along = HEAD_START_M - TAIL_START_M
+        heading_rad = np.arctan2(along[1], along[0]) + ROPE.tail_heading_rad
+        scene.place("rope", middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad))
+        return True
+
+    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+        """Above, grasp, drag."""
+        tail = scene.pose(ROPE.tail), scene.pose("tail_plate")
+        head = scene.pose(ROPE.head), scene.pose("head_plate")
+        left_base, right_base = (pose.position for pose in scene.arm_pair.base_poses)
+        left, right = sorted((tail, head), key=lambda end: (end[0].position + end[1].position) @ (right_base - left_base))
+        left_grasp, left_pull = _hands(*left, PREFERRED_OPENING[Arm.LEFT])
+        right_grasp, right_pull = _hands(*right, PREFERRED_OPENING[Arm.RIGHT])
+        up = np.array([0, 0, ABOVE_Z_M - GRASP_Z_M])
+        yield Stage(
+            "above", left_grasp.translated(up), right_grasp.translated(up), left_open=True, right_open=True, planned=True
+        )
+        yield Stage("grasp", left_grasp, right_grasp, left_open=False, right_open=False)
+        yield Stage("pull", left_pull, right_pull, left_open=True, right_open=True)
+        yield Stage("withdraw", left_pull.translated(up), right_pull.translated(up))
+
+
+def _hands(end: Pose, plate: Pose, preferred) -> tuple[Pose, Pose]:
+    """Straight down on an end of the rope and on its plate, fingers to both sides of the rope."""
+    across_end, across_plate = end.rotation[:, 1], plate.rotation[:, 0]
+    if across_end @ across_plate < 0:
+        across_plate = -across_plate
+    side = 1 if (across_end + across_plate) @ preferred > 0 else -1
+
+    def hand(at: Pose, across) -> Pose:
+        return Pose.looking((*at.position[:2], GRASP_Z_M), approach=(0, 0, -1), opening=side * across)
+
+    return hand(end, across_end), hand(plate, across_plate)
