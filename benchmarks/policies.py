@@ -79,7 +79,8 @@ def network_job(variant: str, voxels: int, backward: bool, checkpointing: bool) 
     voxel = torch.full((1, 2, 3), voxels // 2)
     classes = torch.ones(1, 2, 5, dtype=torch.long)
     spec = importlib.util.spec_from_file_location("written_out", WRITTEN_OUT)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     written_out = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(written_out)
 
@@ -109,7 +110,8 @@ def small_job() -> Callable[[], None]:
     """One optimizer step of the laptop recipe: batch 8, five cameras of 128 x 128, everything included."""
     config = PerAct2Config(device="cpu", optimizer_lr=2e-3, **SMALL)
     policy = PerAct2Policy(config).train()
-    optimizer: Any = config.get_optimizer_preset().build(policy.get_optim_params())
+    preset: Any = config.get_optimizer_preset()
+    optimizer = preset.build(policy.get_optim_params())
     batch = random_batch(samples=8, size=128)
 
     def job() -> None:

@@ -320,6 +320,7 @@ KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_a_run_that_is_killed_at_every_stage_ends_with_the_same_dataset(generated, tmp_path) -> None:
     root = tmp_path / generated.name
     partial = root.with_name(root.name + ".partial")

@@ -104,9 +104,7 @@ class DrawerCabinet:
         for side in (-1, 1):
             inset = side * (half - wall)
             body.add_geom(type=BOX, pos=(inset, 0, middle), size=(wall, half, half), rgba=CASE)
-            body.add_geom(
-                type=BOX, pos=(0, 0, middle + inset), size=(half - 2 * wall, half, wall), rgba=CASE
-            )
+            body.add_geom(type=BOX, pos=(0, 0, middle + inset), size=(half - 2 * wall, half, wall), rgba=CASE)
         inner = half - 2 * wall
         body.add_geom(type=BOX, pos=(0, wall - half, middle), size=(inner, wall, inner), rgba=CASE)
         # What is seen through the gaps between the fronts.
@@ -121,11 +119,11 @@ class DrawerCabinet:
         add_lathe(spec, mesh, [(0, 0), (foot, 0), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)])
         for x in (-1, 1):
             for y in (-1, 1):
-                place = np.array([x, y, 0]) * (SIDE_M / 2 - LEG_INSET_M)
+                place = (x * (SIDE_M / 2 - LEG_INSET_M), y * (SIDE_M / 2 - LEG_INSET_M), 0)
                 body.add_geom(type=MESH, meshname=mesh, pos=place, rgba=LEG, **VISUAL_ONLY)
                 body.add_geom(
                     type=CYLINDER,
-                    pos=place + (0, 0, LEG_HEIGHT_M / 2),
+                    pos=(*place[:2], LEG_HEIGHT_M / 2),
                     size=(top, LEG_HEIGHT_M / 2, 0),
                     group=HIDDEN_GROUP,
                 )

@@ -96,13 +96,11 @@ class Fridge:
             body.add_geom(type=BOX, pos=(0, side * (y - wall), z), size=(x, wall, z), rgba=SHELL)
             body.add_geom(type=BOX, pos=(0, 0, z + side * (z - wall)), size=(x, y, wall), rgba=SHELL)
         floor = COMPARTMENT_FLOOR_M - wall
-        for height, half, rgba in (
-            (floor, (x, y - 2 * wall, wall), LINER),
-            (SHELF_M, (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
+        for middle, half, rgba in (
+            ((-wall, 0, floor), (x - wall, y - 2 * wall, wall), LINER),  # ends at the back wall
+            ((0, 0, SHELF_M), (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
         ):
-            body.add_geom(
-                type=BOX, pos=(0, 0, height), size=half, rgba=rgba, friction=(self.friction, 0.005, 0.0001)
-            )
+            body.add_geom(type=BOX, pos=middle, size=half, rgba=rgba, friction=(self.friction, 0.005, 0.0001))
         self._line(body)
 
     def _line(self, body) -> None:

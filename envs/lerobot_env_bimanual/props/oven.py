@@ -71,11 +71,11 @@ class Oven:
     Attributes:
         name: body; also the prefix of the door (`..._door`), its hinge (`..._hinge`), the rack (`..._rack`) and
             its slide (`..._slide`).
-        handle_y_m: right and left end of the door's handle.
+        handle_y_m: right and left end of the door's handle. It is short, so that a gripper has to aim.
     """
 
     name: str = "oven"
-    handle_y_m: tuple[float, float] = (-0.11, 0.11)
+    handle_y_m: tuple[float, float] = (-0.085, 0.085)
 
     @property
     def top_m(self) -> float:
@@ -127,9 +127,7 @@ class Oven:
             body.add_geom(type=BOX, pos=wall, size=(x, WALL_HALF_M, half), rgba=STEEL)
             for end in (-1, 1):
                 foot = (end * (x - FOOT_INSET_M[0]), side * (y - FOOT_INSET_M[1]), FOOT_HEIGHT_M / 2)
-                body.add_geom(
-                    type=CYLINDER, pos=foot, size=(FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, 0), rgba=DARK
-                )
+                body.add_geom(type=CYLINDER, pos=foot, size=(FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, 0), rgba=DARK)
 
     def _add_inside(self, body) -> None:
         """Bright enamel, a lamp under the ceiling, and the rails that the rack slides on."""
@@ -186,9 +184,7 @@ class Oven:
                 )
 
     def _add_door(self, oven) -> None:
-        door = oven.add_body(
-            name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M)
-        )
+        door = oven.add_body(name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M))
         door.add_joint(
             name=f"{self.name}_hinge",
             type=mujoco.mjtJoint.mjJNT_HINGE,

@@ -14,7 +14,7 @@ HEAD = (0.90, 0.10, 0.08, 1.0)
 STRANDS = ((0.93, 0.62, 0.36, 1.0), (0.87, 0.52, 0.27, 1.0))
 """Colours of odd and even links, which make it look twisted."""
 
-BEND_RAD = 1.2864
+BEND_RAD = 1.1587
 """Largest heading of the S away from the line between the ends, which are 0.268 m apart then (PerAct2 code)."""
 STIFFNESS_NM = 5e-4
 """Towards straight; so small that friction on the table keeps the S."""

@@ -9,7 +9,9 @@ from lerobot_env_bimanual.tasks import (
     pick_laptop,
     pick_plate,
     push_box,
+    put_bottle_in_fridge,
     put_item_in_drawer,
+    straighten_rope,
     sweep_to_dustpan,
     take_tray_out_of_oven,
 )
@@ -23,7 +25,9 @@ __all__ = [
     "pick_laptop",
     "pick_plate",
     "push_box",
+    "put_bottle_in_fridge",
     "put_item_in_drawer",
+    "straighten_rope",
     "sweep_to_dustpan",
     "take_tray_out_of_oven",
 ]

@@ -102,7 +102,7 @@ class PutItemInDrawer(Task):
         hover = _at_height(grasp, HOVER_Z_M)
         # A rehearsal, which moves no drawer, drops the item in front of the cabinet all the same.
         x, y = np.add(DROP_OFFSET_M, (0, CABINET.handle(level)[1]))
-        over = Pose((*cabinet.apply((x, y, 0))[:2], HOVER_Z_M), grasp.quat_wxyz)
+        over = _at_height(Pose(cabinet.apply((x, y, 0)), grasp.quat_wxyz), HOVER_Z_M)
         drop = _at_height(over, handle[2] + DROP_ABOVE_HANDLE_M[level])
 
         yield Stage("approach", bar.advanced(-BEFORE_HANDLE_M), hover, planned=True)

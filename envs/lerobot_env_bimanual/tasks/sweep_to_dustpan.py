@@ -92,7 +92,7 @@ class SweepToDustpan(Task):
         ),
         props=(STAND, BROOM, PAN, *CRUMBS),
         success=tuple(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
-        horizon_ticks=400,
+        horizon_ticks=350,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
