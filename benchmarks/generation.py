@@ -13,13 +13,13 @@ import logging
 import os
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "HF_DATASETS_DISABLE_PROGRESS_BARS"):
     os.environ[_variable] = "1"
 
 from rich.console import Console  # noqa: E402
@@ -29,7 +29,9 @@ from lerobot_bimanual.episode import CONTROL_HZ, Episode  # noqa: E402
 from lerobot_env_bimanual.commands.generate import GenerateConfig  # noqa: E402
 from lerobot_env_bimanual.generation.settings import GenerationSettings  # noqa: E402
 
-RUNS = (("keyframes", "128"), ("frames", "256"), ("both", "256"))
+type Choice = Literal["frames", "keyframes", "both"]
+
+RUNS: tuple[tuple[Choice, str], ...] = (("keyframes", "128"), ("frames", "256"), ("both", "256"))
 """View and image size of each run."""
 
 STAGES = ("physics and planning", "rendering", "encoding and writing", "checking", "merging")
@@ -39,14 +41,19 @@ class Stopwatch:
     """CPU seconds per stage."""
 
     def __init__(self):
-        self.seconds: Counter[str] = Counter()
+        self.seconds = dict.fromkeys(STAGES, 0.0)
+
+    @property
+    def total(self) -> float:
+        """Seconds of all stages."""
+        return sum(self.seconds.values())
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of a block; time of a stage within another one counts once."""
-        others, start = self.seconds.total(), time.process_time()
+        others, start = self.total, time.process_time()
         yield
-        self.seconds[name] += time.process_time() - start - (self.seconds.total() - others)
+        self.seconds[name] += time.process_time() - start - (self.total - others)
 
     def rendering(self, episode: Episode) -> Episode:
         """The same episode with its images on the clock."""
@@ -80,7 +87,6 @@ def main() -> None:
 def load_lerobot() -> None:
     """Import what a worker imports, and keep it quiet and on one core."""
     import av.logging
-    import datasets
     import pyarrow
     import torch
 
@@ -88,12 +94,11 @@ def load_lerobot() -> None:
 
     torch.set_num_threads(1)
     pyarrow.set_cpu_count(1)
-    datasets.disable_progress_bars()
     av.logging.set_libav_level(av.logging.ERROR)
     logging.getLogger("lerobot").setLevel(logging.CRITICAL)
 
 
-def measure(task: str, demos: int, view: str, size: str) -> dict[str, object]:
+def measure(task: str, demos: int, view: Choice, size: str) -> dict[str, object]:
     """Figures of one run, per demonstration."""
     from lerobot_bimanual.dataset.writer import ViewWriter, check_videos, write_episode
     from lerobot_env_bimanual.generation.candidates import ShardReport, next_round
@@ -147,7 +152,7 @@ def measure(task: str, demos: int, view: str, size: str) -> dict[str, object]:
         "demo": f"{ticks / CONTROL_HZ / len(recorded):.1f} s",
         "rows": round(rows / len(recorded)),
         **per_demo,
-        "total": round(watch.seconds.total() / len(recorded), 2),
+        "total": round(watch.total / len(recorded), 2),
         "MB": round(size_mb / len(recorded), 2),
     }
 

@@ -8,6 +8,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+from lerobot_bimanual.keypose import KEYPOSE_DIM
 
 STAGE_TICKS = (12, 9)
 MOTION_TICKS = (8, 5)
@@ -58,7 +59,7 @@ def _make_episode(seed: int) -> Episode:
     images = [_images(row) for row in range(ticks + 1)]
     return Episode(
         meta=EpisodeMeta("lift_ball", 0, "train", seed, "lift the ball"),
-        keyposes=rng.normal(size=(len(STAGE_TICKS), len(schema.KEYPOSE_NAMES))).astype(np.float32),
+        keyposes=rng.normal(size=(len(STAGE_TICKS), KEYPOSE_DIM)).astype(np.float32),
         steps=tuple(steps),
         final_observation=observation(len(STAGE_TICKS)),
         images=images.__getitem__,

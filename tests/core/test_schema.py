@@ -63,8 +63,8 @@ def test_columns_have_the_types_and_shapes_of_the_schema(make_episode, view: sch
         columns = row_columns(episode, row, view)
         assert set(columns) == set(table)
         for key, value in columns.items():
-            if table[key]["dtype"] == "string":
-                assert isinstance(value, str)
+            if isinstance(value, str):
+                assert table[key]["dtype"] == "string", key
             else:
                 assert (str(value.dtype), value.shape) == (table[key]["dtype"], table[key]["shape"]), key
 

@@ -33,6 +33,7 @@ def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.Vie
     episode = make_episode(1)
     for position, row in enumerate(rows_of_view(episode, view, (0.5,))):
         item = dataset[rows + position]
+        assert isinstance(item, dict)
         assert item["task"] == "lift the ball"
         for key, value in row_columns(episode, row, view).items():
             assert np.array_equal(np.atleast_1d(item[key]), np.atleast_1d(value)), (row, key)

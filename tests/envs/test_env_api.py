@@ -94,7 +94,7 @@ def test_every_task_follows_gymnasiums_api_in_some_modes(task, modes, instant_pl
 @pytest.mark.slow
 @pytest.mark.parametrize(("control_mode", "obs"), MODES)
 @pytest.mark.parametrize("task", list_tasks())
-def test_every_task_follows_gymnasiums_api_in_all_modes(task, control_mode, obs):
+def test_every_task_follows_gymnasiums_api_in_all_modes(task, control_mode, obs, instant_placement):
     assert_follows_gymnasiums_api(BimanualEnv(task, control_mode=control_mode, obs=obs, image_size=16))
 
 

@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+
 from lerobot_env_bimanual.props.lathe import lathe
 from lerobot_env_bimanual.props.slab import slab
 

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.generate import generate, regeneration_command
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import Outcome
+from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.settings import GenerationSettings
@@ -78,7 +78,7 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     keyframes = LeRobotDataset("local/small", root=generated / "keyframes")
     recorded = RecordedDataset(generated / "frames").episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
-    items = {int(keyframes[i]["tick"]): keyframes[i] for i in rows}
+    items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
     env = BimanualEnv("lift_ball", 0, "train", cameras, (24, 32), control_mode="joint")
     observation, _ = env.reset(seed=recorded.meta.seed)
     for tick, action in enumerate(recorded.columns[schema.ACTION]):
@@ -262,17 +262,13 @@ def test_an_expert_that_keeps_failing_stops_the_generation(tmp_path, small_gener
         next_round(settings, [ShardReport((), failures)], 1)
 
 
-class HalfBrokenRecorder:
+class HalfBrokenRecorder(Recorder):
     """Fails on odd seeds, otherwise plays the expert."""
 
-    def __init__(self, settings: GenerationSettings):
-        self._recorder = make_recorder(settings, "lift_ball")
-
     def record(self, seed: int, variation: int):
-        outcome, episode = self._recorder.record(seed, variation)
+        outcome, episode = super().record(seed, variation)
         if seed % 2:
-            failed = asdict(outcome) | {"failure": "out of time", "unmet": ("lifted",)}
-            return Outcome(**failed), None
+            return replace(outcome, failure="out of time", unmet=("lifted",)), None
         return outcome, episode
 
 
@@ -281,8 +277,9 @@ def test_skipped_seeds_are_recorded_with_their_reason(tmp_path, small_generation
     shard = Shard("000000", tuple(Recipe("lift_ball", 0, "train", seed) for seed in (1, 2)))
     with Staging(tmp_path / "x", settings) as staging:
         counted = []
+        recorder = HalfBrokenRecorder("lift_ball", "train", settings.cameras, (24, 32))
         folder = staging.shard_folder(shard.name)
-        record_shard(settings, shard, HalfBrokenRecorder(settings), folder, lambda: counted.append(1))
+        record_shard(settings, shard, recorder, folder, lambda: counted.append(1))
         found = staging.report(shard.name)
         assert found is not None
         assert (found.episodes, len(counted)) == ((shard.candidates[1],), 1)

@@ -74,14 +74,12 @@ def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
     assert "episode 1 (lift_ball, seed 1): other state after tick 30" in capsys.readouterr().out
 
 
-def test_actions_that_go_on_after_the_end_are_a_divergence(generated, tmp_path) -> None:
-    root = tmp_path / "longer"
-    shutil.copytree(generated / "frames", root)
-    recorded = RecordedDataset(root).episode(2)
+def test_actions_that_go_on_after_the_end_are_a_divergence(generated, monkeypatch) -> None:
+    recorded = RecordedDataset(generated / "frames").episode(2)
     columns = {key: np.concatenate([column, column[-1:]]) for key, column in recorded.columns.items()}
-    replayer = Replayer(root, "joint")
+    replayer = Replayer(generated / "frames", "joint")
     longer = type(recorded)(recorded.index, recorded.meta, columns)
-    replayer._dataset.episode = lambda _: longer
+    monkeypatch.setattr(RecordedDataset, "episode", lambda *_: longer)
     assert replayer.replay(2).divergence == len(recorded)
 
 

@@ -3,7 +3,7 @@
 Bimanual because of its timing: the right hand opens the door and keeps clear of it while the left hand brings the
 bottle, which it has picked up meanwhile.
 
-Departures from the original: the bottle's foot must stand, or lie, on the upper compartment's floor with no arm
+Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
 nothing. The door's brake is 0.25 N m instead of 0.052 N m, its handle is round and stands off by 50 mm, so that
 it can turn in a hand that turns less than the door does. Nothing shows the bottle's yaw, so it has none.
@@ -92,7 +92,7 @@ class PutBottleInFridge(Task):
             Inside("bottle", "fridge", *FRIDGE.compartment),
             *(Untouched("bottle", by=arm) for arm in ARMS),
         ),
-        horizon_ticks=630,
+        horizon_ticks=780,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -80,7 +80,7 @@ class StraightenRope(Task):
             Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),
             Inside(ROPE.head, "head_plate", *ON_PLATE_M),
         ),
-        horizon_ticks=400,
+        horizon_ticks=480,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
