@@ -5,7 +5,7 @@ arm decodes on its own, maps are really upsampled and concatenated. Both compute
 weights. Each figure comes from a process of its own, one after the other, so that peak memory means something;
 times are CPU times of that process. Prints a table and, as the last line, the same figures as JSON.
 
-    python benchmarks/policies.py --voxels=50             # half a minute on a quiet machine
+    python benchmarks/policies.py --voxels=50              # about one CPU minute
     python benchmarks/policies.py --voxels=100 --backward # minutes, and 10 GB for the written-out one
     python benchmarks/policies.py --small                 # a training step of the laptop recipe
 """

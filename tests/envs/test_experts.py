@@ -19,7 +19,7 @@ from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.registry import list_tasks
 
 SEEDS = (0, 1)
-IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball")
+IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball", "dual_push_buttons", "put_bottle_in_fridge", "lift_tray")
 """Of the tasks of which the PerAct2 paper says so."""
 
 TASK_NAMES = list_tasks()

@@ -103,7 +103,7 @@ class TakeTrayOutOfOven(Task):
 
     def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp the handle, open, make way, grasp the tray, lift, take out, raise."""
-        oven = scene.pose("oven")  # door and rack are where their sizes say: nothing here waits for them
+        oven = scene.pose("oven")  # the door's way follows from its sizes: in a rehearsal it stays closed
 
         def handle(door_rad: float) -> Pose:
             pitch_rad = PITCH_SHARE * door_rad
