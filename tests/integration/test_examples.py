@@ -1,0 +1,54 @@
+"""The examples do what they say, as a user would start them."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def run(*words: str, folder: Path, **variables: str) -> str:
+    """What a command prints; the scripts of this environment come first on the path."""
+    scripts = Path(sys.executable).parent
+    child = subprocess.run(
+        words,
+        cwd=folder,
+        env=os.environ | {"PATH": f"{scripts}:{os.environ['PATH']}"} | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
+    return child.stdout
+
+
+def test_watching_an_expert_writes_a_film(tmp_path):
+    printed = run(sys.executable, str(EXAMPLES / "01_watch_an_expert.py"), "--output=films", folder=tmp_path)
+    assert "solved" in printed
+    assert len(list((tmp_path / "films").glob("*_success.mp4"))) == 1
+
+
+def test_the_environment_takes_both_kinds_of_action(tmp_path):
+    printed = run(sys.executable, str(EXAMPLES / "02_step_the_environment.py"), folder=tmp_path)
+    assert "world point" in printed
+
+
+def test_one_script_trains_and_scores_peract2_and_act(tmp_path):
+    run(str(EXAMPLES / "03_train_and_evaluate.sh"), folder=tmp_path, EPISODES="2", STEPS="2", OUT="out")
+    for policy in ("peract2", "act"):
+        assert (tmp_path / "out" / f"eval_{policy}" / "eval_info.json").is_file()
+
+
+def test_a_task_of_ones_own_is_solved_exactly_and_rounded(tmp_path):
+    printed = run(sys.executable, str(EXAMPLES / "04_add_a_task.py"), folder=tmp_path)
+    assert printed.count("5 of 5 solved") == 2
+
+
+def test_the_picture_of_all_tasks_is_drawn(tmp_path):
+    run(sys.executable, str(EXAMPLES / "05_draw_all_tasks.py"), "--output=tasks.jpg", folder=tmp_path)
+    assert (tmp_path / "tasks.jpg").stat().st_size > 50_000
