@@ -1,5 +1,8 @@
 """LeRobot's own evaluation loop drives the environment with joint actions and keyposes."""
 
+import subprocess
+import sys
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
@@ -173,18 +176,25 @@ def test_several_tasks_run_on_joint_actions_and_are_filmed(tmp_path, at_most_ten
 
 
 def test_workers_load_neither_lerobot_nor_torch():
-    def make_reporting_env():
-        import sys
+    # In a process of its own: workers come from the process's one fork server, and other tests start it with more.
+    program = textwrap.dedent("""
+        import lerobot.envs, torch
+        from lerobot_env_bimanual.vector import LazyVectorEnv
 
-        from lerobot_env_bimanual.env import BimanualEnv
+        def make_reporting_env():
+            import sys
+            from lerobot_env_bimanual.env import BimanualEnv
+            env = BimanualEnv("lift_ball", obs="state")
+            env.loaded = sorted({"lerobot", "torch", "mujoco"} & set(sys.modules))
+            return env
 
-        env = BimanualEnv("lift_ball", obs="state")
-        env.loaded = sorted({"lerobot", "torch", "mujoco"} & set(sys.modules))
-        return env
-
-    envs = LazyVectorEnv([make_reporting_env], asynchronous=True)
-    assert envs.get_attr("loaded") == (["mujoco"],)
-    envs.close()
+        if __name__ == "__main__":
+            envs = LazyVectorEnv([make_reporting_env], asynchronous=True)
+            print("loaded:", envs.get_attr("loaded"))
+            envs.close()
+    """)
+    child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "loaded: (['mujoco'],)" in child.stdout, child.stdout + child.stderr
 
 
 def test_an_arbitrary_policy_output_does_not_stop_the_evaluation():

@@ -41,7 +41,7 @@ LEAVE_M = np.array([-0.03, 0.0, 0.11])
 
 # The right hand: from +x, its fingers opening in the vertical plane.
 APPROACH = np.array([-np.cos(np.deg2rad(50.0)), 0.0, -np.sin(np.deg2rad(50.0))])
-WAIT_M = np.array([0.26, 0.0, 0.22])
+WAIT_M = np.array([0.20, 0.0, 0.22])
 WAIT_LOWER_M = np.array([0.16, 0.0, 0.17])
 RIM_POINT_M = np.array([PLATE.radius_m - 0.008, 0.0, PLATE.height_m - 0.0015])
 """Where the rim is pinched, in the plate's axes."""
@@ -70,7 +70,7 @@ class PickPlate(Task):
         ),
         props=(PLATE,),
         success=(Grasped("plate"), Above("plate", SUCCESS_HEIGHT_M)),
-        horizon_ticks=480,
+        horizon_ticks=580,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
