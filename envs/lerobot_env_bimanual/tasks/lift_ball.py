@@ -6,7 +6,7 @@ opposite each other, at the same height, all the way up.
 Departures from the original: the ball must be held between both hands while its centre is at 0.95 m or higher,
 where the original asks for the height alone. The hands are closed and pinch at the equator instead of scooping
 with open fingers, friction is 0.3 instead of 0.5 and placements spread over 34 x 34 cm: a motion that ignores
-the scene lifted the original ball in 39 of 40 placements, this one in 3 of 60 (design study). There is no yaw,
+the scene lifted the original ball in 39 of 40 placements (design study), this one in 3 of 40. There is no yaw,
 since nothing on a sphere shows it.
 """
 
