@@ -23,8 +23,8 @@ TINY_PERACT2 = [
     "--policy.heads=2",
     "--policy.language_tokens=4",
     "--policy.language_dim=16",
-    # So that 2 steps and 2 more are the same as 4. LeRobot restores the samples but draws a seed for its loader in
-    # between, so that dropout and augmentation would go on with other random numbers.
+    # So that 2 steps and 2 more are the same as 4. With dropout and augmentation on, the weights differ after a
+    # resume: their random numbers go on differently, most likely because LeRobot's loader draws some in between.
     "--policy.lr_schedule=constant",
     "--policy.attention_dropout=0",
     "--policy.augmentation=false",
