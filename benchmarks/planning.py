@@ -25,7 +25,7 @@ from lerobot_env_bimanual.motion.goals import goal_postures
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import cartesian_line
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.motion.rehearsal import rehearse
+from lerobot_env_bimanual.motion.rehearsal import Rehearsal
 from lerobot_env_bimanual.registry import get_task, list_tasks
 from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Task, Variation
@@ -100,7 +100,7 @@ def best_posture(kinematics: ArmKinematics, start: np.ndarray, pose: Pose) -> np
 def rehearse_both(scene: Scene, task: Task, variation: Variation) -> bool | None:
     """The check of a placement: the script with exact and with rounded keyposes."""
     for codec in (None, KeyposeCodec()):
-        if rehearse(scene, lambda view: task.script(view, variation), codec) is not None:
+        if Rehearsal(scene).objection(lambda view: task.script(view, variation), codec) is not None:
             return None
     return True
 

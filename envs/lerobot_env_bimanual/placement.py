@@ -13,6 +13,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 
 if TYPE_CHECKING:
+    from lerobot_env_bimanual.motion.rehearsal import Rehearsal
     from lerobot_env_bimanual.scene import Scene
     from lerobot_env_bimanual.task import Task, Variation
 
@@ -52,10 +53,13 @@ def place_and_rehearse(task: Task, scene: Scene, variation: Variation, rng: np.r
     Raises:
         PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
     """
+    from lerobot_env_bimanual.motion.rehearsal import Rehearsal  # MuJoCo: not for those who only list tasks
+
+    rehearsal = Rehearsal(scene)
     reasons: Counter[str] = Counter()
     for draw in range(1, MAX_DRAWS + 1):
         scene.reset()
-        reason = _place_once(task, scene, variation, rng)
+        reason = _place_once(task, scene, variation, rng, rehearsal)
         if reason is None:
             scene.settle()
             return draw
@@ -66,13 +70,14 @@ def place_and_rehearse(task: Task, scene: Scene, variation: Variation, rng: np.r
     )
 
 
-def _place_once(task: Task, scene: Scene, variation: Variation, rng: np.random.Generator) -> str | None:
+def _place_once(
+    task: Task, scene: Scene, variation: Variation, rng: np.random.Generator, rehearsal: Rehearsal
+) -> str | None:
+    """Draw one placement; returns why it will not do, or None."""
     if not task.place(scene, variation, rng):
         return "illegal placement"
-    from lerobot_env_bimanual.motion.rehearsal import rehearse  # MuJoCo: not for those who only list tasks
-
     for codec in EXACT_AND_DISCRETISED:
-        reason = rehearse(scene, lambda view: task.script(view, variation), codec)
-        if reason is not None:
-            return reason
+        objection = rehearsal.objection(lambda view: task.script(view, variation), codec)
+        if objection is not None:
+            return objection
     return None

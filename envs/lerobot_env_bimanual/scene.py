@@ -1,5 +1,6 @@
 """The simulated world of one task: two arms, a table, cameras and the task's props."""
 
+import copy
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +33,20 @@ RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 """Model fields that a task may change at reset: where static props stand, and colours."""
 
 FULL_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+SLEEP_FIELDS = (
+    "tree_asleep",
+    "tree_awake",
+    "body_awake",
+    "body_awake_ind",
+    "parent_awake_ind",
+    "dof_awake_ind",
+    "ntree_awake",
+    "nbody_awake",
+    "nparent_awake",
+    "nv_awake",
+)
+"""Data fields that say which things sleep."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +55,7 @@ class SceneState:
 
     Attributes:
         physics: MuJoCo's integration state. (Its smaller physics state is not enough: solver warm starts count.)
+        sleep: the values of `SLEEP_FIELDS`, which are not part of the integration state.
         commanded: (16,) the joint action of the last tick.
         model_fields: the values of `RESETTABLE_FIELDS`.
         ticks: control ticks since the episode started.
@@ -47,6 +63,7 @@ class SceneState:
     """
 
     physics: NDArray[np.float64]
+    sleep: tuple[NDArray | int, ...]
     commanded: NDArray[np.float32]
     model_fields: tuple[NDArray, ...]
     ticks: int
@@ -151,6 +168,8 @@ class Scene:
         # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
         commands, ctrl = rows.tobytes(), self._ctrl_bytes
         model, data, step = self.model, self.data, mujoco.mj_step
+        # Only here, for what sleeps and what never moves is then left out of every computation of poses.
+        model.opt.enableflags |= SLEEP
         # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
         # second and ending with the first costs nothing and leaves poses and contacts up to date.
         ctrl[:] = commands[:CTRL_BYTES]
@@ -159,6 +178,9 @@ class Scene:
             ctrl[:] = commands[start : start + CTRL_BYTES]
             step(model, data)
         mujoco.mj_step1(model, data)
+        model.opt.enableflags &= ~SLEEP
+        if data.ntree_awake < model.ntree:
+            self._forget_falling_asleep()
         self.ticks += 1
 
     @property
@@ -246,6 +268,7 @@ class Scene:
     def state_hash(self) -> str:
         """SHA-256, in hex, of everything that decides how the scene goes on and how it looks."""
         digest = hashlib.sha256(self._physics_state().tobytes())
+        digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
@@ -255,6 +278,7 @@ class Scene:
         """A copy of the state from which `restore_state` continues bit-exactly."""
         return SceneState(
             physics=self._physics_state(),
+            sleep=tuple(copy.copy(getattr(self.data, field)) for field in SLEEP_FIELDS),
             commanded=self._commanded.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
             ticks=self.ticks,
@@ -272,6 +296,14 @@ class Scene:
         self.ticks = state.ticks
         self._latched_unstable = state.unstable
         self._refresh()
+        for field, value in zip(SLEEP_FIELDS, state.sleep, strict=True):
+            if isinstance(value, int):
+                setattr(self.data, field, value)
+            else:
+                getattr(self.data, field)[:] = value
+        self.model.opt.enableflags |= SLEEP
+        mujoco.mj_step1(self.model, self.data)
+        self.model.opt.enableflags &= ~SLEEP
 
     # -- internals ----------------------------------------------------------------------------------------
 
@@ -289,6 +321,7 @@ class Scene:
             raise ValueError(
                 f"arm actuators must come first, in the order of the joint action; got ids {order}"
             )
+        self._tree_of_dof = model.dof_treeid.copy()
         self._ctrl_bytes = memoryview(self.data.ctrl[:ACTION_DIM]).cast("B")
         self._ctrl_scale = np.ones(ACTION_DIM)
         self._ctrl_scale[GRIPPERS] = pair.gripper_ctrl(1.0) - pair.gripper_ctrl(0.0)
@@ -313,6 +346,20 @@ class Scene:
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""
         mujoco.mj_step1(self.model, self.data)
+
+    def _forget_falling_asleep(self) -> None:
+        """Make what sleeps a function of its position alone.
+
+        MuJoCo leaves inertias and accelerations as they were a moment before a thing fell asleep, and starts from
+        them when it wakes. They are not part of its state, from which an episode must continue bit for bit.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_factorM(model, data)
+        asleep = data.tree_awake[self._tree_of_dof] == 0
+        data.qacc_smooth[asleep] = 0
+        data.qacc_warmstart[asleep] = 0
 
     def _physics_state(self) -> NDArray[np.float64]:
         state = np.empty(mujoco.mj_stateSize(self.model, FULL_STATE))

@@ -5,6 +5,9 @@ world axes x, then y, then z), in radians: the convention of PerAct's 72-bin rot
 `rotations_torch` have the same names and are tested to agree.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -17,7 +20,7 @@ SINGULAR_COSINE = 1e-6
 def quat_wxyz_canonical(quat_wxyz: ArrayLike) -> Array:
     """Unit quaternion with w >= 0, so that equal rotations have equal numbers; shape (..., 4)."""
     q = np.asarray(quat_wxyz, dtype=np.float64)
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    q = q / np.sqrt(np.square(q).sum(axis=-1, keepdims=True))
     return np.where(q[..., :1] < 0, -q, q)
 
 
@@ -28,28 +31,27 @@ def quat_wxyz_conjugate(quat_wxyz: ArrayLike) -> Array:
 
 def quat_wxyz_multiply(a: ArrayLike, b: ArrayLike) -> Array:
     """Hamilton product: the rotation `b` followed by `a`; shapes broadcast, (..., 4)."""
-    aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
-    bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
-    return np.stack(
-        [
+    aw, ax, ay, az = _components(a)
+    bw, bx, by, bz = _components(b)
+    return _joined(
+        (
             aw * bw - ax * bx - ay * by - az * bz,
             aw * bx + ax * bw + ay * bz - az * by,
             aw * by - ax * bz + ay * bw + az * bx,
             aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
+        )
     )
 
 
 def quat_wxyz_to_matrix(quat_wxyz: ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    w, x, y, z = _components(quat_wxyz)
+    elements = (
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return _joined(elements).reshape(*np.shape(w), 3, 3)
 
 
 def matrix_to_quat_wxyz(matrix: ArrayLike) -> Array:
@@ -59,24 +61,17 @@ def matrix_to_quat_wxyz(matrix: ArrayLike) -> Array:
     every rotation angle.
     """
     m = np.asarray(matrix, dtype=np.float64)
-    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = _components(m.reshape(*m.shape[:-2], 9))
     # Squared components times four; each row of `products` is q scaled by four times one of its components.
-    four_squares = np.stack(
-        [1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22], axis=-1
-    )
-    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
-    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    products = np.stack(
-        [
-            np.stack([four_squares[..., 0], wx, wy, wz], axis=-1),
-            np.stack([wx, four_squares[..., 1], xy, xz], axis=-1),
-            np.stack([wy, xy, four_squares[..., 2], yz], axis=-1),
-            np.stack([wz, xz, yz, four_squares[..., 3]], axis=-1),
-        ],
-        axis=-2,
-    )
-    largest = np.argmax(four_squares, axis=-1)[..., None, None]
-    return quat_wxyz_canonical(np.take_along_axis(products, largest, axis=-2)[..., 0, :])
+    ww, xx, yy, zz = 1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22
+    wx, wy, wz = m21 - m12, m02 - m20, m10 - m01
+    xy, xz, yz = m01 + m10, m02 + m20, m12 + m21
+    products = _joined((*(ww, wx, wy, wz), *(wx, xx, xy, xz), *(wy, xy, yy, yz), *(wz, xz, yz, zz)))
+    products = products.reshape(*m.shape[:-2], 4, 4)
+    largest = np.argmax(_joined((ww, xx, yy, zz)), axis=-1)
+    if m.ndim == 2:
+        return quat_wxyz_canonical(products[largest])
+    return quat_wxyz_canonical(np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :])
 
 
 def quat_wxyz_to_euler_xyz(quat_wxyz: ArrayLike) -> Array:
@@ -150,3 +145,15 @@ def rotation_angle_rad(a: ArrayLike, b: ArrayLike) -> Array:
     """Angle in [0, pi] between the rotations of two quaternions (..., 4)."""
     difference = quat_wxyz_multiply(b, quat_wxyz_conjugate(a))
     return np.linalg.norm(quat_wxyz_to_rotation_vector(difference), axis=-1)
+
+
+def _components(vectors: ArrayLike) -> Any:
+    """The numbers of vectors (..., n): n arrays (...,), or n floats of a single vector, which is much faster."""
+    v = np.asarray(vectors, dtype=np.float64)
+    return v.tolist() if v.ndim == 1 else np.moveaxis(v, -1, 0)
+
+
+def _joined(components: Sequence[Any]) -> Array:
+    """Vectors (..., n) of what `_components` takes apart."""
+    v = np.array(components)
+    return v if v.ndim == 1 else np.moveaxis(v, 0, -1)

@@ -48,6 +48,7 @@ class CollisionChecker:
         self._is_finger = np.zeros(self._model.nbody, dtype=bool)
         for arm in ARMS:
             self._is_finger[[self._model.body(name).id for name in scene.arm_pair.finger_names(arm)]] = True
+        self._contact_rules = self._make_contact_rules()
 
     def begin_free_motion(
         self, checked: Iterable[Arm], carried: Iterable[tuple[Arm, str]], left: Array, right: Array
@@ -87,13 +88,7 @@ class CollisionChecker:
         """
         self._copy_state()
         self._carried = []
-        self._least_distance[:] = NEVER
-        left, right = (self._owner == arm.ordinal for arm in ARMS)
-        self._require(left, left, 0.0)
-        self._require(right, right, 0.0)
-        self._require(left & ~self._is_finger, right & ~self._is_finger, 0.0)
-        world = np.arange(self._model.nbody) == 0
-        self._require(left | right, world, 0.0)
+        self._least_distance[:] = self._contact_rules
 
     def free(self, left: Array, right: Array) -> bool:
         """Whether the two postures, (7,) rad each, keep the rules."""
@@ -107,6 +102,17 @@ class CollisionChecker:
         if not len(offending):
             return None
         return " and ".join(self._model.body(body).name for body in offending[0])
+
+    def _make_contact_rules(self) -> Array:
+        """Least distance of each pair of bodies in a motion into contact, (nbody, nbody)."""
+        self._least_distance[:] = NEVER
+        left, right = (self._owner == arm.ordinal for arm in ARMS)
+        self._require(left, left, 0.0)
+        self._require(right, right, 0.0)
+        self._require(left & ~self._is_finger, right & ~self._is_finger, 0.0)
+        world = np.arange(self._model.nbody) == 0
+        self._require(left | right, world, 0.0)
+        return self._least_distance.copy()
 
     def _copy_state(self) -> None:
         for field in RESETTABLE_FIELDS:

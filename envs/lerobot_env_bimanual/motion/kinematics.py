@@ -5,6 +5,7 @@ form (the `frankik` package): up to four solutions. Searching over q7 is therefo
 starting values, iterations or random restarts.
 """
 
+import functools
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,6 +60,7 @@ class ArmKinematics:
         object.__setattr__(self, "_to_base", self.base.inverse().matrix)
 
     @classmethod
+    @functools.cache
     def of(cls, arm_pair: ArmPair, arm: Arm) -> "ArmKinematics":
         """Kinematics of one arm of a pair."""
         return cls(arm_pair.base_pose(arm), arm_pair.joint_lower, arm_pair.joint_upper)

@@ -32,92 +32,50 @@ MIN_MARGIN = 0.04
 MIN_MARGIN_ROUNDED = 0.03
 
 
-def rehearse(scene: Scene, script: Script, codec: KeyposeCodec | None = None) -> str | None:
-    """Whether both arms can go through a script from the scene's present state.
-
-    Checked at every stage: targets inside the workspace, a collision-free goal for planned stages and feasible
-    straight lines for the others, joint margins, no arm in itself, the table or the other arm.
+class Rehearsal:
+    """Goes through scripts without physics, to find out whether both arms can do them.
 
     Args:
-        scene: Props placed, arms where the script starts. Not changed.
-        script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
-            It is called with the rehearsal's own scene, where earlier stages have had their effect.
-        codec: Rehearse the keyposes rounded to these voxels and bins instead of the exact ones.
-
-    Returns:
-        None if the script is feasible, else a short reason.
+        scene: The world in which the scripts are to be played. It is read, never changed.
     """
-    view = RehearsalScene(scene)
-    rehearsal = _Rehearsal(view, MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED)
-    keypose = rehearsal.present_keypose()
-    for stage in script(view):
-        keypose = stage.keypose(keypose)
-        if not all(VOXEL_WORKSPACE.contains(keypose[arm].pose.position) for arm in ARMS):
-            return f"{stage.name}: target outside the workspace"
-        reason = rehearsal.execute(stage, keypose if codec is None else codec.discretise(keypose))
-        if reason is not None:
-            return f"{stage.name}: {reason}"
-    return None
-
-
-class RehearsalScene(Scene):
-    """A scene to read from, whose arms are set rather than driven; starts as a copy of another scene."""
 
     def __init__(self, scene: Scene):
-        self.arm_pair = scene.arm_pair
-        self.model = scene.model
-        self.data = mujoco.MjData(scene.model)
-        self.data.qpos[:] = scene.data.qpos
-        self.ticks = 0
-        self._contacts = ContactQueries(self.model, self.data)
-        self._commanded = scene.commanded
-        self._latched_unstable = False
-        self._carried: dict[Arm, Carried] = {}
-        self._carried_names: dict[Arm, str] = {}
-        self._index_arms()
-        self._refresh()
+        self._scene = scene
+        self._view = RehearsalScene(scene)
+        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+        self._checker = CollisionChecker(self._view)
+        self._joints: Postures = {}
+        self._min_margin = MIN_MARGIN
 
-    @property
-    def carried(self) -> list[tuple[Arm, str]]:
-        """Hand and prop, for all props that move with a hand."""
-        return list(self._carried_names.items())
+    def objection(self, script: Script, codec: KeyposeCodec | None = None) -> str | None:
+        """What keeps both arms from going through a script from the scene's present state.
 
-    def move_arms(self, joints: Postures) -> None:
-        """Set the arms' joints, (7,) rad each, and take carried props along."""
-        action = self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
-        for arm, posture in joints.items():
-            self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
-            action[arm.ordinal, :-1] = posture
-        mujoco.mj_kinematics(self.model, self.data)
-        for carried in self._carried.values():
-            carried.follow(self.data)
-        self._refresh()
+        Checked at every stage: targets inside the workspace, a collision-free goal for planned stages and feasible
+        straight lines for the others, joint margins, no arm in itself, the table or the other arm.
 
-    def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
-        """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""
-        self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m * is_open
-        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.ordinal, -1] = is_open
-        self._refresh()
-        if is_open:
-            self._carried.pop(arm, None)
-            self._carried_names.pop(arm, None)
-        elif holds is not None:
-            self._carried[arm] = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
-            self._carried_names[arm] = holds
+        Args:
+            script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
+                It is called with the rehearsal's own scene, where earlier stages have had their effect.
+            codec: Rehearse the keyposes rounded to these voxels and bins instead of the exact ones.
 
-
-class _Rehearsal:
-    """Moves the arms of a rehearsal scene from keypose to keypose, as the planner would."""
-
-    def __init__(self, view: RehearsalScene, min_margin: float):
-        self._view = view
-        self._min_margin = min_margin
-        self._kinematics = {arm: ArmKinematics.of(view.arm_pair, arm) for arm in ARMS}
-        self._checker = CollisionChecker(view)
-        commanded = view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        Returns:
+            None if the script is feasible, else a short reason.
+        """
+        self._view.copy_from(self._scene)
+        self._min_margin = MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED
+        commanded = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
         self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
+        keypose = self._present_keypose()
+        for stage in script(self._view):
+            keypose = stage.keypose(keypose)
+            if not all(VOXEL_WORKSPACE.contains(keypose[arm].pose.position) for arm in ARMS):
+                return f"{stage.name}: target outside the workspace"
+            reason = self._execute(stage, keypose if codec is None else codec.discretise(keypose))
+            if reason is not None:
+                return f"{stage.name}: {reason}"
+        return None
 
-    def present_keypose(self) -> BimanualKeypose:
+    def _present_keypose(self) -> BimanualKeypose:
         """The keypose that keeps everything as it is."""
         openings = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[:, -1]
         targets = [
@@ -126,7 +84,7 @@ class _Rehearsal:
         ]
         return BimanualKeypose(*targets)
 
-    def execute(self, stage: Stage, keypose: BimanualKeypose) -> str | None:
+    def _execute(self, stage: Stage, keypose: BimanualKeypose) -> str | None:
         """Go to a keypose, or say why not."""
         targets = {arm: keypose[arm].pose.matrix for arm in ARMS}
         moving = {
@@ -173,3 +131,56 @@ class _Rehearsal:
                 return f"{arm} arm cannot follow its line"
             ends[arm] = line[-1]
         return ends
+
+
+class RehearsalScene(Scene):
+    """A scene to read from, whose arms are set rather than driven."""
+
+    def __init__(self, scene: Scene):
+        self.arm_pair = scene.arm_pair
+        self.model = scene.model
+        self.data = mujoco.MjData(scene.model)
+        self.ticks = 0
+        self._contacts = ContactQueries(self.model, self.data)
+        self._commanded = scene.commanded
+        self._latched_unstable = False
+        self._carried: dict[Arm, Carried] = {}
+        self._carried_names: dict[Arm, str] = {}
+        self._index_arms()
+
+    def copy_from(self, scene: Scene) -> None:
+        """Start from another scene's present state."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = scene.data.qpos
+        self._commanded = scene.commanded
+        self._carried.clear()
+        self._carried_names.clear()
+        self._refresh()
+
+    @property
+    def carried(self) -> list[tuple[Arm, str]]:
+        """Hand and prop, for all props that move with a hand."""
+        return list(self._carried_names.items())
+
+    def move_arms(self, joints: Postures) -> None:
+        """Set the arms' joints, (7,) rad each, and take carried props along."""
+        action = self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        for arm, posture in joints.items():
+            self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
+            action[arm.ordinal, :-1] = posture
+        mujoco.mj_kinematics(self.model, self.data)
+        for carried in self._carried.values():
+            carried.follow(self.data)
+        self._refresh()
+
+    def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
+        """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""
+        self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m * is_open
+        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.ordinal, -1] = is_open
+        self._refresh()
+        if is_open:
+            self._carried.pop(arm, None)
+            self._carried_names.pop(arm, None)
+        elif holds is not None:
+            self._carried[arm] = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
+            self._carried_names[arm] = holds

@@ -20,16 +20,16 @@ MAT_INSET_M = 0.006
 STRIPE_HALF_WIDTH_M = 0.004
 SHEET_HALF_THICKNESS_M = 0.0004
 INLAY_INSET_M = 0.015
+CORNER_RADIUS_M = 0.012
 
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
 class ServingTray:
-    """A free board with a raised rim and two flat, round-ended handles, its frame in the middle of the board.
+    """A free board with a raised rim and two flat handles, its frame in the middle of the board.
 
     The handles lie flat beyond the short ends, so that a gripper with upright fingers can pinch them, and are
     short, so that it has to aim: a lip along the whole end was gripped by chance in a third of all placements.
@@ -67,7 +67,7 @@ class ServingTray:
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
         self._add_solid(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, name=self.name)
         handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, z)
-        add_slab(spec, self._handle_mesh, handle_half, radius_m=handle_half[1])
+        add_slab(spec, self._handle_mesh, handle_half, radius_m=CORNER_RADIUS_M)
         inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
         add_slab(spec, self._inlay_mesh, inlay_half, radius_m=inlay_half[1])
         for side in (-1, 1):
@@ -76,14 +76,9 @@ class ServingTray:
         self._add_mat(body, x, y, z)
 
     def _add_handle(self, body, y: float, mass: float) -> None:
-        """Felt as a box between two discs, seen as one slab with an inlay."""
-        radius, half_z = self.handle_size_m[1] / 2, self.size_m[2] / 2
-        half_x = self.handle_size_m[0] / 2 - radius
-        self._add_solid(body, (0, y, 0), (half_x, radius, half_z), WOOD, mass, group=HIDDEN_GROUP)
-        for x in (-half_x, half_x):
-            self._add_solid(
-                body, (x, y, 0), (radius, half_z, 0), WOOD, 0.0, shape=CYLINDER, group=HIDDEN_GROUP
-            )
+        """Felt as a box, seen as a slab with rounded corners and an inlay."""
+        half = (*np.array(self.handle_size_m) / 2, self.size_m[2] / 2)
+        self._add_solid(body, (0, y, 0), half, WOOD, mass, group=HIDDEN_GROUP)
         for mesh, rgba in ((self._handle_mesh, WOOD), (self._inlay_mesh, INLAY)):
             body.add_geom(type=MESH, meshname=mesh, pos=(0, y, 0), rgba=rgba, **VISUAL_ONLY)
 
@@ -95,12 +90,10 @@ class ServingTray:
             self._add_solid(body, along, (bar, y, height), RIM_WOOD, mass)
             self._add_solid(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass)
 
-    def _add_solid(
-        self, body, position, size, rgba, mass: float, name: str = "", shape=BOX, group: int = 0
-    ) -> None:
+    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", group: int = 0) -> None:
         body.add_geom(
             name=name,
-            type=shape,
+            type=BOX,
             pos=position,
             size=size,
             rgba=rgba,

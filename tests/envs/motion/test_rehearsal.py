@@ -6,7 +6,7 @@ import pytest
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.motion.rehearsal import RehearsalScene, rehearse
+from lerobot_env_bimanual.motion.rehearsal import Rehearsal, RehearsalScene
 from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Stage
 
@@ -31,7 +31,7 @@ def _pick_up(view: Scene, above: Pose = GRASP):
 @CODECS
 def test_a_feasible_script_passes_and_leaves_the_scene_alone(table_scene, codec):
     before = table_scene.state_hash()
-    assert rehearse(table_scene, _pick_up, codec) is None
+    assert Rehearsal(table_scene).objection(_pick_up, codec) is None
     assert table_scene.state_hash() == before
 
 
@@ -47,7 +47,7 @@ def test_a_grasped_prop_moves_with_the_hand_until_it_is_released(table_scene, co
         yield Stage("away", left=GRASP.translated((0, 0, 0.3)))
         heights.append(view.pose("block").position[2])
 
-    assert rehearse(table_scene, script, codec) is None
+    assert Rehearsal(table_scene).objection(script, codec) is None
     assert heights == pytest.approx([0.79, 0.79, 0.99, 0.99], abs=0.006)
 
 
@@ -61,7 +61,7 @@ def test_a_script_reads_where_the_rehearsed_arms_are(table_scene):
         yield Stage("close", left_open=False)
         seen.append((view.tcp(Arm.LEFT), view.gripper_opening(Arm.LEFT)))
 
-    assert rehearse(table_scene, script) is None
+    assert Rehearsal(table_scene).objection(script) is None
     for (tcp, opening), expected in zip(seen, (1, 0), strict=True):
         assert np.allclose(tcp.position, GRASP.translated((0, 0, 0.1)).position, atol=1e-6)
         assert opening == expected
@@ -77,7 +77,7 @@ def test_a_script_reads_where_the_rehearsed_arms_are(table_scene):
     ],
 )
 def test_placements_out_of_reach_are_rejected_with_a_reason(table_scene, offset, reason, codec):
-    result = rehearse(table_scene, lambda view: _pick_up(view, GRASP.translated(offset)), codec)
+    result = Rehearsal(table_scene).objection(lambda view: _pick_up(view, GRASP.translated(offset)), codec)
     assert result is None if reason is None else re.match(reason, result or "")
 
 
@@ -86,12 +86,12 @@ def test_a_hand_in_the_table_is_rejected(table_scene):
         yield Stage("hover", left=GRASP.translated((0, 0, 0.1)), planned=True)
         yield Stage("down", left=GRASP.translated((0.1, 0, -0.07)))
 
-    assert "collision" in (rehearse(table_scene, script) or "")
+    assert "collision" in (Rehearsal(table_scene).objection(script) or "")
 
 
 def test_a_planned_goal_inside_a_prop_is_rejected(table_scene):
     table_scene.place("wall", Pose.upright((0.2, 0.2, 0.915)))
-    assert rehearse(table_scene, _pick_up) == "hover: no collision-free posture"
+    assert Rehearsal(table_scene).objection(_pick_up) == "hover: no collision-free posture"
 
 
 def test_postures_near_joint_limits_are_rejected(table_scene):
@@ -101,6 +101,6 @@ def test_postures_near_joint_limits_are_rejected(table_scene):
     verdicts = []
     for angle in np.deg2rad(np.arange(0, 180, 15)):
         turn = Pose.upright((0, 0, 0), angle)
-        verdicts.append(rehearse(table_scene, script))
+        verdicts.append(Rehearsal(table_scene).objection(script))
     assert verdicts[0] is None
     assert any(verdict is not None for verdict in verdicts)
