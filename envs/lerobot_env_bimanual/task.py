@@ -82,6 +82,7 @@ class Stage:
         left_holds: the prop that moves with the left hand from the end of this stage on, as far as a
             rehearsal without physics can know; it stays held until the gripper opens.
         right_holds: the same of the right hand.
+        presses: the prop that the hands press against at the end, and which therefore keeps them from arriving.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Stage:
     planned: bool = False
     left_holds: str | None = None
     right_holds: str | None = None
+    presses: str | None = None
 
     def keypose(self, previous: BimanualKeypose) -> BimanualKeypose:
         """The target of both arms, with what the stage leaves open taken from the `previous` target."""
@@ -126,6 +128,7 @@ class TaskSpec:
         props: the things of the scene besides robots and table.
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
+        needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
     """
 
     name: str
@@ -136,6 +139,7 @@ class TaskSpec:
     props: tuple[Prop, ...]
     success: tuple[Condition, ...]
     horizon_ticks: int
+    needs_both_arms: bool = False
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""
@@ -188,4 +192,5 @@ class Task(ABC):
         Raises:
             PlacementFailure: no draw could be rehearsed.
         """
+        self.draws = 0
         self.draws = place_and_rehearse(self, scene, variation, rng)

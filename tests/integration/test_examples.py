@@ -47,8 +47,3 @@ def test_one_script_trains_and_scores_peract2_and_act(tmp_path):
 def test_a_task_of_ones_own_is_solved_exactly_and_rounded(tmp_path):
     printed = run(sys.executable, str(EXAMPLES / "04_add_a_task.py"), folder=tmp_path)
     assert printed.count("5 of 5 solved") == 2
-
-
-def test_the_picture_of_all_tasks_is_drawn(tmp_path):
-    run(sys.executable, str(EXAMPLES / "05_draw_all_tasks.py"), "--output=tasks.jpg", folder=tmp_path)
-    assert (tmp_path / "tasks.jpg").stat().st_size > 50_000

@@ -7,13 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from lerobot.configs import PreTrainedConfig
+from lerobot.utils.import_utils import register_third_party_plugins
 from safetensors.torch import load_file
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 SIZE = 32
-TINY_PERACT2 = [
-    "--policy.type=peract2",
+TINY_PERACT = [
     "--policy.voxel_size=10",
     "--policy.channels=8",
     "--policy.token_dim=16",
@@ -23,12 +24,29 @@ TINY_PERACT2 = [
     "--policy.heads=2",
     "--policy.language_tokens=4",
     "--policy.language_dim=16",
-    # So that 2 steps and 2 more are the same as 4. With dropout and augmentation on, the weights differ after a
-    # resume: their random numbers go on differently, most likely because LeRobot's loader draws some in between.
-    "--policy.lr_schedule=constant",
-    "--policy.attention_dropout=0",
-    "--policy.augmentation=false",
 ]
+TINY_RVT = [
+    "--policy.voxel_size=15",
+    "--policy.patch=3",
+    "--policy.channels=8",
+    "--policy.token_dim=16",
+    "--policy.attention_dim=32",
+    "--policy.depth=2",
+    "--policy.heads=2",
+    "--policy.language_tokens=4",
+    "--policy.language_dim=16",
+]
+TINY = {
+    "peract2": TINY_PERACT,
+    "peract_independent": TINY_PERACT,
+    "peract_lf": TINY_PERACT,
+    "rvt_lf": TINY_RVT,
+}
+"""By policy type, flags of a network as small as can be."""
+
+# So that 2 steps and 2 more are the same as 4. With dropout and augmentation on, the weights differ after a
+# resume: their random numbers go on differently, most likely because LeRobot's loader draws some in between.
+REPEATABLE = ["--policy.lr_schedule=constant", "--policy.attention_dropout=0", "--policy.augmentation=false"]
 CAMERA = {"type": "VISUAL", "shape": [3, SIZE, SIZE]}
 TINY_ACT = [
     "--policy.type=act",
@@ -102,16 +120,34 @@ def room(tmp_path_factory) -> Path:
     return folder
 
 
-def test_peract2_trains_resumes_exactly_and_is_evaluated(room):
+def keypose_policy_types() -> list[str]:
+    """All registered ones."""
+    register_third_party_plugins()
+    return [
+        name
+        for name, config in PreTrainedConfig.get_known_choices().items()
+        if config.__module__.startswith("lerobot_policy_bimanual.")
+    ]
+
+
+@pytest.mark.parametrize("policy", keypose_policy_types())
+def test_keypose_policy_trains_and_is_evaluated(room, policy):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
-    train(*TINY_PERACT2, *data, "--output_dir=straight", "--steps=4", "--save_freq=4", folder=room)
-    train(*TINY_PERACT2, *data, "--output_dir=resumed", "--steps=2", "--save_freq=2", folder=room)
+    flags = (f"--policy.type={policy}", *TINY[policy], *data, f"--output_dir={policy}")
+    train(*flags, "--steps=20", "--save_freq=20", folder=room)
+    assert evaluate(policy, room)["n_episodes"] == 1
+
+
+def test_training_resumes_exactly(room):
+    data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
+    flags = ("--policy.type=peract2", *TINY["peract2"], *REPEATABLE, *data)
+    train(*flags, "--output_dir=straight", "--steps=4", "--save_freq=4", folder=room)
+    train(*flags, "--output_dir=resumed", "--steps=2", "--save_freq=2", folder=room)
     config = room / "resumed" / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
     run("lerobot-train", f"--config_path={config}", "--resume=true", "--steps=4", folder=room)
     straight, resumed = weights(room / "straight"), weights(room / "resumed")
     assert straight.keys() == resumed.keys()
     assert all(straight[name].equal(resumed[name]) for name in straight)
-    assert evaluate("straight", room)["n_episodes"] == 1
 
 
 def test_act_trains_on_named_cameras_and_is_evaluated(room):

@@ -5,11 +5,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 import torch
+from lerobot.configs import PreTrainedConfig
+from lerobot.policies.factory import get_policy_class
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset.schema import (
@@ -23,11 +25,12 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
+from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
 
 LOOKING_DOWN = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
 """world_T_camera of a camera two metres above the floor, over the workspace's centre."""
 
-TINY = {
+TINY_PERACT = {
     "device": "cpu",
     "voxel_size": 10,
     "channels": 8,
@@ -41,7 +44,96 @@ TINY = {
     "language_tokens": 4,
     "language_dim": 16,
 }
-"""Sizes of the smallest PerAct2 with every part in it."""
+"""Sizes of the smallest PerAct with every part in it."""
+
+TINY_PERACTS = {head: TINY_PERACT | {"translation_head": head} for head in ("dense", "factorised")}
+
+TINY_RVT = {
+    "device": "cpu",
+    "voxel_size": 15,
+    "patch": 5,
+    "channels": 8,
+    "token_dim": 16,
+    "attention_dim": 32,
+    "depth": 2,
+    "heads": 2,
+    "feedforward_multiplier": 2,
+    "attention_dropout": 0.0,
+    "heatmap_sigma_px": 0.5,
+    "language_tokens": 4,
+    "language_dim": 16,
+}
+"""Sizes of the smallest RVT with every part in it."""
+
+
+class Specimen(NamedTuple):
+    """What the tests that walk all policies know of one.
+
+    Attributes:
+        parameters: At default settings, without the language encoder.
+        tiny: Variants to test, by name: options of a config as small as can be.
+    """
+
+    parameters: int
+    tiny: dict[str, dict[str, Any]]
+
+
+SPECIMENS = {
+    "peract2": Specimen(66_180_794, TINY_PERACTS),
+    "peract_independent": Specimen(2 * 33_240_669, TINY_PERACTS),
+    "peract_lf": Specimen(33_240_669 + 33_241_181, TINY_PERACTS),
+    "rvt_lf": Specimen(36_348_093 + 36_348_605, {"views": TINY_RVT}),
+}
+"""By policy type. The parameter counts are those of the reference implementations (PerAct2 code)."""
+
+
+def variants(types: list[str]) -> list[Any]:
+    """Test parameters: policy type and options."""
+    return [
+        pytest.param((name, options), id=f"{name}-{variant}")
+        for name in types
+        for variant, options in SPECIMENS[name].tiny.items()
+    ]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run a test once for every policy, or for every variant of each, by the fixture that it asks for."""
+    types = list(SPECIMENS)
+    leader_followers = [name for name in types if hasattr(PreTrainedConfig.get_choice_class(name), "leader")]
+    for fixture, values in (
+        ("policy_type", types),
+        ("make_policy", variants(types)),
+        ("make_leader_follower", variants(leader_followers)),
+    ):
+        if fixture in metafunc.fixturenames:
+            metafunc.parametrize(fixture, values, indirect=fixture != "policy_type")
+
+
+def policy_maker(name: str, options: dict[str, Any]) -> Callable[..., KeyposePolicy]:
+    """Makes one tiny variant of a policy, with options changed."""
+
+    def make(**changes: Any) -> KeyposePolicy:
+        config = PreTrainedConfig.get_choice_class(name)(**options | changes)
+        return cast(KeyposePolicy, get_policy_class(name)(config))
+
+    return make
+
+
+@pytest.fixture
+def make_policy(request: pytest.FixtureRequest) -> Callable[..., KeyposePolicy]:
+    """Every variant of every policy in turn."""
+    return policy_maker(*request.param)
+
+
+@pytest.fixture
+def make_leader_follower(request: pytest.FixtureRequest) -> Callable[..., KeyposePolicy]:
+    """Every variant of every policy with a leader in turn."""
+    return policy_maker(*request.param)
+
+
+@pytest.fixture
+def specimens() -> dict[str, Specimen]:
+    return SPECIMENS
 
 
 def load_written_out() -> ModuleType:
@@ -63,7 +155,7 @@ def written_out() -> ModuleType:
 
 @pytest.fixture
 def tiny() -> dict[str, Any]:
-    return dict(TINY)
+    return dict(TINY_PERACT)
 
 
 @pytest.fixture

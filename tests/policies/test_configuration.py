@@ -7,7 +7,7 @@ from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, VECTORS, depth_key, image_key
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
-from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig
 
 
 def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
@@ -80,6 +80,17 @@ def test_missing_depth_is_reported_by_name():
     del config.input_features[depth_key("front")]
     with pytest.raises(SchemaMismatch, match=r"observation\.images\.front_depth"):
         config.validate_features()
+
+
+@pytest.mark.parametrize("policy", [PerActIndependentConfig, PerActLFConfig])
+def test_latents_of_a_network_for_one_arm_may_be_odd(policy):
+    assert policy(device="cpu", num_latents=33).num_latents == 33
+
+
+def test_leader_is_an_arm():
+    assert draccus.parse(PerActLFConfig, args=["--device=cpu", "--leader=left"]).leader == "left"
+    with pytest.raises(InvalidChoice, match="left, right"):
+        PerActLFConfig(device="cpu", leader="both")
 
 
 @pytest.mark.parametrize("steps", [200, 5000])

@@ -1,26 +1,27 @@
 """Many episodes on one machine: a process pool that plays jobs and gives their outcomes in order.
 
 Workers import neither LeRobot nor torch and render nothing. An outcome depends on its job alone, so any number of
-workers gives the same list.
+workers gives the same list, and outcomes that a log already knows need not be played again.
 """
 
 from __future__ import annotations
 
 import os
-from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 
 from tqdm import tqdm
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
-from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
-from lerobot_env_bimanual.expert.runner import Outcome, run_episode
+from lerobot_env_bimanual.expert.evidence import ReplayMode, Witness
+from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+from lerobot_env_bimanual.expert.runner import Move, Outcome, failed_to_start, run_episode
 from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
 
 BLIND_EPISODES = 30
@@ -41,6 +42,7 @@ class Job:
         control: one of `lerobot_env_bimanual.expert.controls.CONTROLS`.
         discretise: voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact.
         blind_keyposes: (18,) each, what the control `blind` plays.
+        replay: how the expert's episode is replayed afterwards, "none", "joint" or "keypose".
     """
 
     task: str
@@ -50,6 +52,7 @@ class Job:
     control: str
     discretise: int = 0
     blind_keyposes: Keyposes = ()
+    replay: ReplayMode = "none"
 
 
 class Campaign:
@@ -57,9 +60,11 @@ class Campaign:
 
     Args:
         workers: number of processes; 0 takes one per core.
+        log: knows the outcomes of jobs that were played before, and learns the others.
     """
 
-    def __init__(self, workers: int):
+    def __init__(self, workers: int, log: OutcomeLog | None = None):
+        self._log = log
         count = workers or os.cpu_count() or 1
         use_one_thread_per_process()
         self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=prepare_worker)
@@ -72,8 +77,15 @@ class Campaign:
 
     def play(self, jobs: Sequence[Job], label: str) -> list[Outcome]:
         """Outcomes of the jobs, in their order, with a progress bar called `label`."""
-        played = self._pool.map(play, jobs)
-        return list(tqdm(played, total=len(jobs), desc=label, unit="episode", smoothing=0))
+        known = {job: outcome for job in jobs if self._log and (outcome := self._log.get(job))}
+        todo = [job for job in jobs if job not in known]
+        with tqdm(total=len(jobs), initial=len(known), desc=label, unit="episode", smoothing=0) as bar:
+            for job, outcome in zip(todo, self._pool.map(play, todo), strict=True):
+                known[job] = outcome
+                if self._log:
+                    self._log.add(job, outcome)
+                bar.update()
+        return [known[job] for job in jobs]
 
     def blind_keyposes(self, task: str, variation: str) -> Keyposes:
         """Mean keyposes of the expert's training episodes of one variation.
@@ -91,30 +103,25 @@ class Campaign:
         return tuple(map(tuple, mean_keyposes(episodes).tolist()))
 
 
-def rates(outcomes: Sequence[Outcome]) -> dict[tuple[str, int], SuccessRate]:
-    """Success rate per task and variation, sorted."""
-    successes: dict[tuple[str, int], list[bool]] = defaultdict(list)
-    for outcome in outcomes:
-        successes[outcome.task, outcome.variation].append(outcome.success)
-    return {key: SuccessRate(sum(successes[key]), len(successes[key])) for key in sorted(successes)}
-
-
 _environments: dict[tuple[str, str, str], BimanualEnv] = {}
 
 
 def play(job: Job) -> Outcome:
-    """Play one job in this process, in an environment that is kept for the next one of its kind.
-
-    Raises:
-        PlacementFailure: the seed's episode cannot be set up.
-    """
+    """Play one job in this process, in an environment that is kept for the next one of its kind."""
     key = (job.task, job.variation, job.split)
     if key not in _environments:
         _environments.clear()
         _environments[key] = BimanualEnv(job.task, job.variation, job.split, obs="state")
+    env = _environments[key]
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)
-    try:
-        return run_episode(_environments[key], job.seed, control)
-    except PlacementFailure as failure:
-        raise PlacementFailure(f"{job.split} seed {job.seed}: {failure}") from failure
+    moves: list[Move] = []
+    with Witness(env) if job.control == "expert" else nullcontext() as witness:
+        try:
+            outcome = run_episode(env, job.seed, control, moves.append)
+        except PlacementFailure as failure:
+            return failed_to_start(env, str(failure))
+    if witness is None or not outcome.success:
+        return outcome
+    keyposes, ticks = [move.action for move in moves], [report.ticks for report in outcome.keyposes]
+    return replace(outcome, evidence=witness.testify(keyposes, ticks, job.replay))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
+from lerobot_env_bimanual.expert.evidence import Evidence
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.scene import Scene
+
+MAX_TIP_ERROR_MM = 12.0
+"""At the end of a keypose; more is a hidden collision (design study)."""
 
 OUT_OF_MOVES = "no move left"
 OUT_OF_TIME = "out of time"
@@ -32,10 +36,12 @@ class Move:
     Attributes:
         name: what it is for.
         action: a keypose (18,) or a joint action (16,), as `BimanualEnv.step` takes them.
+        presses: the prop that keeps the hands from arriving, if that is meant.
     """
 
     name: str
     action: NDArray[np.float32]
+    presses: str | None = None
 
 
 type Control = Callable[[BimanualEnv], Iterator[Move]]
@@ -50,14 +56,17 @@ class MoveReport:
         name: what the move was for.
         keypose: (18,) the commanded keypose.
         ticks: control ticks it took.
-        tip_error_mm: distance of the left and the right tool centre point from their targets at its end. In
-            free space it stays below 3 mm; more than 12 mm means contact, or an end by success on the way.
+        tip_error_mm: distance of the left and the right tool centre point from their targets at its end; below
+            3 mm in free space.
+        arrived: whether both are within `MAX_TIP_ERROR_MM`, but for a hand that presses against what it is meant
+            to. If not, something was in the way. True also if the episode ended on the way.
     """
 
     name: str
     keypose: tuple[float, ...]
     ticks: int
     tip_error_mm: tuple[float, ...]
+    arrived: bool
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,7 @@ class Outcome:
         line_fallbacks: contact moves for which there was no straight line.
         unstable: whether MuJoCo warned.
         state_hash: hash of the final state.
+        evidence: what else was found out about a success, if anybody looked.
     """
 
     task: str
@@ -95,6 +105,24 @@ class Outcome:
     line_fallbacks: int
     unstable: bool
     state_hash: str
+    evidence: Evidence | None = None
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Outcome:
+        """The outcome that `dataclasses.asdict` and JSON have taken apart."""
+        evidence = fields["evidence"]
+        reports = (
+            report | {"keypose": tuple(report["keypose"]), "tip_error_mm": tuple(report["tip_error_mm"])}
+            for report in fields["keyposes"]
+        )
+        return cls(
+            **fields
+            | {
+                "unmet": tuple(fields["unmet"]),
+                "keyposes": tuple(MoveReport(**report) for report in reports),
+                "evidence": None if evidence is None else Evidence.from_dict(evidence),
+            }
+        )
 
 
 def run_expert(
@@ -130,7 +158,7 @@ def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Cont
             if frozen is not None:
                 target = replace(target, **{frozen.value: home[frozen]})
             commanded = target if codec is None else codec.discretise(target)
-            yield Move(stage.name, commanded.to_vector())
+            yield Move(stage.name, commanded.to_vector(), stage.presses)
 
     return play
 
@@ -160,36 +188,51 @@ def run_episode(
             on_move(move)
         ticks_before = info["ticks"]
         _, _, terminated, truncated, info = env.step(move.action)
-        last_move = move.name
+        last_move, is_over = move.name, terminated or truncated
         if len(move.action) == KEYPOSE_DIM:
-            reports.append(_report(env.scene, move, info["ticks"] - ticks_before))
-        if terminated or truncated:
+            reports.append(_report(env.scene, move, info["ticks"] - ticks_before, is_over))
+        if is_over:
             failure = info["failure"] or OUT_OF_TIME
             break
-    return Outcome(
-        task=env.task,
-        variation=env.variation,
-        split=env.settings.split,
-        seed=seed,
+    return _outcome(
+        env,
         success=info["is_success"],
         failure="" if info["is_success"] else failure,
         last_move=last_move,
         unmet=tuple(name for name, met in info["conditions"].items() if not met),
         keyposes=tuple(reports),
-        ticks=info["ticks"],
+    )
+
+
+def failed_to_start(env: BimanualEnv, failure: str) -> Outcome:
+    """The outcome of an episode whose reset has just failed."""
+    return _outcome(env, success=False, failure=failure, last_move="", unmet=(), keyposes=())
+
+
+def _outcome(env: BimanualEnv, **fields: Any) -> Outcome:
+    """The given fields, and those that stand in the environment."""
+    return Outcome(
+        **fields,
+        task=env.task,
+        variation=env.variation,
+        split=env.settings.split,
+        seed=env.progress.seed,
+        ticks=env.progress.ticks,
         draws=env.task_definition.draws,
-        line_fallbacks=info["line_fallbacks"],
+        line_fallbacks=env.progress.line_fallbacks,
         unstable=env.scene.unstable,
         state_hash=env.state_hash(),
     )
 
 
-def _report(scene: Scene, move: Move, ticks: int) -> MoveReport:
+def _report(scene: Scene, move: Move, ticks: int, is_over: bool) -> MoveReport:
     target = BimanualKeypose.from_vector(move.action)
-    errors_m = (scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS)
+    errors_mm = {arm: 1000 * scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS}
+    late = [arm for arm in ARMS if errors_mm[arm] > MAX_TIP_ERROR_MM]
     return MoveReport(
         name=move.name,
         keypose=tuple(float(number) for number in move.action),
         ticks=ticks,
-        tip_error_mm=tuple(round(1000 * error_m, 2) for error_m in errors_m),
+        tip_error_mm=tuple(round(error, 2) for error in errors_mm.values()),
+        arrived=is_over or all(move.presses and scene.touching(arm, move.presses) for arm in late),
     )

@@ -92,6 +92,7 @@ class DualPushButtons(Task):
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=220,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

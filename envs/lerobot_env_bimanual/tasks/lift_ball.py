@@ -64,6 +64,7 @@ class LiftBall(Task):
             Touched("ball", by=Arm.RIGHT),
         ),
         horizon_ticks=200,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -77,8 +78,8 @@ class LiftBall(Task):
         apart, pressed = BALL.radius_m + APPROACH_GAP_M, BALL.radius_m - SQUEEZE_DEPTH_M
         lifted = np.array([*ball[:2], LIFT_TO_M])
         yield Stage("beside", *_hands(ball, apart), left_open=False, right_open=False, planned=True)
-        yield Stage("squeeze", *_hands(ball, pressed))
-        yield Stage("lift", *_hands(lifted, pressed))
+        yield Stage("squeeze", *_hands(ball, pressed), presses="ball")
+        yield Stage("lift", *_hands(lifted, pressed), presses="ball")
 
 
 def _hands(center: np.ndarray, distance_m: float) -> tuple[Pose, Pose]:

@@ -69,6 +69,7 @@ class PushBox(Task):
         props=(TARGET, BOX),
         success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
         horizon_ticks=600,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor, nn
 
+from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.conv3d import (
     PATCH,
     ActivatedConv3d,
@@ -24,8 +25,8 @@ HIDDEN = (256, 64)
 class PerActNetwork(nn.Module):
     """Voxels, proprioception and language to one discrete keypose per arm.
 
-    With the defaults of `PerAct2Config` it has the 66 180 794 parameters of PerAct2's reference network; with
-    one arm the 33 240 669 of PerAct's.
+    With the defaults of `PerActConfig` it has the parameters of the reference networks: 66 180 794 for two arms
+    (PerAct2), 33 240 669 for one (PerAct), and 33 241 181 for one that is told the keypose of the other.
 
     Args:
         arms: Arms to predict.
@@ -35,7 +36,7 @@ class PerActNetwork(nn.Module):
         proprio_dim: Numbers in the proprioception vector.
         language_tokens: Language tokens per instruction.
         language_dim: Width of the language tokens.
-        num_latents: Perceiver latents, shared evenly by the arms.
+        num_latents: Perceiver latents, shared evenly by the arms; a single arm has them all.
         latent_dim: Width of the latents.
         depth: Self-attention blocks per arm.
         heads: Heads of the self-attentions.
@@ -102,7 +103,7 @@ class PerActNetwork(nn.Module):
         )
 
     def forward(
-        self, grid: Tensor, proprio: Tensor, language: Tensor, target_voxel: Tensor | None = None
+        self, grid: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
     ) -> KeyposePrediction:
         """Predict the next keypose of every arm.
 
@@ -110,7 +111,7 @@ class PerActNetwork(nn.Module):
             grid: (b, 10, v, v, v) as made by `voxelise`.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
-            target_voxel: (b, arms, 3) int64 in training; see `FactorisedTranslationHead`.
+            target: Label of the arms in training; see `FactorisedTranslationHead`.
         """
         stem = self.stem(grid)  # (b, channels, v, v, v)
         patches = self.patchify(stem)  # (b, p^3, token_dim / 2)
@@ -120,6 +121,7 @@ class PerActNetwork(nn.Module):
         # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
         answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
+        target_voxel = None if target is None else target.voxel
         translation, features = self.translation(stem, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
         rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(

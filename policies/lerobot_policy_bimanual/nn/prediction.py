@@ -1,11 +1,13 @@
 """What a keypose network predicts: one categorical distribution per part of the discrete keypose."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 
 
@@ -69,3 +71,47 @@ class KeyposePrediction:
             gripper_open=self.gripper_open.argmax(dim=-1),
             ignore_collisions=self.ignore_collisions.argmax(dim=-1),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class JointTranslation:
+    """Distributions of several one-arm networks as one.
+
+    Attributes:
+        parts: One distribution per arm, each over (b, 1, ...), with equally many candidates.
+    """
+
+    parts: tuple[TranslationPrediction, ...]
+
+    def cross_entropy(self, voxel: Tensor) -> Tensor:
+        """Negative log-likelihood (b, arms) of target voxels (b, arms, 3)."""
+        pairs = zip(self.parts, voxel.split(1, dim=1), strict=True)
+        return torch.cat([part.cross_entropy(target) for part, target in pairs], dim=1)
+
+    def candidates(self) -> VoxelCandidates:
+        """The candidates of all arms."""
+        parts = [part.candidates() for part in self.parts]
+        return VoxelCandidates(
+            torch.cat([part.voxel for part in parts], dim=1), torch.cat([part.score for part in parts], dim=1)
+        )
+
+
+def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:
+    """One prediction for all arms from one-arm predictions."""
+    return KeyposePrediction(
+        translation=JointTranslation(tuple(prediction.translation for prediction in predictions)),
+        rotation=torch.cat([prediction.rotation for prediction in predictions], dim=1),
+        gripper_open=torch.cat([prediction.gripper_open for prediction in predictions], dim=1),
+        ignore_collisions=torch.cat([prediction.ignore_collisions for prediction in predictions], dim=1),
+    )
+
+
+def one_arm(keypose: DiscreteKeypose, arm: Arm) -> DiscreteKeypose:
+    """One arm's bins (b, 1, ...) of both arms' (b, 2, ...)."""
+    index = slice(arm.ordinal, arm.ordinal + 1)
+    return DiscreteKeypose(
+        keypose.voxel[:, index],
+        keypose.rotation[:, index],
+        keypose.gripper_open[:, index],
+        keypose.ignore_collisions[:, index],
+    )

@@ -1,0 +1,114 @@
+"""The verb `render`: pictures and films of the experts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.pictures.shooting import Order, Shot
+
+
+@dataclass
+class RenderConfig:
+    """Options of the verb `render`."""
+
+    task: str = "all"  # task and suite names, comma separated
+    variation: str = "any"  # index, or `any` for the one that the seed draws
+    split: Literal["train", "val", "test"] = "val"  # the same seed means another episode in each
+    seed: int = 0  # of each task's episode
+    # `clearest` takes the fixed camera that shows most of what the episode moves.
+    camera: Literal["front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist", "clearest"] = (
+        "front"
+    )
+    size: str = "480x640"  # side in pixels, or HEIGHTxWIDTH
+    # On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
+    quality: Literal["observation", "high"] = "high"
+    video: bool = True  # film the whole episode, 20 pictures per second of it
+    workers: int = 0  # processes; 0 takes one per core
+    output: Path = Path("outputs/render")  # folder of the files
+
+
+def render(config: RenderConfig) -> None:
+    """Draw the experts at work: a contact sheet and a film per task, and a gallery of several.
+
+    For each task, one episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4.
+    Several tasks make a gallery tasks.jpg, one picture each.
+
+    An expert that does not solve its episode is an error, but its pictures are there to look at.
+
+    Examples:
+        lerobot-bimanual render --task=lift_ball --seed=3
+        lerobot-bimanual render --camera=clearest --video=false
+        lerobot-bimanual render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
+    """
+    orders = _orders(config)
+    shots = _shoot_all(orders, config.workers)
+    if len(shots) > 1:
+        _write_gallery(shots, config.output / "tasks.jpg")
+    print(f"{config.output}: pictures of {', '.join(order.task for order in orders)}")
+    failures = [
+        f"{order.task} failed at {order.split} seed {order.seed}, stage {shot.outcome.last_move!r}: "
+        f"{shot.outcome.failure} (unmet: {', '.join(shot.outcome.unmet)}), see {order.sheet}"
+        for order, shot in zip(orders, shots, strict=True)
+        if not shot.outcome.success
+    ]
+    if failures:
+        raise BimanualError("; ".join(["the expert did not solve its episode", *failures]))
+
+
+def _orders(config: RenderConfig) -> list[Order]:
+    """One order per task, each checked before any process starts."""
+    from lerobot_env_bimanual.pictures.shooting import Order
+    from lerobot_env_bimanual.registry import get_task, resolve_tasks
+
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    orders = []
+    for name in sorted(resolve_tasks(config.task), key=lambda name: get_task(name).spec.id):
+        order = Order(
+            task=name,
+            variation=config.variation,
+            split=config.split,
+            seed=config.seed,
+            camera=config.camera,
+            size=config.size,
+            quality=config.quality,
+            film=config.video,
+            folder=config.output,
+        )
+        settings = order.environment().settings
+        if config.video and (settings.height % 2 or settings.width % 2):
+            raise BimanualError(f"size is {config.size!r}, but films need even sides; or use --video=false")
+        orders.append(order)
+    return orders
+
+
+def _shoot_all(orders: Sequence[Order], workers: int) -> list[Shot]:
+    from tqdm import tqdm
+
+    from lerobot_env_bimanual.pictures.shooting import shoot
+    from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
+
+    use_one_thread_per_process()
+    count = min(workers or os.cpu_count() or 1, len(orders))
+    with ProcessPoolExecutor(count, get_context("forkserver"), prepare_worker) as pool:
+        try:
+            return list(
+                tqdm(pool.map(shoot, orders), total=len(orders), desc="render", unit="task", smoothing=0)
+            )
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _write_gallery(shots: Sequence[Shot], path: Path) -> None:
+    from lerobot_env_bimanual.pictures.layout import Panel, gallery
+
+    gallery([Panel(shot.telling, shot.outcome.task) for shot in shots]).save(path, quality=85)

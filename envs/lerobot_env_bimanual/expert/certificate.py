@@ -1,0 +1,160 @@
+"""The result of a campaign, for people and for programs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+import lerobot_bimanual
+import lerobot_env_bimanual
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_env_bimanual.expert.coupling import mean_coupling
+from lerobot_env_bimanual.expert.criteria import complaints, rates
+from lerobot_env_bimanual.expert.runner import Outcome
+
+PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
+"""Packages whose versions decide the outcome of an episode."""
+
+SOURCES = (
+    (lerobot_bimanual, ("arms.py", "codec.py", "keyframes.py", "keypose.py", "geometry/*.py")),
+    (lerobot_env_bimanual, ("*.py", "expert/*.py", "motion/*.py", "props/*.py", "robots/*.py", "tasks/*.py")),
+)
+"""Modules of these packages that decide it, too."""
+
+
+def origin() -> dict[str, str]:
+    """Everything besides its job that the outcome of an episode depends on."""
+    versions = {name: version(name) for name in PACKAGES} | {"python": platform.python_version()}
+    digest = hashlib.sha256()
+    for package, patterns in SOURCES:
+        root = Path(str(package.__file__)).parent
+        for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
+            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return versions | {"source_sha256": digest.hexdigest()}
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Outcomes of one control.
+
+    Attributes:
+        control: who played.
+        discretise: voxels per axis to which the expert's keyposes were rounded, or 0.
+        replay: how its episodes were replayed.
+        split: split of the seeds.
+        seeds: the range a:b.
+        outcomes: of all episodes.
+    """
+
+    control: str
+    discretise: int
+    replay: str
+    split: str
+    seeds: str
+    outcomes: tuple[Outcome, ...]
+
+    @cached_property
+    def complaints(self) -> list[str]:
+        """Why this is not good enough; empty if it is."""
+        return complaints(self.control, self.discretise, self.outcomes)
+
+    def of(self, task: str, variation: int) -> list[Outcome]:
+        """The outcomes of one variation."""
+        return [
+            outcome for outcome in self.outcomes if (outcome.task, outcome.variation) == (task, variation)
+        ]
+
+    def write(self, path: Path) -> None:
+        """Write a JSON file with one episode per line."""
+        head = {
+            "control": self.control,
+            "discretise": self.discretise,
+            "replay": self.replay,
+            "split": self.split,
+            "seeds": self.seeds,
+            "origin": origin(),
+            "complaints": self.complaints,
+            "rates": [self._rate(*key) for key in rates(self.outcomes)],
+        }
+        episodes = ",\n  ".join(json.dumps(_compact(outcome)) for outcome in self.outcomes)
+        text = json.dumps(head, indent=1).removesuffix("\n}")
+        path.write_text(f'{text},\n "episodes": [\n  {episodes}\n ]\n}}\n')
+
+    def _rate(self, task: str, variation: int) -> dict[str, Any]:
+        outcomes = self.of(task, variation)
+        rate = rates(outcomes)[task, variation]
+        row = {"task": task, "variation": variation, **asdict(rate), "wilson_95": rate.interval}
+        solved = [outcome for outcome in outcomes if outcome.success]
+        if self.control == "expert" and solved:
+            evidence = [outcome.evidence for outcome in solved if outcome.evidence is not None]
+            row |= {
+                "median_s": median(outcome.ticks for outcome in solved) / CONTROL_HZ,
+                "longest_s": max(outcome.ticks for outcome in solved) / CONTROL_HZ,
+                "median_keyposes": median(len(outcome.keyposes) for outcome in solved),
+                "median_draws": median(outcome.draws for outcome in outcomes),
+                "line_fallbacks": sum(outcome.line_fallbacks for outcome in outcomes),
+                "worst_tip_error_mm": worst_tip_error_mm(solved),
+                "keyframes_found": sum(found.keyframes_found for found in evidence),
+                "replayed": sum(bool(found.replayed) for found in evidence),
+                "coupling": asdict(mean_coupling([found.coupling for found in evidence])),
+            }
+        return row
+
+    def print(self) -> None:
+        """Print a table, the failures of an expert, and the complaints."""
+        console = Console()
+        rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
+        table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
+        for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):
+            table.add_column(heading, justify="left" if heading == "task" else "right")
+        for (task, variation), rate in rates(self.outcomes).items():
+            outcomes = self.of(task, variation)
+            low, high = rate.interval
+            table.add_row(
+                task,
+                str(variation),
+                f"{rate.successes}/{rate.trials}",
+                f"{low:.1%} to {high:.1%}",
+                f"{median(outcome.ticks for outcome in outcomes) / CONTROL_HZ:.1f} s",
+                f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control == "expert" else "",
+            )
+        console.print(table)
+        for outcome in self.outcomes:
+            if self.control == "expert" and not outcome.success:
+                console.print(_failure(outcome), highlight=False, soft_wrap=True)
+        for complaint in self.complaints:
+            console.print(f"not good enough: {complaint}", style="red", highlight=False, soft_wrap=True)
+
+
+def worst_tip_error_mm(outcomes: list[Outcome]) -> float:
+    """Largest distance of a hand from its target at the end of a keypose, but the one at which the episode ended."""
+    errors = [max(report.tip_error_mm) for outcome in outcomes for report in outcome.keyposes[:-1]]
+    return max(errors, default=0.0)
+
+
+def _failure(outcome: Outcome) -> str:
+    unmet = ", ".join(outcome.unmet) or "none"
+    return (
+        f"{outcome.task} seed {outcome.seed} (variation {outcome.variation}): {outcome.failure}, at "
+        f"{outcome.last_move!r}; unmet: {unmet}"
+    )
+
+
+def _compact(outcome: Outcome) -> dict[str, Any]:
+    """An episode in a few hundred bytes: commanded poses are left out, for a replay from the seed gives them."""
+    fields = asdict(outcome)
+    reports, evidence = fields.pop("keyposes"), fields.pop("evidence")
+    fields["keyposes"] = [[report["name"], report["ticks"], *report["tip_error_mm"]] for report in reports]
+    if evidence is not None:
+        fields["keyframes_found"], fields["replayed"] = evidence["keyframes_found"], evidence["replayed"]
+    return fields

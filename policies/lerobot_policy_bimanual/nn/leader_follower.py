@@ -1,0 +1,86 @@
+"""Leader and follower: one network per arm, and the second knows what the first is going to do."""
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.codec_torch import DiscreteKeypose, KeyposeCodec
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, join_arms, one_arm
+
+KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
+"""Position, rotation, gripper flag and collision flag of one keypose (PerAct2 code)."""
+
+
+class LeaderFollower(nn.Module):
+    """Predicts the leader's keypose, and the follower's given the leader's.
+
+    The follower is told the leader's keypose as numbers from -1 to 1 that extend its proprioception: the label
+    where there is one (teacher forcing), otherwise the leader's most probable keypose. As only a choice of bins
+    passes between the networks, no gradient does.
+
+    Args:
+        make_network: Builds a network for one arm from the length of its proprioception. It is called as
+            `network(scene, proprio, language, target)` and returns a `KeyposePrediction` of one arm.
+        proprio_dim: Numbers of proprioception per arm, without the leader's keypose.
+        leader: The arm that decides first.
+        codec: The discretisation of keyposes.
+    """
+
+    def __init__(
+        self,
+        make_network: Callable[[int], nn.Module],
+        *,
+        proprio_dim: int,
+        leader: Arm,
+        codec: KeyposeCodec,
+    ):
+        super().__init__()
+        self.leading_arm = leader
+        self.codec = codec
+        self.leader = make_network(proprio_dim)
+        self.follower = make_network(proprio_dim + KEYPOSE_NUMBERS)
+
+    def forward(
+        self, scene: Any, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+    ) -> KeyposePrediction:
+        """Predict the next keypose of both arms.
+
+        Args:
+            scene: What both networks see, passed on as it is.
+            proprio: (b, 2 proprio_dim), left arm first.
+            language: (b, tokens, dim).
+            target: Label of both arms in training, moved by the same augmentation as the scene; None at
+                inference.
+
+        Returns:
+            Both arms, left first.
+        """
+        leading, following = self.leading_arm, self.leading_arm.other
+        bodies = dict(zip(ARMS, proprio.chunk(len(ARMS), dim=-1), strict=True))
+        targets = {arm: None if target is None else one_arm(target, arm) for arm in ARMS}
+        leader = self.leader(scene, bodies[leading], language, targets[leading])
+        plan = self._numbers(targets[leading] or leader.best())
+        follower = self.follower(
+            scene, torch.cat([bodies[following], plan], dim=-1), language, targets[following]
+        )
+        predictions = {leading: leader, following: follower}
+        return join_arms([predictions[arm] for arm in ARMS])
+
+    def _numbers(self, keypose: DiscreteKeypose) -> Tensor:
+        """One arm's bins (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.
+
+        The reference code gives the bare indices, up to 99, beside features of size one, and does not move them
+        with the augmented scene.
+        """
+        return torch.cat(
+            [
+                (2 * keypose.voxel + 1) / self.codec.voxels - 1,  # the voxel's centre within the workspace
+                2 * keypose.rotation / self.codec.rotation_bins - 1,  # the angle in half turns
+                2.0 * keypose.gripper_open[..., None] - 1,
+                2.0 * keypose.ignore_collisions[..., None] - 1,
+            ],
+            dim=-1,
+        )[:, 0]

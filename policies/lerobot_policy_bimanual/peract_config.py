@@ -1,0 +1,55 @@
+"""What the PerAct variants have in common in their configs."""
+
+from dataclasses import dataclass
+
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
+
+TRANSLATION_HEADS = ("dense", "factorised")
+PATCH = 5
+
+
+@dataclass
+class PerActConfig(KeyposePolicyConfig):
+    """Base config of the PerAct variants; the defaults are the paper's network.
+
+    `docs/policies.md` has the flags of a small one that trains in minutes on a laptop's CPU.
+
+    Args:
+        channels: Voxel feature channels.
+        token_dim: Width of the Perceiver's input tokens, half voxels and half proprioception.
+        num_latents: Perceiver latents per network, shared evenly by the arms that it predicts.
+        latent_dim: Width of the latents.
+        depth: Self-attention blocks per arm.
+        heads: Heads of the self-attentions.
+        feedforward_multiplier: Inner over outer width of the feed-forwards.
+        attention_dropout: Dropout of attention weights.
+        translation_head: "dense", the paper's softmax over all voxels, or "factorised", the same distribution
+            as patch times voxel in patch, several times cheaper.
+        activation_checkpointing: Recompute the dense head in the backward pass: less memory, more time.
+    """
+
+    channels: int = 64
+    token_dim: int = 128
+    num_latents: int = 2048
+    latent_dim: int = 512
+    depth: int = 6
+    heads: int = 8
+    feedforward_multiplier: int = 4
+    attention_dropout: float = 0.1
+    translation_head: str = "dense"
+    activation_checkpointing: bool = False
+
+    def __post_init__(self):
+        """Refuse sizes that do not fit together."""
+        super().__post_init__()
+        if self.translation_head not in TRANSLATION_HEADS:
+            raise InvalidChoice("translation_head", self.translation_head, TRANSLATION_HEADS)
+        self._require_multiple("voxel_size", PATCH, "a patch is five voxels wide")
+        self._require_multiple("token_dim", 2, "half of a token is proprioception")
+        self._require_multiple("latent_dim", self.heads, "the heads share the latent evenly")
+
+    def _require_multiple(self, option: str, divisor: int, why: str) -> None:
+        value = getattr(self, option)
+        if value < divisor or value % divisor:
+            raise ValueError(f"{option}={value} must be a multiple of {divisor}: {why}")

@@ -1,0 +1,1 @@
+"""Independent PerAct: one network per arm."""

@@ -1,0 +1,1 @@
+"""PerAct-LF: a leading and a following PerAct."""

@@ -1,0 +1,90 @@
+"""How pictures are laid out, and where they are taken from."""
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.pictures.layout import (
+    CAPTION_HEIGHT,
+    GAP,
+    GREEN,
+    PANEL_WIDTH,
+    Panel,
+    contact_sheet,
+    gallery,
+)
+from lerobot_env_bimanual.pictures.viewpoint import ZOOM, clearest_camera, close_up
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.box import Box
+from lerobot_env_bimanual.scene import Scene
+
+RED_RGB = (200, 10, 10)
+PITCH = np.array([300 + CAPTION_HEIGHT, PANEL_WIDTH]) + GAP
+"""Rows and columns from one panel of 3:4 to the next."""
+
+
+def red(**options) -> Panel:
+    return Panel(np.full((30, 40, 3), RED_RGB, dtype=np.uint8), "caption", **options)
+
+
+def red_rows_and_columns(image) -> tuple[np.ndarray, np.ndarray]:
+    is_red = (np.asarray(image) == RED_RGB).all(axis=-1)
+    return np.nonzero(is_red.any(axis=1))[0], np.nonzero(is_red.any(axis=0))[0]
+
+
+def test_a_gallery_fills_its_rows_and_centres_the_last() -> None:
+    image = gallery([red() for _ in range(4)], columns=3)
+    assert (image.height, image.width) == tuple(PITCH * (2, 3) + GAP)
+    _, columns = red_rows_and_columns(image.crop((0, PITCH[0], *image.size)))
+    assert columns.min() == GAP + PITCH[1]
+    assert len(columns) == PANEL_WIDTH
+
+
+def test_a_contact_sheet_starts_every_row_at_the_left_and_has_room_for_its_title() -> None:
+    panels = [red() for _ in range(4)]
+    sheet = contact_sheet("title", ["line", "line"], panels, columns=3)
+    header = sheet.height - gallery(panels, columns=3).height
+    rows, _ = red_rows_and_columns(sheet)
+    assert rows.min() == header + GAP
+    title = np.asarray(sheet)[:header]
+    assert (title < 100).any()
+    _, columns = red_rows_and_columns(sheet.crop((0, header + PITCH[0], *sheet.size)))
+    assert columns.min() == GAP
+
+
+def test_few_panels_make_a_narrow_sheet() -> None:
+    assert gallery([red(), red()]).width == 2 * PITCH[1] + GAP
+
+
+def test_text_stands_below_the_picture_and_color_frames_it() -> None:
+    plain, framed = (np.asarray(gallery([panel])) for panel in (red(), red(note="1 s", color=GREEN)))
+    assert (plain[GAP : GAP + 300, GAP : GAP + PANEL_WIDTH] == RED_RGB).all()
+    assert (plain[GAP + 300 :] < 100).any()
+    assert tuple(framed[GAP, GAP]) == GREEN
+    assert tuple(framed[GAP + 150, GAP + PANEL_WIDTH // 2]) == RED_RGB
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene([Block(), Box()])
+
+
+@pytest.mark.parametrize(("wall_y_m", "sees_from_front"), [(-0.12, False), (0.42, True)])
+def test_the_clearest_camera_is_one_that_the_moved_thing_is_not_hidden_from(scene, wall_y_m, sees_from_front):
+    states = []
+    for block_x_m in (0.24, 0.30):
+        scene.reset()
+        scene.place("box", Pose.upright((0.27, wall_y_m, 0.95)))
+        scene.place("item", Pose.upright((block_x_m, 0.15, 0.80)))
+        states.append(scene.save_state())
+    assert (clearest_camera(scene, states) == "front") == sees_from_front
+
+
+def test_a_close_up_shows_the_place_between_the_hands(scene) -> None:
+    scene.reset()
+    rows, columns = np.mgrid[:240, :320].astype(np.uint16)
+    crop = close_up(scene, "left_shoulder", np.stack([rows, columns, rows], axis=-1))
+    assert crop.shape == (round(240 / ZOOM), round(320 / ZOOM), 3)
+    # The hands are at home, high above the table: the close-up is the picture's upper part.
+    assert crop[..., 0].min() == 0
+    assert 0 < crop[..., 1].min() < crop[..., 1].max() < 319

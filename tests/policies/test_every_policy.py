@@ -1,0 +1,207 @@
+"""Every registered keypose policy keeps LeRobot's contract of a policy."""
+
+import copy
+import dataclasses
+
+import pytest
+import torch
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, depth_key
+from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
+
+
+def part(batch: dict, sample: int) -> dict:
+    return {key: value[sample : sample + 1] for key, value in batch.items()}
+
+
+def assert_equal_batches(a: dict, b: dict) -> None:
+    assert a.keys() == b.keys()
+    for key, value in a.items():
+        assert torch.equal(value, b[key]) if isinstance(value, torch.Tensor) else value == b[key]
+
+
+def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
+    registered = {
+        name
+        for name, config in PreTrainedConfig.get_known_choices().items()
+        if issubclass(config, KeyposePolicyConfig)
+    }
+    assert specimens.keys() == registered
+
+
+def test_lerobot_finds_the_policy_by_its_type(policy_type):
+    policy = get_policy_class(policy_type)
+    assert policy.name == policy_type
+    assert policy.config_class is PreTrainedConfig.get_choice_class(policy_type)
+
+
+def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
+    policy_class = get_policy_class(policy_type)
+    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
+    with torch.device("meta"):
+        policy = policy_class(config)
+    count = sum(
+        value.numel() for name, value in policy.named_parameters() if not name.startswith("language.")
+    )
+    assert count == specimens[policy_type].parameters
+
+
+@pytest.mark.parametrize("decode", ["voxel", "expectation"])
+def test_action_is_a_valid_keypose_of_both_arms(make_policy, make_batch, decode):
+    policy = make_policy(decode=decode)
+    with torch.inference_mode():
+        action = policy.select_action(make_batch(samples=3))
+    assert action.shape == (3, 18)
+    for vector in action.numpy():
+        keypose = BimanualKeypose.from_vector(vector)
+        for target in (keypose.left, keypose.right):
+            assert policy.config.workspace.contains(target.pose.position)
+
+
+def test_labels_and_recorded_actions_do_not_change_the_action(make_policy, make_batch):
+    policy = make_policy()
+    batch = make_batch()
+    observation = {key: value for key, value in batch.items() if key not in (NEXT_KEYPOSE, "action")}
+    action = policy.select_action(observation)
+    batch[NEXT_KEYPOSE] = batch[NEXT_KEYPOSE].flip(0)
+    assert torch.equal(policy.select_action(batch), action)
+    assert torch.equal(policy.predict_action_chunk(batch)[:, 0], action)
+
+
+def test_a_batch_gives_the_actions_of_its_samples(make_policy, make_batch):
+    policy = make_policy(decode="expectation").eval()
+    batch = make_batch(samples=3)
+    alone = torch.cat([policy.select_action(part(batch, sample)) for sample in range(3)])
+    torch.testing.assert_close(policy.select_action(batch), alone)
+    loss = policy(batch)[0]
+    losses = [policy(part(batch, sample))[0] for sample in range(3)]
+    torch.testing.assert_close(loss, torch.stack(losses).mean())
+
+
+def test_gradients_reach_every_parameter(make_policy, make_batch):
+    policy = make_policy().train()
+    policy(make_batch(samples=4))[0].backward()
+    for name, parameter in policy.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+        assert parameter.grad.any(), name
+
+
+def test_bfloat16_gives_nearly_the_same_loss(make_policy, make_batch):
+    full, half = make_policy().eval(), make_policy(dtype="bfloat16").eval()
+    half.load_state_dict(full.state_dict())
+    batch = make_batch()
+    loss = half(batch)[0]
+    assert loss.dtype == torch.float32
+    assert loss != full(batch)[0]
+    torch.testing.assert_close(loss, full(batch)[0], atol=0, rtol=0.02)
+
+
+def test_neither_training_nor_acting_changes_the_batch(make_policy, make_batch):
+    policy = make_policy()
+    batch = make_batch()
+    before = copy.deepcopy(batch)
+    policy.train()(batch)
+    policy.select_action(batch)
+    assert_equal_batches(batch, before)
+
+
+def test_policy_survives_saving_and_ignores_the_environments_action_space(make_policy, make_batch, tmp_path):
+    policy = make_policy().eval()
+    policy.save_pretrained(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"config.json", "model.safetensors"}
+    config = PreTrainedConfig.from_pretrained(tmp_path)
+    assert type(config) is type(policy.config)
+    config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
+    restored = type(policy).from_pretrained(tmp_path, config=config, strict=True)
+    batch = make_batch()
+    assert torch.equal(restored.select_action(batch), policy.select_action(batch))
+    assert torch.equal(restored(batch)[0], policy(batch)[0])
+
+
+@pytest.mark.parametrize("cameras", [("front",), ("right_wrist", "left_shoulder")])
+def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras):
+    policy = make_policy(cameras=cameras).eval()
+    batch = make_batch()
+    loss = policy(batch)[0]
+    for camera in CAMERA_NAMES:
+        if camera not in cameras:
+            del batch[depth_key(camera)]
+    assert torch.equal(policy(batch)[0], loss)
+
+
+def test_the_order_of_the_points_does_not_matter(make_policy, make_batch):
+    policy = make_policy().eval()
+    batch = make_batch()
+    observation = policy._observe(batch, None)
+    order = torch.randperm(observation.points.shape[2])
+    shuffled = dataclasses.replace(
+        observation, points=observation.points[..., order], colours=observation.colours[..., order]
+    )
+    target = policy._target(batch[NEXT_KEYPOSE])
+    one, other = policy.predict(observation, target), policy.predict(shuffled, target)
+    torch.testing.assert_close(other.rotation, one.rotation, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(
+        other.translation.cross_entropy(target.voxel),
+        one.translation.cross_entropy(target.voxel),
+        atol=1e-4,
+        rtol=1e-4,
+    )
+
+
+def test_evaluation_loss_is_not_augmented_and_the_training_loss_is(make_policy, make_batch):
+    policy = make_policy()
+    batch = make_batch()
+    assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
+    assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
+
+
+def test_processors_leave_observations_alone_and_survive_saving(policy_type, make_batch, tmp_path):
+    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
+    config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
+    pre, post = make_pre_post_processors(config)
+    pre.save_pretrained(tmp_path)
+    post.save_pretrained(tmp_path)
+    batch, keypose = make_batch(), torch.rand(2, 18)
+    for preprocess, postprocess in (
+        (pre, post),
+        make_pre_post_processors(config, pretrained_path=str(tmp_path)),
+    ):
+        processed = preprocess(dict(batch))
+        assert_equal_batches({key: processed[key] for key in batch}, batch)
+        assert torch.equal(postprocess(keypose), keypose)
+
+
+@pytest.mark.slow
+def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
+    policy = make_policy(augmentation=False).train()
+    batch = make_batch(samples=4)
+    optimizer = torch.optim.AdamW(policy.get_optim_params(), lr=5e-3)
+    for _ in range(200):
+        loss, _ = policy(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(policy.parameters(), 5.0)
+        optimizer.step()
+        if loss < 0.05:
+            break
+    assert loss < 0.05
+    predicted, truth = (
+        policy.codec.encode(policy.select_action(batch)),
+        policy.codec.encode(batch[NEXT_KEYPOSE]),
+    )
+    assert (predicted.voxel - truth.voxel).abs().max() <= 1
+    turn = (predicted.rotation - truth.rotation).abs() % 72
+    assert torch.minimum(turn, 72 - turn).max() <= 1
+    assert torch.equal(predicted.gripper_open, truth.gripper_open)
+    assert torch.equal(predicted.ignore_collisions, truth.ignore_collisions)
+
+
+@pytest.mark.slow
+def test_compiling_does_not_change_the_names_in_the_checkpoint(make_policy):
+    plain, compiled = (make_policy(compile=flag) for flag in (False, True))
+    assert plain.state_dict().keys() == compiled.state_dict().keys()

@@ -1,0 +1,173 @@
+"""The follower is told what the leader is going to do; independent arms are told nothing."""
+
+import pytest
+import torch
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.dataset.schema import GRIPPER_FINGERS, NEXT_KEYPOSE
+from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+from lerobot_policy_bimanual.nn.leader_follower import LeaderFollower
+from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
+    PerActIndependentConfig,
+)
+from lerobot_policy_bimanual.peract_independent.modeling_peract_independent import PerActIndependentPolicy
+
+SHIFT_M = 0.05
+
+
+@pytest.fixture(params=ARMS)
+def leader(request):
+    return request.param
+
+
+@pytest.fixture
+def policy(make_leader_follower, leader):
+    return make_leader_follower(leader=str(leader), augmentation=False)
+
+
+def parts(policy: KeyposePolicy) -> LeaderFollower:
+    (network,) = [module for module in policy.modules() if isinstance(module, LeaderFollower)]
+    return network
+
+
+def spy(policy: KeyposePolicy) -> dict[str, torch.Tensor]:
+    """The proprioception that each network was last called with."""
+    seen = {}
+    for name in ("leader", "follower"):
+        network = getattr(parts(policy), name)
+        network.register_forward_pre_hook(lambda _, inputs, name=name: seen.update({name: inputs[1]}))
+    return seen
+
+
+def numbers(policy: KeyposePolicy, bins: DiscreteKeypose, arm) -> torch.Tensor:
+    """What the follower should be told of an arm's bins: where in the workspace, which angles, which flags."""
+    position = policy.codec.decode(bins).view(-1, 2, 9)[:, arm.ordinal, :3]
+    lower, upper = torch.tensor(policy.config.workspace_lower), torch.tensor(policy.config.workspace_upper)
+    angles_deg = bins.rotation[:, arm.ordinal] * policy.config.rotation_bin_deg - 180
+    flags = torch.stack([bins.gripper_open, bins.ignore_collisions], dim=-1)[:, arm.ordinal]
+    return torch.cat([2 * (position - lower) / (upper - lower) - 1, angles_deg / 180, 2 * flags - 1], dim=-1)
+
+
+def test_in_training_the_follower_is_told_the_label_of_the_leader(policy, leader, make_batch):
+    seen, batch = spy(policy), make_batch(samples=4)
+    policy.train()(batch)
+    assert seen["follower"].shape == (4, 4 + 8)
+    label = policy.codec.encode(batch[NEXT_KEYPOSE])
+    torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
+    assert seen["follower"][:, 4:].abs().max() <= 1
+
+
+def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, leader, make_batch):
+    seen, batch = spy(policy), make_batch(samples=4)
+    best = policy.predict(policy._observe(batch, None), None).best()
+    torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, best, leader))
+    assert torch.equal(policy.select_action(batch), policy.codec.decode(best))
+
+
+def test_each_network_gets_the_proprioception_of_its_arm(policy, leader, make_batch):
+    seen, batch = spy(policy), make_batch(samples=1)
+    batch[GRIPPER_FINGERS] = torch.tensor([[0.01, 0.02, 0.03, 0.04]])
+    policy.select_action(batch)
+    fingers = {arm: seen[name][:, 1:3] for arm, name in ((leader, "leader"), (leader.other, "follower"))}
+    torch.testing.assert_close(
+        torch.cat([fingers[arm] for arm in ARMS]), torch.tensor([[0.25, 0.5], [0.75, 1]])
+    )
+
+
+def test_predictions_come_left_arm_first(policy, leader, make_batch):
+    network, outputs = parts(policy), {}
+    network.leader.register_forward_hook(lambda _, inputs, output: outputs.update({leader: output}))
+    network.follower.register_forward_hook(lambda _, inputs, output: outputs.update({leader.other: output}))
+    prediction = policy.predict(policy._observe(make_batch(), None), None)
+    for arm in ARMS:
+        one = slice(arm.ordinal, arm.ordinal + 1)
+        assert torch.equal(prediction.rotation[:, one], outputs[arm].rotation)
+        assert torch.equal(prediction.gripper_open[:, one], outputs[arm].gripper_open)
+        assert torch.equal(prediction.ignore_collisions[:, one], outputs[arm].ignore_collisions)
+        assert torch.equal(prediction.best().voxel[:, one], outputs[arm].best().voxel)
+
+
+def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leader, make_batch):
+    policy.eval()
+    batch = make_batch()
+    observation, bins = policy._observe(batch, None), policy._target(batch[NEXT_KEYPOSE])
+
+    def turned(arm) -> DiscreteKeypose:
+        rotation = bins.rotation.clone()
+        rotation[:, arm.ordinal] = (rotation[:, arm.ordinal] + 20) % policy.codec.rotation_bins
+        return DiscreteKeypose(bins.voxel, rotation, bins.gripper_open, bins.ignore_collisions)
+
+    before = policy.predict(observation, bins).rotation
+    after = policy.predict(observation, turned(leader)).rotation
+    assert torch.equal(after[:, leader.ordinal], before[:, leader.ordinal])
+    assert not torch.allclose(after[:, leader.other.ordinal], before[:, leader.other.ordinal])
+    assert torch.equal(policy.predict(observation, turned(leader.other)).rotation, before)
+
+
+def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch):
+    batch = make_batch()
+    target = policy._target(batch[NEXT_KEYPOSE])
+    prediction = policy.predict(policy._observe(batch, None), target)
+    follower = leader.other.ordinal
+    loss = prediction.translation.cross_entropy(target.voxel)[:, follower].sum()
+    (loss + prediction.rotation[:, follower].logsumexp(-1).sum()).backward()
+    network = parts(policy)
+    assert all(value.grad is None or not value.grad.any() for value in network.leader.parameters())
+    assert any(value.grad is not None and value.grad.any() for value in network.follower.parameters())
+
+
+def test_what_the_follower_is_told_moves_with_the_augmented_scene(make_leader_follower, leader, make_batch):
+    policy = make_leader_follower(leader=str(leader), augmentation=True).train()
+    shift = torch.tensor([SHIFT_M, -SHIFT_M, SHIFT_M])
+    motion = torch.eye(4).repeat(2, 1, 1)
+    motion[:, :3, 3] = shift
+    policy.augmentation = type("Fixed", (), {"sample": staticmethod(lambda keyposes: motion)})()
+    seen, batch = spy(policy), make_batch()
+    policy(batch)
+    moved = batch[NEXT_KEYPOSE].view(-1, 2, 9).clone()
+    moved[..., :3] += shift
+    label = policy.codec.encode(moved.flatten(1))
+    torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
+
+
+def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch):
+    policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny, translation_head="factorised")).eval()
+    batch = make_batch()
+    target = policy._target(batch[NEXT_KEYPOSE])
+    before = policy.predict(policy._observe(batch, None), target)
+    batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
+    other = DiscreteKeypose(
+        *(torch.stack([value[:, 0], value[:, 1].flip(0)], dim=1) for value in vars(target).values())
+    )
+    after = policy.predict(policy._observe(batch, None), other)
+    assert torch.equal(after.rotation[:, 0], before.rotation[:, 0])
+    assert not torch.allclose(after.rotation[:, 1], before.rotation[:, 1])
+    assert torch.equal(
+        after.translation.cross_entropy(other.voxel)[:, 0],
+        before.translation.cross_entropy(target.voxel)[:, 0],
+    )
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_one_arm_networks_equal_the_written_out_formulation(written_out, tiny, make_batch, samples):
+    policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny)).eval()
+    batch = make_batch(samples=samples)
+    seen = []
+    policy.network.register_forward_pre_hook(lambda _, inputs: seen.append(inputs))
+    prediction = policy.predict(policy._observe(batch, None), None)
+    grid, proprio, language, _ = seen[0]
+    for arm, network in zip(ARMS, policy.network.arms, strict=True):
+        own = proprio[:, 4 * arm.ordinal : 4 * arm.ordinal + 4]
+        translation, pose = written_out.network(
+            dict(network.named_parameters()), grid, own, language, arms=1, heads=tiny["heads"]
+        )
+        torch.testing.assert_close(
+            prediction.translation.cross_entropy(torch.full((samples, 2, 3), 4))[:, arm.ordinal],
+            -translation[:, 0].flatten(1).log_softmax(-1)[:, 444],
+            atol=1e-4,
+            rtol=1e-4,
+        )
+        torch.testing.assert_close(
+            prediction.rotation[:, arm.ordinal].flatten(1), pose[:, 0, :-4], atol=1e-4, rtol=1e-4
+        )
