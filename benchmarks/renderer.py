@@ -1,0 +1,214 @@
+"""RVT's renderer and decoder against their written-out formulations, and how long every keypose policy thinks.
+
+The written-out renderer paints all points from far to near; the written-out decoder gathers the five heatmaps at
+every voxel of the lattice; the written-out upsampling convolves the upsampled map. Each figure comes from a
+process of its own, one after the other, so that peak memory means something; times are the least CPU time of
+several calls. Prints two tables and, as the last line, the same figures as JSON.
+
+    python benchmarks/renderer.py               # about three CPU minutes
+    python benchmarks/renderer.py --full_size   # also select_action at default sizes, about a minute more
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, cast
+
+import draccus
+import numpy as np
+import torch
+import torch.nn.functional as F  # noqa: N812
+from lerobot.configs import PreTrainedConfig
+from lerobot.policies.factory import get_policy_class
+from rich.console import Console
+from rich.table import Table
+
+import lerobot_policy_bimanual as _registers  # noqa: F401
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
+from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
+from lerobot_policy_bimanual.nn.point_renderer import render_views
+from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.nn.rvt_layers import UpsampledConv2d
+from lerobot_policy_bimanual.nn.rvt_views import COLUMNS, DEPTHS, ROWS, pixels_of_voxels
+
+SIZE = 220
+RADIUS = 0.012
+
+
+def random_cloud(image_size: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """As many points as five cameras give, three quarters of them in the workspace."""
+    points = 1.1 * torch.rand(1, 3, 5 * image_size**2) + torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
+    return points, 2 * torch.rand_like(points) - 1
+
+
+def paint(points: torch.Tensor, colours: torch.Tensor) -> torch.Tensor:
+    """The xyz and RGB channels of all views, each point painted over those behind it."""
+    scaled = (points[0] - torch.tensor(VOXEL_WORKSPACE.lower)[:, None]) * SIZE
+    inside = ((scaled >= 0) & (scaled < SIZE)).all(dim=0)
+    scaled, colour = scaled[:, inside], colours[0, :, inside] / 2 + 0.5
+    content = torch.cat([scaled * (2 / SIZE) - 1, colour]).T
+    cell = scaled.long()
+    cells, depths = torch.cat([cell, SIZE - 1 - cell]), torch.cat([scaled, SIZE - scaled])
+    step = torch.arange(-1, 2)
+    disc = torch.cartesian_prod(step, step)
+    disc = disc[disc.pow(2).sum(1) <= (RADIUS * SIZE / 2) ** 2]
+    images = torch.zeros(5, SIZE, SIZE, 6)
+    for image, row, column, depth in zip(images, ROWS, COLUMNS, DEPTHS, strict=True):
+        order = depths[depth].argsort(descending=True)
+        rows = cells[row, order, None] + disc[:, 0]
+        columns = cells[column, order, None] + disc[:, 1]
+        on = (rows >= 0) & (rows < SIZE) & (columns >= 0) & (columns < SIZE)
+        image[rows[on], columns[on]] = content[order][:, None].expand(-1, len(disc), -1)[on]
+    return images.permute(0, 3, 1, 2)
+
+
+def score_lattice(logits: torch.Tensor) -> torch.Tensor:
+    """The best voxel (3,) of heatmaps (1, 1, views, v, v), from the score of every one."""
+    heat = logits[0, 0].flatten(1).softmax(1).view(5, SIZE, SIZE)
+    axis = torch.arange(SIZE)
+    score = torch.zeros(SIZE, SIZE, SIZE)
+    for x in range(SIZE):  # all of the lattice's indices at once would be a gigabyte
+        voxel = torch.cartesian_prod(torch.tensor([x]), axis, axis)
+        rows, columns = pixels_of_voxels(voxel, SIZE)
+        score[x] = heat[torch.arange(5), rows, columns].mean(1).view(SIZE, SIZE)
+    best = score.argmax()
+    return torch.stack([best // SIZE**2, best // SIZE % SIZE, best % SIZE])
+
+
+def make_job(name: str) -> Callable[[], object]:
+    """One of the jobs of `PAIRS`, or its written-out formulation, on the paper's sizes."""
+    part, _, variant = name.partition(":")
+    if part == "upsample":
+        layer, x = UpsampledConv2d(64, 64, 11), torch.randn(5, 64, 20, 20)
+
+        def convolve() -> torch.Tensor:
+            fine = F.interpolate(x, scale_factor=11, mode="bilinear", align_corners=False)
+            return F.conv2d(F.pad(fine, (5,) * 4, mode="replicate"), layer.conv.weight, layer.conv.bias)
+
+        return convolve if variant else lambda: layer(x)
+    if part == "decode":
+        logits = 4 * torch.randn(1, 1, 5, SIZE, SIZE)
+        decoder = HeatmapTranslation(logits, 1.5)
+        return (lambda: score_lattice(logits)) if variant else (lambda: decoder.candidates().best())
+    cloud = random_cloud(int(part.removeprefix("render")))
+    if variant:
+        return lambda: paint(*cloud)
+    return lambda: render_views(*cloud, workspace=VOXEL_WORKSPACE, size=SIZE, radius=RADIUS)
+
+
+PAIRS = {
+    "render128": "five views of 5 x 128 x 128 points",
+    "render256": "five views of 5 x 256 x 256 points",
+    "decode": "best of 220^3 voxels",
+    "upsample": "upsampling by 11 and 11 x 11 convolution",
+}
+
+
+def observation(image_size: int) -> dict[str, Any]:
+    """What a policy sees when it acts: five cameras looking down on noise."""
+    batch: dict[str, Any] = {"task": ["lift the ball"]}
+    for camera in CAMERA_NAMES:
+        batch[schema.image_key(camera)] = torch.rand(1, 3, image_size, image_size)
+        batch[schema.depth_key(camera)] = 500 + 1500 * torch.rand(1, 1, image_size, image_size)
+    pose = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
+    batch[schema.CAMERA_EXTRINSICS] = pose.repeat(1, 5, 1, 1).flatten(1)
+    intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, image_size, image_size)).float()
+    batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(1, 5, 1, 1).flatten(1)
+    batch[schema.STATE] = torch.rand(1, 16)
+    batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(1, 4)
+    batch[schema.KEYPOSE_STEP] = torch.zeros(1, 1)
+    return batch
+
+
+def make_act(name: str) -> Callable[[], object]:
+    """One select_action, of "act:<policy>:<size>"."""
+    _, policy_type, size = name.split(":")
+    flags = SMALL_FLAGS[cast(PolicyName, policy_type)] if size == "small" else {}
+    config = draccus.parse(
+        PreTrainedConfig.get_choice_class(policy_type),
+        args=["--device=cpu", *(f"--{option}={value}" for option, value in flags.items())],
+    )
+    policy: Any = get_policy_class(policy_type)(config)
+    batch = observation(128)
+    return lambda: policy.select_action(batch)
+
+
+def child(options: argparse.Namespace) -> None:
+    """Measure one job in this process and print it as JSON."""
+    torch.set_num_threads(options.threads)
+    torch.manual_seed(0)
+    job = make_act(options.child) if options.child.startswith("act:") else make_job(options.child)
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    cpu_s = []
+    with torch.no_grad():
+        for _ in range(options.repeats):
+            start = time.process_time()
+            job()
+            cpu_s.append(time.process_time() - start)
+    peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    sys.stdout.write(json.dumps({"cpu_s": min(cpu_s), "peak_gb": (peak_kb - before_kb) / 2**20}) + "\n")
+
+
+def measure(job: str, threads: int, repeats: int) -> dict[str, float]:
+    """Run a job in a process of its own."""
+    flags = [f"--child={job}", f"--threads={threads}", f"--repeats={repeats}"]
+    command = [sys.executable, __file__, *flags]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return json.loads(output.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--full_size", action="store_true", help="also act with every policy's defaults")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--repeats", type=int, default=8, help="calls per figure; written-out ones get two")
+    parser.add_argument("--child", default="", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.child:
+        child(options)
+        return
+
+    figures: dict[str, Any] = {"threads": options.threads, "torch": torch.__version__}
+    table = Table(
+        "job",
+        "ours ms",
+        "written out ms",
+        "faster",
+        "ours GB",
+        "written out GB",
+        title="RVT, batch 1, CPU time",
+    )
+    for job, title in PAIRS.items():
+        ours = measure(job, options.threads, options.repeats)
+        plain = measure(f"{job}:written_out", options.threads, 2)
+        figures[job] = {"ours": ours, "written_out": plain}
+        times = [f"{1e3 * ours['cpu_s']:.1f}", f"{1e3 * plain['cpu_s']:.0f}"]
+        ratio = f"{plain['cpu_s'] / ours['cpu_s']:.1f} x"
+        table.add_row(title, *times, ratio, f"{ours['peak_gb']:.2f}", f"{plain['peak_gb']:.2f}")
+    Console().print(table)
+
+    sizes = ("small", "default") if options.full_size else ("small",)
+    table = Table(
+        "policy", *(f"{size} s" for size in sizes), title="select_action, five 128 px cameras, CPU time"
+    )
+    for policy, config in PreTrainedConfig.get_known_choices().items():
+        if issubclass(config, KeyposePolicyConfig):
+            rows = [
+                measure(f"act:{policy}:{size}", options.threads, options.repeats if size == "small" else 1)
+                for size in sizes
+            ]
+            figures[policy] = dict(zip(sizes, rows, strict=True))
+            table.add_row(policy, *(f"{row['cpu_s']:.3f}" for row in rows))
+    Console().print(table)
+    print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()

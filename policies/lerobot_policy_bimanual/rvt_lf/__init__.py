@@ -1,0 +1,1 @@
+"""RVT-LF: a leader and a follower, each a Robotic View Transformer."""

@@ -1,0 +1,171 @@
+"""Rendered views show the cloud from five sides."""
+
+import pytest
+import torch
+
+from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.geometry.workspace import Workspace
+from lerobot_policy_bimanual.nn.point_renderer import render_views
+from lerobot_policy_bimanual.nn.rvt_views import VIEWS, pixels_of_voxels
+
+BOX = Workspace((-0.3, -0.5, 0.6), (0.7, 0.5, 1.2))
+"""Not a cube, so that mistaken axes show."""
+
+NAMES = ["top", "front", "back", "left", "right"]
+
+
+def cloud(samples: int, points: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Random points in and around the box."""
+    unit = 1.4 * torch.rand(samples, 3, points) - 0.2
+    positions = torch.tensor(BOX.lower)[:, None] + unit * torch.tensor(BOX.size).float()[:, None]
+    return positions, 2 * torch.rand(samples, 3, points) - 1
+
+
+def render(points: torch.Tensor, colours: torch.Tensor, size: int = 12, radius: float = 0.0) -> torch.Tensor:
+    return render_views(points, colours, workspace=BOX, size=size, radius=radius)
+
+
+def at(*unit: float) -> torch.Tensor:
+    """The point at these fractions of the box's edges, (3, 1)."""
+    return (torch.tensor(BOX.lower) + torch.tensor(unit) * torch.tensor(BOX.size).float())[:, None]
+
+
+def look(view: str, x: float, y: float, z: float, far: float) -> tuple[float, float, float]:
+    """Row, column and depth of a point in each view, spelled out; `far` is what is opposite to 0."""
+    return {
+        "top": (far - x, far - y, far - z),
+        "front": (far - z, y, far - x),
+        "back": (far - z, far - y, x),
+        "left": (far - z, far - x, far - y),
+        "right": (far - z, x, y),
+    }[view]
+
+
+def written_out(points: torch.Tensor, colours: torch.Tensor, size: int, radius: float) -> torch.Tensor:
+    """One sample, point by point and pixel by pixel."""
+    images = torch.zeros(5, 10, size, size)
+    lower, edges = torch.tensor(BOX.lower), torch.tensor(BOX.size).float()
+    steps = torch.linspace(-1, 1, size).tolist()
+    for number, view in enumerate(NAMES):
+        buffer = {}
+        for point, colour in zip(points.T, colours.T, strict=True):
+            unit = (point - lower) / edges
+            if not ((unit >= 0) & (unit < 1)).all():
+                continue
+            cell = (unit * size).long().tolist()
+            row, column, _ = look(view, *cell, far=size - 1)
+            depth = look(view, *(2 * unit - 1).tolist(), far=0)[2]
+            for r in range(size):
+                for c in range(size):
+                    near_enough = (r - row) ** 2 + (c - column) ** 2 <= (radius * size / 2) ** 2
+                    if near_enough and depth < buffer.get((r, c), (9.0,))[0]:
+                        buffer[r, c] = (depth, [*(2 * unit - 1).tolist(), *((colour + 1) / 2).tolist()])
+        mean = sum(depth for depth, _ in buffer.values()) / len(buffer)
+        for r in range(size):
+            for c in range(size):
+                depth, content = buffer.get((r, c), (None, [0.0] * 6))
+                images[number, :6, r, c] = torch.tensor(content)
+                images[number, 6, r, c] = -1 if depth is None else depth - mean
+                images[number, 7:, r, c] = torch.tensor([number / 2 - 1, steps[r], steps[c]])
+    return images
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.22, 0.5])
+def test_images_equal_a_loop_over_points_and_pixels(radius):
+    points, colours = cloud(2, 60)
+    points[0, 1, 7] = torch.nan
+    expected = [written_out(*sample, 12, radius) for sample in zip(points, colours, strict=True)]
+    torch.testing.assert_close(render(points, colours, radius=radius), torch.stack(expected))
+
+
+def test_the_views_come_in_the_order_of_the_reference():
+    assert [view.name for view in VIEWS] == NAMES
+
+
+@pytest.mark.parametrize(
+    ("marker", "pixels"),
+    [
+        ((0.99, 0.99, 0.99), [(0, 0), (0, 11), (0, 0), (0, 0), (0, 11)]),
+        ((0.01, 0.99, 0.99), [(11, 0), (0, 11), (0, 0), (0, 11), (0, 0)]),
+        ((0.99, 0.01, 0.01), [(0, 11), (11, 0), (11, 11), (11, 0), (11, 11)]),
+    ],
+)
+def test_a_marker_in_a_corner_appears_where_each_view_should_have_it(marker, pixels):
+    images = render(at(*marker)[None], torch.tensor([[[1.0], [-1.0], [0.0]]]))
+    for image, pixel in zip(images[0], pixels, strict=True):
+        assert image[3].nonzero().tolist() == [list(pixel)]
+        assert image[3:6, *pixel].tolist() == [1.0, 0.0, 0.5]
+
+
+def test_of_two_points_behind_each_other_each_view_shows_the_nearer_one():
+    points = torch.cat([at(0.9, 0.5, 0.5), at(0.1, 0.5, 0.5)], dim=1)[None]
+    colours = torch.tensor([[[1.0, -1.0]] * 3])
+    front, back = render(points, colours)[0, [1, 2], 3]
+    assert front.max() == 1
+    assert back.max() == 0
+    nearest = render(points, colours)[0, [1, 2], 0]
+    assert nearest[0].max() == pytest.approx(0.8, abs=1e-5)
+    assert nearest[1].min() == pytest.approx(-0.8, abs=1e-5)
+
+
+@pytest.mark.parametrize("ties", [False, True])
+def test_the_order_of_the_points_does_not_matter(ties):
+    points, colours = cloud(2, 2000)
+    if ties:  # every coordinate has only four values, so most points hide others that are equally deep
+        points = torch.tensor(BOX.lower)[:, None] + torch.randint(0, 4, points.shape) / 4 + 0.01
+    order = torch.randperm(points.shape[2])
+    assert torch.equal(
+        render(points[..., order], colours[..., order], radius=0.2), render(points, colours, radius=0.2)
+    )
+
+
+def test_points_that_are_missing_or_outside_leave_no_trace():
+    points, colours = cloud(1, 50)
+    outside = torch.cat([at(1.0, 0.5, 0.5), at(0.5, -0.01, 0.5), at(0.5, 0.5, 1.2)], dim=1)
+    lost = torch.full((3, 2), torch.nan)
+    lost[0] = torch.inf
+    more = torch.cat([points, outside[None], lost[None]], dim=2)
+    images = render(more, torch.cat([colours, torch.ones(1, 3, 5)], dim=2), radius=0.2)
+    assert torch.equal(images, render(points, colours, radius=0.2))
+
+
+def test_an_empty_workspace_gives_finite_images():
+    images = render(torch.full((1, 3, 4), torch.nan), torch.zeros(1, 3, 4))
+    assert not images[:, :, :6].any()
+    assert (images[:, :, 6] == -1).all()
+
+
+def test_a_batch_gives_the_images_of_its_samples():
+    points, colours = cloud(3, 400)
+    alone = [render(points[i : i + 1], colours[i : i + 1], radius=0.2) for i in range(3)]
+    assert torch.equal(render(points, colours, radius=0.2), torch.cat(alone))
+
+
+def test_a_point_of_the_papers_size_covers_a_pixel_and_its_four_neighbours():
+    images = render(at(0.5, 0.5, 0.5)[None], torch.ones(1, 3, 1), size=220, radius=0.012)
+    assert images[0, :, 3].sum((1, 2)).tolist() == [5.0] * 5
+    assert images[0, :, 3, 0].sum() == 0
+
+
+def test_a_point_on_the_border_stays_there():
+    images = render(at(0.0, 0.0, 0.0)[None], torch.ones(1, 3, 1), radius=0.2)
+    assert images[0, :, 3].sum((1, 2)).tolist() == [3.0] * 5
+
+
+def test_a_points_voxel_is_in_the_pixel_that_shows_it():
+    points, colours = cloud(1, 500)
+    images = render(points, colours)[0]
+    codec = KeyposeCodec(BOX, 12, 5.0)
+    keyposes = torch.zeros(500, 18)
+    keyposes[:, :3] = points[0].T
+    keyposes[:, 3] = keyposes[:, 12] = 1
+    voxel = codec.encode(keyposes).voxel[:, 0]
+    inside = ((voxel >= 0) & (voxel < 12)).all(dim=1)
+    rows, columns = pixels_of_voxels(voxel[inside], 12)
+    shown = images[torch.arange(5), :3, rows, columns]  # (points, views, xyz)
+    true = 2 * (points[0].T[inside] - torch.tensor(BOX.lower)) / torch.tensor(BOX.size).float() - 1
+    assert ((shown - true[:, None]).abs().amax(dim=2) < 1e-5).any(dim=1).sum() > 100
+    planes = torch.tensor([[0, 1], [1, 2], [1, 2], [0, 2], [0, 2]])  # the axes that each view sees
+    for view in range(5):
+        distance = (shown[:, view, planes[view]] - true[:, planes[view]]).abs()
+        assert distance.max() < 2 / 12

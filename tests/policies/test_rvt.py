@@ -1,0 +1,324 @@
+"""RVT computes the written-out formulation, faster, and decodes what it was trained towards."""
+
+import itertools
+
+import pytest
+import torch
+import torch.nn.functional as F  # noqa: N812
+
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_policy_bimanual import RVTLFConfig
+from lerobot_policy_bimanual.nn.rvt import RVTNetwork
+from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation, best_voxel
+from lerobot_policy_bimanual.nn.rvt_layers import SkipConv2d, UpsampledConv2d
+from lerobot_policy_bimanual.nn.rvt_views import VIEWS, pixels_of_voxels, sum_over_views
+from lerobot_policy_bimanual.rvt_lf.modeling_rvt_lf import make_network
+
+BINS = 72
+HEADS = 2
+
+
+def tiny_network() -> RVTNetwork:
+    network = RVTNetwork(
+        size=9,
+        patch=3,
+        channels=4,
+        token_dim=8,
+        attention_dim=12,
+        depth=4,
+        heads=HEADS,
+        feedforward_multiplier=2,
+        attention_dropout=0.0,
+        proprio_dim=4,
+        language_dim=6,
+        rotation_bins=BINS,
+        heatmap_sigma_px=1.5,
+    ).double()
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)  # biases and norms too, so that none is invisible
+    return network
+
+
+def make_inputs(samples: int = 2) -> tuple[torch.Tensor, ...]:
+    return (
+        torch.randn(samples, 5, 10, 9, 9, dtype=torch.float64),
+        torch.randn(samples, 4, dtype=torch.float64),
+        torch.randn(samples, 3, 6, dtype=torch.float64),
+    )
+
+
+def leaky(x):
+    return F.leaky_relu(x, 0.02)
+
+
+def conv(x, weight, bias):
+    return F.conv2d(F.pad(x, (weight.shape[-1] // 2,) * 4, mode="replicate"), weight, bias)
+
+
+def upsampled_conv(x, weight, bias):
+    fine = F.interpolate(x, scale_factor=weight.shape[-1], mode="bilinear", align_corners=False)
+    return conv(fine, weight, bias)
+
+
+def block(p, name, x):
+    """Attention with the softmax spelled out, then the gated feed-forward."""
+    normed = F.layer_norm(
+        x, x.shape[-1:], p[f"{name}.attention.norm.weight"], p[f"{name}.attention.norm.bias"]
+    )
+    q = normed @ p[f"{name}.attention.query.weight"].T
+    k, v = (normed @ p[f"{name}.attention.key_value.weight"].T).chunk(2, dim=-1)
+    parts = []
+    for q_head, k_head, v_head in zip(*(t.chunk(HEADS, dim=-1) for t in (q, k, v)), strict=True):
+        scores = q_head @ k_head.transpose(1, 2) / q_head.shape[-1] ** 0.5
+        parts.append(scores.softmax(-1) @ v_head)
+    out = torch.cat(parts, dim=-1)
+    x = x + F.linear(out, p[f"{name}.attention.out.weight"], p[f"{name}.attention.out.bias"])
+    normed = F.layer_norm(
+        x, x.shape[-1:], p[f"{name}.feed_forward.norm.weight"], p[f"{name}.feed_forward.norm.bias"]
+    )
+    widened = F.linear(normed, p[f"{name}.feed_forward.widen.weight"], p[f"{name}.feed_forward.widen.bias"])
+    value, gate = widened.chunk(2, dim=-1)
+    narrow = F.linear(
+        value * F.gelu(gate), p[f"{name}.feed_forward.narrow.weight"], p[f"{name}.feed_forward.narrow.bias"]
+    )
+    return x + narrow
+
+
+def written_out(p, views, proprio, language):
+    """Logits (b, 5, 9, 9) and pose (b, outputs), one view after the other, with nothing split or shared."""
+
+    def linear(name, x):
+        return F.linear(x, p[f"{name}.weight"], p[f"{name}.bias"])
+
+    def norm(name, x):
+        return F.group_norm(x, 4, p[f"{name}.norm.weight"], p[f"{name}.norm.bias"])
+
+    body = leaky(norm("proprio", linear("proprio.linear", proprio)))
+    words = torch.stack(
+        [leaky(norm("language", linear("language.linear", word))) for word in language.unbind(1)], dim=1
+    )
+    stems, images = [], []
+    for number, view in enumerate(views.unbind(1)):
+        stem = leaky(conv(view, p["stem.weight"], p["stem.bias"]))
+        patches = F.conv2d(stem, p["patchify.conv.weight"], p["patchify.conv.bias"], stride=3)
+        patches = leaky(norm("patchify", patches))  # (b, 4, 3, 3)
+        joined = torch.cat([patches, body[:, :, None, None].expand_as(patches)], dim=1).flatten(2)
+        tokens = joined.transpose(1, 2) + p["positions"][9 * number : 9 * number + 9]
+        tokens = linear("widen", tokens)
+        for layer in range(2):
+            tokens = block(p, f"within_views.{layer}", tokens)
+        stems.append(stem)
+        images.append(tokens)
+    tokens = torch.cat([linear("widen", words), *images], dim=1)
+    for layer in range(2):
+        tokens = block(p, f"over_views.{layer}", tokens)
+    logits, features = [], []
+    for answers, stem in zip(linear("narrow", tokens[:, 3:]).split(9, dim=1), stems, strict=True):
+        answers = answers.transpose(1, 2).unflatten(2, (3, 3))
+        coarse = leaky(conv(answers, p["coarse.weight"], p["coarse.bias"]))
+        up = leaky(upsampled_conv(coarse, p["upsample.conv.weight"], p["upsample.conv.bias"]))
+        fine = leaky(conv(torch.cat([up, stem], dim=1), p["join.conv.weight"], p["join.conv.bias"]))
+        heatmap = conv(fine, p["heatmap.weight"], p["heatmap.bias"])[:, 0]
+        weight = heatmap.detach().flatten(1).softmax(1).view_as(heatmap)
+        logits.append(heatmap)
+        features += [answers.flatten(2).amax(2), (fine * weight[:, None]).sum((2, 3))]
+    hidden = linear("pose_head.0", torch.cat(features, dim=1)).relu()
+    return torch.stack(logits, dim=1), linear("pose_head.4", linear("pose_head.2", hidden).relu())
+
+
+def pose_logits(prediction):
+    return torch.cat(
+        [prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions], dim=-1
+    )
+
+
+def heatmaps(samples: int = 2, arms: int = 2, size: int = 12) -> HeatmapTranslation:
+    return HeatmapTranslation(3 * torch.randn(samples, arms, 5, size, size, dtype=torch.float64), 1.5)
+
+
+def gaussians(center: torch.Tensor, size: int, sigma: float = 1.5) -> torch.Tensor:
+    """Images (5, size, size) of the target around a voxel (3,), every pixel in turn."""
+    images = torch.zeros(5, size, size, dtype=torch.float64)
+    rows, columns = pixels_of_voxels(center, size)
+    for view, r, c in itertools.product(range(5), range(size), range(size)):
+        squared = float((r - rows[view]) ** 2 + (c - columns[view]) ** 2)
+        if squared <= (3 * sigma) ** 2:
+            images[view, r, c] = torch.tensor(-squared / (2 * sigma**2)).exp()
+    return images / images.sum((1, 2), keepdim=True)
+
+
+def lattice(images: torch.Tensor) -> torch.Tensor:
+    """Mean probability of every voxel (v, v, v), one after the other, from images (5, v, v)."""
+    size = images.shape[-1]
+    scores = torch.zeros(size, size, size, dtype=images.dtype)
+    for voxel in itertools.product(range(size), repeat=3):
+        rows, columns = pixels_of_voxels(torch.tensor(voxel), size)
+        scores[voxel] = images[torch.arange(5), rows, columns].mean()
+    return scores
+
+
+@pytest.mark.parametrize(("proprio_dim", "expected"), [(4, 36_348_093), (12, 36_348_605)])
+def test_networks_have_the_reference_implementations_parameter_counts(proprio_dim, expected):
+    with torch.device("meta"):
+        network = make_network(RVTLFConfig(device="cpu"), proprio_dim)
+    assert sum(parameter.numel() for parameter in network.parameters()) == expected
+
+
+def test_network_and_its_gradients_equal_the_written_out_formulation():
+    network, inputs = tiny_network(), make_inputs()
+    parameters = dict(network.named_parameters())
+    logits, pose = written_out(parameters, *inputs)
+    probes = torch.randn_like(logits), torch.randn_like(pose)
+    prediction = network(*inputs)
+    torch.testing.assert_close(prediction.translation.logits[:, 0], logits, atol=1e-6, rtol=1e-6)
+    torch.testing.assert_close(pose_logits(prediction)[:, 0], pose, atol=1e-6, rtol=1e-6)
+    outputs = (prediction.translation.logits[:, 0], pose_logits(prediction)[:, 0])
+    got = torch.autograd.grad(outputs, list(parameters.values()), probes)
+    want = torch.autograd.grad((logits, pose), list(parameters.values()), probes)
+    for name, ours, theirs in zip(parameters, got, want, strict=True):
+        assert theirs.any(), name
+        torch.testing.assert_close(  # the interpolation weights are kept in float32
+            ours, theirs, atol=1e-5, rtol=1e-5, msg=lambda text, name=name: f"{name}: {text}"
+        )
+
+
+@pytest.mark.parametrize(("factor", "size"), [(1, 3), (3, 1), (5, 2), (11, 4)])
+def test_upsampled_convolution_equals_interpolation_then_convolution(factor, size):
+    layer = UpsampledConv2d(3, 2, factor).double()
+    torch.nn.init.normal_(layer.conv.bias)
+    x = torch.randn(2, 3, size, size + 1, dtype=torch.float64, requires_grad=True)
+    variables = (x, layer.conv.weight, layer.conv.bias)
+    expected, actual = upsampled_conv(*variables), layer(x)
+    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)  # interpolation weights are float32
+    probe = torch.randn_like(actual)
+    for got, want in zip(
+        torch.autograd.grad(actual, variables, probe),
+        torch.autograd.grad(expected, variables, probe),
+        strict=True,
+    ):
+        torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-6)
+
+
+def test_skip_convolution_equals_convolving_the_joined_maps():
+    layer = SkipConv2d(3).double()
+    torch.nn.init.normal_(layer.conv.bias)
+    x, skip = torch.randn(2, 2, 3, 4, 5, dtype=torch.float64)
+    expected = leaky(conv(torch.cat([x, skip], dim=1), layer.conv.weight, layer.conv.bias))
+    torch.testing.assert_close(layer(x, skip), expected)
+
+
+def test_the_pose_does_not_train_the_heatmap():
+    network = tiny_network()
+    pose_logits(network(*make_inputs())).sum().backward()
+    assert network.heatmap.weight.grad is None
+    assert network.join.conv.weight.grad.any()
+
+
+def test_bfloat16_autocast_stays_close_and_ends_in_float32():
+    network = tiny_network().float()
+    inputs = [tensor.float() for tensor in make_inputs()]
+    full = network(*inputs)
+    with torch.autocast("cpu", torch.bfloat16):
+        half = network(*inputs)
+    assert half.translation.logits.dtype == half.rotation.dtype == torch.float32
+    scale = full.translation.logits.abs().max()
+    assert (half.translation.logits - full.translation.logits).abs().max() < 0.05 * scale
+
+
+def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
+    prediction = heatmaps()
+    logits = prediction.logits.requires_grad_()
+    voxel = torch.tensor([[[5, 6, 4], [0, 11, 2]], [[11, 11, 11], [3, 0, 7]]])  # in the middle and at borders
+    target = torch.stack([torch.stack([gaussians(arm, 12) for arm in sample]) for sample in voxel])
+    expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
+    expected, actual = expected.mean(2), prediction.cross_entropy(voxel)
+    torch.testing.assert_close(actual, expected)
+    torch.testing.assert_close(
+        torch.autograd.grad(actual.sum(), logits)[0], torch.autograd.grad(expected.sum(), logits)[0]
+    )
+
+
+def test_loss_is_zero_at_the_target_and_larger_everywhere_else():
+    voxel = torch.tensor([5, 6, 4])
+    prediction = HeatmapTranslation(gaussians(voxel, 12)[None, None].clamp(min=1e-30).log(), 1.5)
+    best = prediction.cross_entropy(voxel[None, None])
+    torch.testing.assert_close(best, torch.zeros_like(best))
+    for axis, step in itertools.product(range(3), (-1, 1)):
+        neighbour = voxel.clone()
+        neighbour[axis] += step
+        assert prediction.cross_entropy(neighbour[None, None]) > 0.1
+
+
+def test_planes_hold_what_a_voxel_gets_from_all_views():
+    images = torch.rand(5, 6, 6, dtype=torch.float64)
+    xy, xz, yz = sum_over_views(images)
+    actual = xy[:, :, None] + xz[:, None, :] + yz[None, :, :]
+    torch.testing.assert_close(actual / len(VIEWS), lattice(images))
+
+
+@pytest.mark.parametrize("levels", [2, 1000])
+@pytest.mark.parametrize("chunk", [1, 200, 2**18])
+def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, levels, chunk):
+    monkeypatch.setattr("lerobot_policy_bimanual.nn.rvt_heatmaps.CHUNK_VOXELS", chunk)
+    xy, xz, yz = torch.randint(0, levels, (3, 4, 9, 9)) / 10  # few levels: many voxels are equally good
+    scores = xy[:, :, :, None] + (xz[:, :, None, :] + yz[:, None, :, :])
+    first = scores.flatten(1).argmax(1)
+    expected = torch.stack([first // 81, first // 9 % 9, first % 9], dim=1)
+    assert torch.equal(best_voxel(xy, xz, yz), expected)
+
+
+def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_mean_probability():
+    prediction = heatmaps(samples=2, arms=1, size=7)
+    candidates = prediction.candidates()
+    for sample in range(2):
+        images = prediction.logits[sample, 0].flatten(1).softmax(1).view(5, 7, 7)
+        scores = lattice(images)
+        assert scores[tuple(candidates.best()[sample, 0])] == scores.max()
+        for voxel, score in zip(candidates.voxel[sample, 0], candidates.score[sample, 0], strict=True):
+            if ((voxel >= 0) & (voxel < 7)).all():
+                torch.testing.assert_close(score.exp(), scores[tuple(voxel)])
+            else:
+                assert torch.isneginf(score)
+
+
+@pytest.mark.parametrize("voxel", [[3, 8, 5], [0, 0, 11], [11, 4, 0]])
+def test_a_planted_target_is_decoded(voxel):
+    voxel = torch.tensor(voxel)
+    candidates = HeatmapTranslation(gaussians(voxel, 12)[None, None].log(), 1.5).candidates()
+    assert torch.equal(candidates.best()[0, 0], voxel)
+    assert (candidates.local_mean()[0, 0] - voxel).abs().max() < 1
+
+
+def test_the_mean_around_the_best_voxel_leans_towards_a_second_good_one():
+    images = torch.full((5, 12, 12), 1e-9, dtype=torch.float64)
+    for voxel, weight in ((torch.tensor([5, 6, 4]), 3.0), (torch.tensor([6, 6, 4]), 1.0)):
+        images[torch.arange(5), *pixels_of_voxels(voxel, 12)] += weight
+    mean = HeatmapTranslation(images.log()[None, None], 1.5).candidates().local_mean()[0, 0]
+    assert 5.05 < mean[0] < 5.5
+    torch.testing.assert_close(mean[1:], torch.tensor([6.0, 4.0], dtype=torch.float64), atol=1e-6, rtol=0)
+
+
+def test_a_batch_decodes_like_its_samples():
+    prediction = heatmaps(samples=3)
+    whole = prediction.candidates()
+    for sample in range(3):
+        alone = HeatmapTranslation(prediction.logits[sample : sample + 1], 1.5).candidates()
+        assert torch.equal(alone.voxel[0], whole.voxel[sample])
+        torch.testing.assert_close(alone.score[0], whole.score[sample])
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("leader", "middle", "leader"),
+        ("voxel_size", 100, "multiple of 11"),
+        ("patch", 10, "must be odd"),
+        ("token_dim", 12, "multiple of 8"),
+        ("attention_dim", 100, "multiple of 8"),
+        ("depth", 3, "multiple of 2"),
+        ("heatmap_sigma_px", 0.0, "must be positive"),
+    ],
+)
+def test_sizes_that_do_not_fit_are_refused(option, value, message):
+    with pytest.raises((ValueError, InvalidChoice), match=message):
+        RVTLFConfig(device="cpu", **{option: value})
