@@ -1,0 +1,140 @@
+"""The `benchmark` verb: the training protocol of the paper as one command."""
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from rich.console import Console
+
+from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.pipeline import Pipeline, sha256, show_command
+from lerobot_bimanual.results import (
+    SCHEMA_VERSION,
+    DatasetRecord,
+    Machine,
+    ResultRow,
+    Validation,
+    read_certificate,
+    read_evaluation,
+    success_rate,
+    versions,
+)
+from lerobot_bimanual.success_table import success_table
+
+PLACES = ("dataset.root", "output_dir")
+"""Training flags that only say where things lie; a result does without them."""
+
+
+def benchmark(config: BenchmarkConfig) -> None:
+    """Train a policy, choose its best checkpoint, score it on unseen seeds.
+
+    Generates demonstrations, scores the expert and the blind control, trains with the stock `lerobot-train`,
+    evaluates every checkpoint with `lerobot-eval` on the validation split, and the best of them (of equals the
+    latest) on the test split. The result is one JSON file in OUTPUT/results, read by `lerobot-bimanual compare`.
+
+    An interrupted benchmark continues where it stopped, a training from its last checkpoint.
+
+    Examples:
+        lerobot-bimanual benchmark --policy=peract2 --task=lift_ball
+        lerobot-bimanual benchmark --policy=act --task=push_box --steps=20000 --device=cuda
+        lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16 --num_workers=8" --dry_run
+    """
+    plan = Plan.of(config)
+    console = Console()
+    if config.dry_run:
+        _show(plan, console)
+        return
+    pipeline = Pipeline(plan.folder, console)
+    for stage in (plan.generation(), plan.certification("expert"), plan.certification("blind")):
+        pipeline.run(stage)
+    expert, blind = (read_certificate(plan.certificate(control)) for control in ("expert", "blind"))
+
+    pipeline = Pipeline(plan.run_folder, console)
+    training = plan.training()
+    pipeline.run(training)
+    validations = []
+    for step in checkpoint_steps(plan.run_folder / "train" / "checkpoints"):
+        pipeline.run(plan.evaluation("val", step))
+        episodes = read_evaluation(plan.evaluation_file("val", step), config.first_seed)
+        validations.append(Validation(step, episodes))
+    best = best_checkpoint(validations)
+    pipeline.run(plan.evaluation("test", best.step))
+
+    row = ResultRow(
+        schema_version=SCHEMA_VERSION,
+        task=config.task,
+        variation=config.variation,
+        policy=config.policy,
+        recipe=config.recipe,
+        flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
+        dataset=_dataset_record(plan.dataset),
+        checkpoint_step=best.step,
+        checkpoint_sha256=sha256(plan.weights(best.step)),
+        validation=tuple(validations),
+        split="test",
+        episodes=read_evaluation(plan.evaluation_file("test", best.step), config.first_seed),
+        expert=expert,
+        blind=blind,
+        training_seconds=round(pipeline.seconds(training), 1),
+        machine=Machine.this(),
+        versions=versions(),
+        date=date.today().isoformat(),
+    )
+    plan.result.parent.mkdir(parents=True, exist_ok=True)
+    plan.result.write_text(row.to_json())
+    _report(row, plan, console)
+
+
+def checkpoint_steps(folder: Path) -> list[int]:
+    """Steps of the checkpoints in a folder, ascending."""
+    return sorted(int(path.name) for path in folder.iterdir() if path.name.isdecimal())
+
+
+def best_checkpoint(validations: Sequence[Validation]) -> Validation:
+    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
+    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
+
+
+def _dataset_record(folder: Path) -> DatasetRecord:
+    provenance = Provenance.read(folder)
+    if provenance is None:
+        raise BimanualError(f"{folder} does not say where it comes from; remove it to generate it again")
+    seeds = tuple(episode.seed for episode in provenance.episodes)
+    return DatasetRecord(provenance.command, seeds, dict(provenance.versions))
+
+
+def _show(plan: Plan, console: Console) -> None:
+    """Print the commands of a benchmark, as a script that would run it."""
+    steps = sorted(
+        {*range(plan.recipe.save_freq, plan.recipe.steps, plan.recipe.save_freq), plan.recipe.steps}
+    )
+    stages = [
+        plan.generation(),
+        plan.certification("expert"),
+        plan.certification("blind"),
+        plan.training(),
+        *(plan.evaluation("val", step) for step in steps),
+    ]
+    for stage in stages:
+        show_command(console, "", stage.command)
+    console.print("# the best checkpoint of the validation, here as if it were the last one", highlight=False)
+    show_command(console, "", plan.evaluation("test", steps[-1]).command)
+
+
+def _report(row: ResultRow, plan: Plan, console: Console) -> None:
+    """Print the success rates, and where the result lies."""
+    validated = {
+        f"{row.policy} after {validation.step} steps (val)": success_rate(validation.episodes)
+        for validation in row.validation
+    }
+    tested = {
+        "expert (test)": row.rates["expert"],
+        f"{row.policy} after {row.checkpoint_step} steps (test)": row.rates["policy"],
+        "blind: mean keyposes of the training split (test)": row.rates["blind"],
+    }
+    console.rule("[bold]result[/bold]")
+    console.print(success_table(f"{row.task}, recipe {row.recipe}", validated | tested))
+    for name, path in {"checkpoint": plan.checkpoint(row.checkpoint_step), "result": plan.result}.items():
+        console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)

@@ -1,0 +1,194 @@
+"""A chain of commands: what runs again, what is resumed, and what is said when a command fails."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from lerobot_bimanual import pipeline as module
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.pipeline import Pipeline, Stage
+
+NEW_TRAINING = ["lerobot-train", "--steps=4"]
+
+
+@pytest.fixture
+def console() -> Console:
+    return Console(record=True, width=200)
+
+
+@pytest.fixture
+def pipeline(tmp_path: Path, console: Console) -> Pipeline:
+    return Pipeline(tmp_path / "chain", console)
+
+
+def counting(folder: Path, more: str = "", **options) -> Stage:
+    """A stage that appends a letter to `folder/count`, then does something more."""
+    program = f"open({str(folder / 'count')!r}, 'a').write('x'); {more}"
+    return Stage("count", ["python", "-c", program], **options)
+
+
+def count(folder: Path) -> int:
+    return len((folder / "count").read_text())
+
+
+def test_a_stage_runs_once(tmp_path, pipeline, console):
+    stage = counting(tmp_path, output=tmp_path / "count")
+    pipeline.run(stage)
+    assert pipeline.seconds(stage) > 0
+    Pipeline(tmp_path / "chain", console).run(stage)
+    assert count(tmp_path) == 1
+    shown = console.export_text()
+    assert f"$ {stage}" in shown
+    assert "count (already done)" in shown
+
+
+def test_a_stage_runs_again_when_its_command_changed(tmp_path, pipeline):
+    pipeline.run(counting(tmp_path))
+    pipeline.run(counting(tmp_path, more="pass"))
+    assert count(tmp_path) == 2
+
+
+def test_a_stage_runs_again_when_its_output_is_gone(tmp_path, pipeline):
+    output = tmp_path / "output"
+    stage = counting(tmp_path, more=f"open({str(output)!r}, 'w')", output=output)
+    pipeline.run(stage)
+    output.unlink()
+    pipeline.run(stage)
+    assert count(tmp_path) == 2
+
+
+def test_a_stage_runs_again_when_its_input_changed(tmp_path, pipeline):
+    weights = tmp_path / "weights"
+    weights.write_text("some")
+    stage = counting(tmp_path, inputs=(weights,))
+    pipeline.run(stage)
+    weights.write_text("others")
+    pipeline.run(stage)
+    assert count(tmp_path) == 2
+
+
+def test_a_failure_names_stage_code_and_command_and_is_tried_again(tmp_path, pipeline):
+    stage = counting(tmp_path, more="raise SystemExit(3)")
+    for _ in range(2):
+        with pytest.raises(BimanualError, match=r"stage 'count' failed with exit code 3") as caught:
+            pipeline.run(stage)
+        assert str(caught.value).endswith(str(stage))
+    assert count(tmp_path) == 2
+
+
+def test_a_verdict_is_no_failure_if_it_was_written(tmp_path, pipeline):
+    output = tmp_path / "verdict"
+    program = f"open({str(output)!r}, 'w'); raise SystemExit(1)"
+    stage = counting(tmp_path, more=program, output=output, judges=True)
+    pipeline.run(stage)
+    pipeline.run(stage)
+    assert count(tmp_path) == 1
+
+
+def test_an_old_verdict_does_not_hide_a_failure(tmp_path, pipeline):
+    output = tmp_path / "verdict"
+    output.touch()
+    with pytest.raises(BimanualError, match="exit code 1"):
+        pipeline.run(counting(tmp_path, more="raise SystemExit(1)", output=output, judges=True))
+
+
+def test_commands_are_offline_unless_the_user_says_otherwise(tmp_path, pipeline, monkeypatch):
+    for setting, seen in ((None, "1"), ("0", "0")):
+        monkeypatch.delenv("HF_HUB_OFFLINE")
+        if setting is not None:
+            monkeypatch.setenv("HF_HUB_OFFLINE", setting)
+        output = tmp_path / f"seen_{setting}"
+        program = f"import os; open({str(output)!r}, 'w').write(os.environ['HF_HUB_OFFLINE'])"
+        pipeline.run(Stage(output.name, ["python", "-c", program]))
+        assert output.read_text() == seen
+        monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+
+
+class FakeTraining:
+    """Stands in for `lerobot-train`: records its words, leaves a checkpoint and returns an exit code."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
+        self.calls: list[list[str]] = []
+        self.code = 0
+        self.saves = True
+        self.last = folder / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
+        monkeypatch.setattr(module, "_call", self)
+
+    def __call__(self, words: list[str]) -> int:
+        self.calls.append(words)
+        self.last.parents[2].mkdir(parents=True, exist_ok=True)
+        if self.saves:
+            self.last.parent.mkdir(parents=True, exist_ok=True)
+            self.last.touch()
+        return self.code
+
+
+@pytest.fixture
+def training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeTraining:
+    return FakeTraining(tmp_path / "train", monkeypatch)
+
+
+def training_stage(tmp_path: Path, *more: str) -> Stage:
+    return Stage("train", [*NEW_TRAINING, *more], training_folder=tmp_path / "train")
+
+
+def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, pipeline, training):
+    stage = training_stage(tmp_path)
+    training.code = 1
+    with pytest.raises(BimanualError):
+        pipeline.run(stage)
+    first = pipeline.seconds(stage)
+    training.code = 0
+    pipeline.run(stage)
+    assert training.calls == [
+        NEW_TRAINING,
+        ["lerobot-train", f"--config_path={training.last}", "--resume=true"],
+    ]
+    assert pipeline.seconds(stage) > first  # both runs are counted
+    pipeline.run(stage)
+    assert len(training.calls) == 2
+
+
+def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path, pipeline, training):
+    training.code, training.saves = 1, False
+    for _ in range(2):
+        with pytest.raises(BimanualError):
+            pipeline.run(training_stage(tmp_path))
+        (tmp_path / "train" / "rest").touch()
+    assert training.calls == [NEW_TRAINING, NEW_TRAINING]
+    training.code = 0
+    pipeline.run(training_stage(tmp_path))
+    assert not (tmp_path / "train" / "rest").exists()
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_checkpoints_of_a_training_with_other_flags_are_kept(tmp_path, pipeline, training, code):
+    training.code = code
+    try:
+        pipeline.run(training_stage(tmp_path))
+    except BimanualError:
+        assert code
+    with pytest.raises(BimanualError, match=r"other flags. Choose another --output, or remove"):
+        pipeline.run(training_stage(tmp_path, "--seed=1"))
+    assert training.last.exists()
+    assert len(training.calls) == 1
+
+
+def test_checkpoints_that_the_chain_did_not_make_are_kept(tmp_path, pipeline, training):
+    training(NEW_TRAINING)
+    with pytest.raises(BimanualError, match="other flags"):
+        pipeline.run(training_stage(tmp_path))
+    assert training.last.exists()
+
+
+def test_an_interruption_leaves_a_marker_of_something_begun(tmp_path, pipeline, monkeypatch):
+    def interrupt(words: list[str]) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "_call", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        pipeline.run(Stage("count", ["python"]))
+    marker = json.loads((tmp_path / "chain" / "count.stage.json").read_text())
+    assert (marker["command"], marker["done"]) == ("python", False)

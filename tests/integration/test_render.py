@@ -1,0 +1,108 @@
+"""The verb `render`: its files, its failures, and the gallery of all tasks."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.commands import render as verb
+from lerobot_env_bimanual.commands.render import RenderConfig, render
+from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
+from lerobot_env_bimanual.pictures.shooting import CLEAREST, shoot
+from lerobot_env_bimanual.registry import get_task, list_tasks
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Callable[..., RenderConfig]:
+    def options(**others) -> RenderConfig:
+        defaults = {"task": "lift_ball", "size": "48x64", "quality": "observation", "workers": 1}
+        return RenderConfig(**defaults | others, output=tmp_path / "new")
+
+    return options
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verb, "_shoot_all", lambda orders, _: list(map(shoot, orders)))
+
+
+@pytest.mark.sim
+def test_one_task_becomes_a_sheet_and_a_film(small) -> None:
+    config = small(camera="clearest")
+    render(config)
+    assert {path.name for path in config.output.iterdir()} == {"lift_ball.png", "lift_ball.mp4"}
+    assert Image.open(config.output / "lift_ball.png").width == 4 * (PANEL_WIDTH + GAP) + GAP
+    with av.open(str(config.output / "lift_ball.mp4")) as film:
+        frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in film.decode(video=0)]
+        assert film.streams.video[0].average_rate == 20
+    assert frames[0].shape == (48, 64, 3)
+    assert len(frames) > 60
+    assert np.abs(frames[0] - frames[-1]).mean() > 5
+
+
+@pytest.mark.sim
+@pytest.mark.usefixtures("in_this_process")
+def test_a_failing_expert_is_an_error_that_says_where_and_leaves_its_sheet(
+    small, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task_class = type(get_task("lift_ball"))
+    whole = task_class.script
+
+    def without_lift(*arguments):
+        return (stage for stage in whole(*arguments) if stage.name != "lift")
+
+    monkeypatch.setattr(task_class, "script", without_lift)
+    config = small(seed=4, video=False)
+    with pytest.raises(BimanualError, match=r"lift_ball failed at val seed 4, stage 'squeeze': no move left"):
+        render(config)
+    assert [path.name for path in config.output.iterdir()] == ["lift_ball.png"]
+
+
+@pytest.mark.sim
+@pytest.mark.usefixtures("in_this_process")
+def test_two_tasks_make_a_gallery(small) -> None:
+    config = small(task="lift_ball,dual_push_buttons", video=False)
+    render(config)
+    assert {path.name for path in config.output.iterdir()} == {
+        "lift_ball.png",
+        "dual_push_buttons.png",
+        "tasks.jpg",
+    }
+    assert Image.open(config.output / "tasks.jpg").width == 2 * (PANEL_WIDTH + GAP) + GAP
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"task": "lift_bal"}, "lift_ball"),
+        ({"variation": "7"}, "integer from 0 to 0"),
+        ({"seed": -1}, "at least 0"),
+        ({"size": "47x64"}, "even sides"),
+        ({"size": "big"}, "480x640"),
+    ],
+)
+def test_wrong_options_are_refused_before_anything_is_written(small, option, message) -> None:
+    config = small(**option)
+    with pytest.raises(BimanualError, match=message):
+        render(config)
+    assert not config.output.exists()
+
+
+def test_every_camera_can_be_chosen() -> None:
+    assert set(get_args(get_type_hints(RenderConfig)["camera"])) == {*CAMERA_NAMES, CLEAREST}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_all_tasks_are_drawn(small) -> None:
+    config = small(task="all", size="240x320", video=False, camera="clearest", workers=0)
+    render(config)
+    sheets = {path.stem for path in config.output.glob("*.png")}
+    assert sheets == set(list_tasks())
+    assert 50_000 < (config.output / "tasks.jpg").stat().st_size < 400_000
