@@ -1,6 +1,6 @@
 """Experts solve their episodes, and the controls do not."""
 
-import json
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -8,21 +8,17 @@ import pytest
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.errors import BimanualError, UnknownTask, UnknownVariation
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
-from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes, noop
-from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
-from lerobot_env_bimanual.registry import list_tasks
+from lerobot_env_bimanual.expert.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
+from lerobot_env_bimanual.registry import get_task, list_tasks
 
 SEEDS = (0, 1)
-IMPOSSIBLE_WITH_ONE_ARM = ("push_box", "lift_ball", "dual_push_buttons", "put_bottle_in_fridge", "lift_tray")
-"""Of the tasks of which the PerAct2 paper says so."""
-
 TASK_NAMES = list_tasks()
+NEED_BOTH_ARMS = [name for name in TASK_NAMES if get_task(name).spec.needs_both_arms]
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +44,7 @@ def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, code
     assert outcome.failure == ""
     assert outcome.unmet == ()
     assert outcome.line_fallbacks == 0, outcome
+    assert all(report.arrived for report in outcome.keyposes), outcome
     assert outcome.draws >= 1
     assert outcome.ticks <= 0.8 * env_of(name).task_definition.spec.horizon_ticks
 
@@ -95,10 +92,35 @@ def test_holding_still_ends_with_the_time(env_of):
 
 @pytest.mark.sim
 @pytest.mark.parametrize("control", ["freeze_left", "freeze_right"])
-@pytest.mark.parametrize("name", sorted(set(IMPOSSIBLE_WITH_ONE_ARM) & set(TASK_NAMES)))
+@pytest.mark.parametrize("name", NEED_BOTH_ARMS)
 def test_one_arm_alone_fails(env_of, name, control):
     outcome = run_episode(env_of(name), SEEDS[0], make_control(control, seed=0))
     assert not outcome.success, outcome
+
+
+def test_the_paper_names_five_tasks_that_need_both_arms():
+    assert NEED_BOTH_ARMS == [
+        "dual_push_buttons",
+        "lift_ball",
+        "lift_tray",
+        "push_box",
+        "put_bottle_in_fridge",
+    ]
+
+
+@pytest.mark.sim
+def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it_should(env_of):
+    env = env_of("lift_ball")
+    solved = run_expert(env, SEEDS[0])
+    squeeze = solved.keyposes[1]
+    assert max(squeeze.tip_error_mm) > MAX_TIP_ERROR_MM
+    assert squeeze.arrived
+
+    def silent(env):
+        for move in expert()(env):
+            yield replace(move, presses=None)
+
+    assert not run_episode(env, SEEDS[0], silent).keyposes[1].arrived
 
 
 def test_a_frozen_arm_keeps_its_keypose_and_its_open_hand(env_of):
@@ -161,42 +183,3 @@ def test_mean_keyposes_leave_out_episodes_of_unusual_length():
     mean = mean_keyposes([[usual], [other, other], [usual]])
     assert mean.shape == (1, 18)
     assert mean[0] == pytest.approx(usual)
-
-
-@pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2"])
-def test_seeds_that_are_no_range_are_refused(text):
-    with pytest.raises(BimanualError, match="half-open range"):
-        parse_seeds(text)
-
-
-def test_seeds_are_a_half_open_range():
-    assert list(parse_seeds("3:6")) == [3, 4, 5]
-
-
-def test_certify_refuses_unknown_tasks_before_it_starts_anything():
-    with pytest.raises(UnknownTask, match="lift_ball"):
-        certify(CertifyConfig(task="lift_bal"))
-
-
-def test_certify_refuses_unknown_variations_before_it_starts_anything():
-    with pytest.raises(UnknownVariation, match="'lift_ball' has no variation '7'"):
-        certify(CertifyConfig(task="lift_ball", variation="7"))
-
-
-@pytest.mark.sim
-def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, capsys):
-    certificates = []
-    for workers in (1, 2):
-        output = tmp_path / "certificates" / f"{workers}.json"
-        certify(CertifyConfig("lift_ball", seeds="0:3", discretise=100, workers=workers, output=output))
-        certificates.append(json.loads(output.read_text()))
-    first, second = certificates
-    assert first == second
-    assert [episode["seed"] for episode in first["episodes"]] == [0, 1, 2]
-    (rate,) = first["rates"]
-    assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
-    assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
-    assert {"mujoco", "lerobot_env_bimanual", "python"} <= set(first["versions"])
-    assert "3/3" in capsys.readouterr().out
-    keypose = BimanualKeypose.from_vector(first["episodes"][0]["keyposes"][0]["keypose"])
-    assert KeyposeCodec().discretise(keypose).to_vector() == pytest.approx(keypose.to_vector(), abs=1e-5)

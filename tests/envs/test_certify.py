@@ -1,0 +1,242 @@
+"""Certificates: what they count, what they complain of, and that an interrupted one goes on."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
+from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert import campaign
+from lerobot_env_bimanual.expert.campaign import Campaign, Job
+from lerobot_env_bimanual.expert.certificate import origin
+from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
+from lerobot_env_bimanual.expert.criteria import complaints, rates
+from lerobot_env_bimanual.expert.evidence import Evidence, Witness
+from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+from lerobot_env_bimanual.expert.runner import MoveReport, Outcome, run_expert
+
+NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+SOLVED = Outcome(
+    task="lift_ball",
+    variation=0,
+    split="test",
+    seed=0,
+    success=True,
+    failure="",
+    last_move="lift",
+    unmet=(),
+    keyposes=(MoveReport("beside", (0.0,) * 18, 20, (1.0, 2.0), arrived=True),),
+    ticks=20,
+    draws=1,
+    line_fallbacks=0,
+    unstable=False,
+    state_hash="00",
+    evidence=Evidence(keyframes_found=True, replayed=True, coupling=NO_COUPLING),
+)
+FAILED = replace(SOLVED, success=False, failure="no move left", unmet=("above(ball)",), evidence=None)
+
+
+def episodes(solved: int, failed: int) -> list[Outcome]:
+    return [replace(o, seed=seed) for seed, o in enumerate([SOLVED] * solved + [FAILED] * failed)]
+
+
+@pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2"])
+def test_seeds_that_are_no_range_are_refused(text):
+    with pytest.raises(BimanualError, match="half-open range"):
+        parse_seeds(text)
+
+
+def test_seeds_are_a_half_open_range():
+    assert list(parse_seeds("3:6")) == [3, 4, 5]
+
+
+def test_certify_refuses_unknown_tasks_before_it_starts_anything():
+    with pytest.raises(UnknownTask, match="lift_ball"):
+        certify(CertifyConfig(task="lift_bal"))
+
+
+def test_certify_refuses_unknown_variations_before_it_starts_anything():
+    with pytest.raises(UnknownVariation, match="'lift_ball' has no variation '7'"):
+        certify(CertifyConfig(task="lift_ball", variation="7"))
+
+
+@pytest.mark.parametrize(
+    ("discretise", "failed", "enough"), [(0, 1, True), (0, 2, False), (100, 3, True), (100, 4, False)]
+)
+def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(discretise, failed, enough):
+    found = complaints("expert", discretise, episodes(100 - failed, failed))
+    assert (found == []) is enough
+
+
+@pytest.mark.parametrize(
+    ("flaw", "complaint"),
+    [
+        ({"unstable": True}, "unstable"),
+        (
+            {"keyposes": (replace(SOLVED.keyposes[0], arrived=False, tip_error_mm=(1.0, 30.0)),)},
+            "1 and 30 mm",
+        ),
+        ({"evidence": Evidence(True, False, NO_COUPLING)}, "replay"),
+        ({"evidence": Evidence(False, True, NO_COUPLING)}, "keyframe discovery is right in 0 of 1"),
+    ],
+)
+def test_a_solved_episode_with_a_flaw_is_complained_of(flaw, complaint):
+    assert complaints("expert", 0, [SOLVED]) == []
+    (found,) = complaints("expert", 0, [replace(SOLVED, **flaw)])
+    assert complaint in found
+
+
+def test_controls_must_fail():
+    assert complaints("noop", 0, episodes(0, 50)) == []
+    assert "noop succeeds in 1 of 50" in complaints("noop", 0, episodes(1, 49))[0]
+    assert "random succeeds" in complaints("random", 0, episodes(1, 49))[0]
+    assert complaints("blind", 0, episodes(10, 40)) == []
+    assert "blind succeeds in 11 of 50" in complaints("blind", 0, episodes(11, 39))[0]
+    assert "freeze_left succeeds" in complaints("freeze_left", 0, episodes(1, 49))[0]
+    one_arm_may_do = [replace(outcome, task="sweep_to_dustpan") for outcome in episodes(50, 0)]
+    assert complaints("freeze_left", 0, one_arm_may_do) == []
+
+
+def test_rates_are_per_task_and_variation():
+    outcomes = [SOLVED, FAILED, replace(SOLVED, variation=1)]
+    assert {key: (rate.successes, rate.trials) for key, rate in rates(outcomes).items()} == {
+        ("lift_ball", 0): (1, 2),
+        ("lift_ball", 1): (1, 1),
+    }
+
+
+def test_the_mean_coupling_is_taken_field_by_field():
+    assert mean_coupling([NO_COUPLING, Coupling(2.0, 4.0, 6.0, 0.0, 0.0, 0.0)]) == Coupling(
+        1.0, 2.0, 3.0, 0.5, 0.5, 0.5
+    )
+
+
+def test_an_outcome_survives_the_way_through_json():
+    for outcome in (SOLVED, FAILED):
+        assert Outcome.from_dict(json.loads(json.dumps(asdict(outcome)))) == outcome
+
+
+def test_the_log_knows_finished_jobs_and_forgets_those_of_other_code_and_a_cut_line(tmp_path):
+    path = tmp_path / "some" / "log.jsonl"
+    first, second = (Job("lift_ball", "0", "test", seed, "expert") for seed in (0, 1))
+    log = OutcomeLog(path, {"mujoco": "3"})
+    log.add(first, SOLVED)
+    log.add(second, FAILED)
+    with path.open("r+") as file:
+        file.truncate(path.stat().st_size - 20)
+    again = OutcomeLog(path, {"mujoco": "3"})
+    assert again.get(first) == SOLVED
+    assert again.get(second) is None
+    assert OutcomeLog(path, {"mujoco": "4"}).get(first) is None
+    log.remove()
+    assert not path.exists()
+
+
+def test_the_origin_tells_the_versions_and_the_sources():
+    assert {"mujoco", "lerobot_env_bimanual", "python", "source_sha256"} <= set(origin())
+    assert origin() == origin()
+
+
+@pytest.mark.sim
+def test_an_interrupted_campaign_plays_only_what_is_missing(tmp_path):
+    jobs = [Job("lift_ball", "0", "val", seed, "expert") for seed in (0, 1)]
+    log = OutcomeLog(tmp_path / "log.jsonl", {})
+    invented = replace(SOLVED, seed=0, state_hash="from the log")
+    log.add(jobs[0], invented)
+    with Campaign(1, log) as running:
+        first, second = running.play(jobs, "expert")
+    assert first == invented
+    assert second.success
+    assert log.get(jobs[1]) == second
+
+
+@pytest.mark.sim
+def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, capsys):
+    certificates = []
+    for workers in (1, 2):
+        output = tmp_path / "certificates" / f"{workers}.json"
+        assert (
+            certify(CertifyConfig("lift_ball", seeds="0:3", discretise=100, workers=workers, output=output))
+            == 0
+        )
+        certificates.append(json.loads(output.read_text()))
+        assert list(output.parent.glob("*.partial*")) == []
+    first, second = certificates
+    assert first == second
+    assert [episode["seed"] for episode in first["episodes"]] == [0, 1, 2]
+    (rate,) = first["rates"]
+    assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
+    assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
+    assert rate["keyframes_found"] == 3
+    assert rate["coupling"]["shared_object_s"] > 0
+    names = [name for name, *_ in first["episodes"][0]["keyposes"]]
+    assert names == ["beside", "squeeze", "lift"]
+    assert "3/3" in capsys.readouterr().out
+
+
+def test_certify_exits_with_one_and_says_why(monkeypatch, capsys):
+    monkeypatch.setattr(Campaign, "play", lambda *_: episodes(98, 2))
+    assert certify(CertifyConfig("lift_ball", seeds="0:100")) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "98/100" in printed
+    assert "unmet: above(ball)" in printed
+    assert "not good enough: lift_ball, variation 0: 98/100 is less than 99%" in printed
+
+
+def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypatch):
+    def reset(env, *, seed):
+        env._progress = env._draw_episode(seed)
+        raise PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
+
+    monkeypatch.setattr(BimanualEnv, "reset", reset)
+    outcome = campaign.play(Job("lift_ball", "0", "val", 5, "expert"))
+    assert (outcome.seed, outcome.success, outcome.ticks) == (5, False, 0)
+    assert "none of 200" in outcome.failure
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = BimanualEnv("lift_ball", split="val", obs="state")
+    yield env
+    env.close()
+
+
+def witnessed(env):
+    moves = []
+    with Witness(env) as witness:
+        outcome = run_expert(env, 2, on_move=moves.append)
+    assert env.tick_listener is None
+    return witness, [move.action for move in moves], [report.ticks for report in outcome.keyposes]
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("replay", ["joint", "keypose"])
+def test_an_episode_replays_from_its_actions(env, replay):
+    witness, keyposes, ticks = witnessed(env)
+    evidence = witness.testify(keyposes, ticks, replay)
+    assert evidence.replayed is True
+    assert evidence.keyframes_found
+    assert evidence.coupling.transmitted_force_peak_n > 10
+
+
+@pytest.mark.sim
+def test_a_replay_of_other_actions_is_found_out(env):
+    witness, keyposes, ticks = witnessed(env)
+    keyposes[0] = keyposes[0] + np.float32(1e-6)
+    assert witness.testify(keyposes, ticks, "keypose").replayed is False
+    witness, keyposes, ticks = witnessed(env)
+    witness._actions[3] = witness._actions[3] + np.float32(1e-6)
+    assert witness.testify(keyposes, ticks, "joint").replayed is False
+
+
+@pytest.mark.sim
+def test_wrong_keyframes_are_found_out(env):
+    witness, keyposes, ticks = witnessed(env)
+    ticks[0] += 5
+    ticks[1] -= 5
+    evidence = witness.testify(keyposes, ticks, "none")
+    assert not evidence.keyframes_found
+    assert evidence.replayed is None

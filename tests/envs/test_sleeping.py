@@ -1,0 +1,86 @@
+"""Things at rest sleep, which saves time and must change nothing else."""
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.registry import list_tasks
+from lerobot_env_bimanual.scene import Scene
+
+ARMS_COUNT = 2
+
+
+def sleepers(scene: Scene) -> int:
+    return int((scene.data.tree_asleep >= 0).sum())
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene([Block()])
+
+
+def lay_down(scene: Scene) -> None:
+    scene.reset()
+    scene.place("item", Pose.upright((0.25, 0.1, 0.79)))
+    scene.settle(20)
+
+
+def test_a_thing_at_rest_sleeps_and_the_arms_never_do(scene):
+    lay_down(scene)
+    assert sleepers(scene) == 1
+    assert scene.speed("item") == 0
+    assert list(scene.data.tree_asleep[:ARMS_COUNT] < 0) == [True, True]
+
+
+def test_a_reset_wakes_everything_and_places_it_anew(scene):
+    lay_down(scene)
+    scene.reset()
+    assert sleepers(scene) == 0
+    scene.place("item", Pose.upright((0.1, -0.2, 0.9)))
+    assert scene.pose("item").position == pytest.approx((0.1, -0.2, 0.9))
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("name", list_tasks())
+def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(name):
+    env = BimanualEnv(name, split="val", obs="state")
+    states, actions, hashes, slept = [], [], [], []
+
+    def note(env, action):
+        states.append(env.scene.save_state())
+        actions.append(action.copy())
+        hashes.append(env.state_hash())
+        slept.append(sleepers(env.scene))
+
+    env.tick_listener = note
+    assert run_expert(env, seed=3).success
+    assert any(slept)
+    other = Scene(env.task_definition.spec.props)
+    changes = np.flatnonzero(np.diff(slept)).tolist()  # something falls asleep or wakes
+    for start in {0, *changes[:6], len(states) // 2}:
+        other.restore_state(states[start])
+        assert other.state_hash() == hashes[start]
+        for tick in range(start, min(start + 8, len(states) - 1)):
+            other.tick(actions[tick])
+            assert other.state_hash() == hashes[tick + 1], (start, tick)
+    env.close()
+
+
+@pytest.mark.sim
+def test_a_touch_wakes():
+    env = BimanualEnv("handover_item_easy", split="val", obs="state")
+    woken = []
+
+    def note(env, _):
+        held = any(env.scene.touching(arm, "item") for arm in (Arm.LEFT, Arm.RIGHT))
+        woken.append((held, sleepers(env.scene)))
+
+    env.tick_listener = note
+    run_expert(env, seed=0)
+    assert (False, 1) in woken
+    assert all(asleep == 0 for held, asleep in woken if held)
+    env.close()
