@@ -4,6 +4,7 @@ Prints a table and, as the last line, the same figures as JSON. All times are CP
 other work on the machine changes them little; compare figures of one run with each other rather than runs.
 
     python benchmarks/simulation.py --task=lift_ball
+    python benchmarks/simulation.py --task=all --episodes=3
 """
 
 import argparse
@@ -15,86 +16,134 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.table import Table
 
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.registry import list_tasks, resolve_tasks
 from lerobot_env_bimanual.rendering import Renderer
-from lerobot_env_bimanual.scene import STEPS_PER_TICK, Scene
+from lerobot_env_bimanual.scene import SLEEP, STEPS_PER_TICK, Scene
+
+ROWS = {
+    "steps_at_rest": ("physics steps per CPU second, hands at rest", "{:,.0f}"),
+    "steps_in_episode": ("the same, all of an expert's episode", "{:,.0f}"),
+    "tick_python_overhead": ("Python overhead of a joint tick", "{:.1%}"),
+    "observation_ms": ("five RGB-D images", "{:.1f} ms"),
+    "observation_per_tick": ("the same, in joint ticks", "{:.1f}"),
+    "reset_ms": ("reset with rehearsals and settling, median", "{:.0f} ms"),
+    "settle_ms": ("settling alone", "{:.1f} ms"),
+    "state_hash_ms": ("state hash", "{:.3f} ms"),
+    "build_ms": ("building the model", "{:.1f} ms"),
+    "expert_s": ("expert's episode without images", "{:.2f} s"),
+}
 
 
 def cpu_seconds(work: Callable[[], object], repeats: int) -> float:
     """Median CPU time of one call."""
     work()
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        work()
-        times.append(time.process_time() - start)
-    return statistics.median(times)
+    return statistics.median(_times(work, repeats))
 
 
 def interleaved_cpu_seconds(
     first: Callable[[], object], second: Callable[[], object], repeats: int
 ) -> list[float]:
     """Least CPU time of one call of each, measured in turns so that both see the same machine."""
-    least = [float("inf"), float("inf")]
+    times = [(_times(first, 1)[0], _times(second, 1)[0]) for _ in range(repeats)]
+    return [min(column) for column in zip(*times, strict=True)]
+
+
+def _times(work: Callable[[], object], repeats: int) -> list[float]:
+    times = []
     for _ in range(repeats):
-        for index, work in enumerate((first, second)):
-            start = time.process_time()
-            work()
-            least[index] = min(least[index], time.process_time() - start)
-    return least
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return times
 
 
-def measure(task: str, image_size: int, repeats: int) -> dict[str, float | str]:
-    props = get_task(task).spec.props
-    build_s = cpu_seconds(lambda: Scene(props), 5)
-    scene = Scene(props)
-    scene.settle()
+def bare_tick(scene: Scene) -> None:
+    """The physics of `Scene.tick` and nothing else."""
+    model, data = scene.model, scene.data
+    model.opt.enableflags |= SLEEP
+    mujoco.mj_step2(model, data)
+    mujoco.mj_step(model, data, STEPS_PER_TICK - 1)
+    mujoco.mj_step1(model, data)
+    model.opt.enableflags &= ~SLEEP
+
+
+def measure_episodes(env: BimanualEnv, seeds: range) -> tuple[float, float]:
+    """CPU seconds of physics per tick and of an episode, on average over the expert's episodes."""
+    scene, seconds = env.scene, []
+    tick = scene.tick
+
+    def timed_tick(action) -> None:
+        start = time.process_time()
+        tick(action)
+        seconds.append(time.process_time() - start)
+
+    scene.tick = timed_tick
+    start = time.process_time()
+    for seed in seeds:
+        run_expert(env, seed)
+    total = time.process_time() - start
+    scene.tick = tick
+    return statistics.mean(seconds), total / len(seeds)
+
+
+def measure(task: str, image_size: int, repeats: int, episodes: int) -> dict[str, float | str]:
+    env = BimanualEnv(task, split="val", obs="state")
+    props = env.task_definition.spec.props
+    build_s = cpu_seconds(lambda: Scene(props), 3)
+    scene = env.scene
+    seeds = iter(range(10**6))
+    reset_s = cpu_seconds(lambda: env.reset(seed=next(seeds)), 2 * repeats)
     hold = scene.commanded
-
-    def tick() -> None:
-        scene.tick(hold)
-
-    def physics() -> None:
-        mujoco.mj_step(scene.model, scene.data, STEPS_PER_TICK)
-
-    tick_s, physics_s = interleaved_cpu_seconds(tick, physics, 20 * repeats)
+    tick_s, physics_s = interleaved_cpu_seconds(
+        lambda: scene.tick(hold), lambda: bare_tick(scene), 20 * repeats
+    )
+    hash_s = cpu_seconds(scene.state_hash, 10 * repeats)
     with Renderer(scene, height=image_size, width=image_size) as renderer:
         observation_s = cpu_seconds(renderer.render, repeats)
-    reset_s = cpu_seconds(lambda: (scene.reset(), scene.settle()), repeats)
-    hash_s = cpu_seconds(scene.state_hash, 10 * repeats)
+    settle_s = cpu_seconds(scene.settle, repeats)
+    episode_tick_s, episode_s = measure_episodes(env, range(episodes))
+    env.close()
     return {
         "task": task,
         "mujoco": mujoco.__version__,
         "image_size": image_size,
-        "physics_steps_per_cpu_second": STEPS_PER_TICK / physics_s,
+        "steps_at_rest": STEPS_PER_TICK / physics_s,
+        "steps_in_episode": STEPS_PER_TICK / episode_tick_s,
         "tick_python_overhead": tick_s / physics_s - 1,
         "observation_ms": 1e3 * observation_s,
         "observation_per_tick": observation_s / tick_s,
         "reset_ms": 1e3 * reset_s,
+        "settle_ms": 1e3 * settle_s,
         "state_hash_ms": 1e3 * hash_s,
         "build_ms": 1e3 * build_s,
+        "expert_s": episode_s,
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="How fast the simulated world is on this machine.")
-    parser.add_argument("--task", default="lift_ball", choices=list_tasks())
+    parser.add_argument("--task", default="lift_ball", help=f"all, or of: {', '.join(list_tasks())}")
     parser.add_argument("--image_size", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=10)
+    parser.add_argument("--episodes", type=int, default=2, help="of the expert")
     args = parser.parse_args()
-    figures = measure(args.task, args.image_size, args.repeats)
-
-    table = Table("figure", "value", title=f"Simulation, CPU time, task {args.task}")
-    table.add_row("physics steps per CPU second", f"{figures['physics_steps_per_cpu_second']:,.0f}")
-    table.add_row("Python overhead of a joint tick", f"{figures['tick_python_overhead']:.1%} of its physics")
-    table.add_row(f"five RGB-D images of {args.image_size} px", f"{figures['observation_ms']:.1f} ms")
-    table.add_row("the same, in joint ticks", f"{figures['observation_per_tick']:.1f}")
-    table.add_row("reset with settling", f"{figures['reset_ms']:.1f} ms")
-    table.add_row("state hash", f"{figures['state_hash_ms']:.3f} ms")
-    table.add_row("building the model", f"{figures['build_ms']:.1f} ms")
+    figures = [
+        measure(task, args.image_size, args.repeats, args.episodes) for task in resolve_tasks(args.task)
+    ]
+    if len(figures) == 1:
+        table = Table("figure", "value", title=f"Simulation, CPU time, {figures[0]['task']}")
+        for name, (label, form) in ROWS.items():
+            table.add_row(label, form.format(figures[0][name]))
+    else:
+        shown = ("steps_at_rest", "steps_in_episode", "reset_ms", "observation_ms", "expert_s")
+        table = Table("task", *shown, title="Simulation, CPU time")
+        for row in figures:
+            table.add_row(str(row["task"]), *(ROWS[name][1].format(row[name]) for name in shown))
     Console().print(table)
-    print(json.dumps(figures))
+    print(json.dumps(figures[0] if len(figures) == 1 else figures))
 
 
 if __name__ == "__main__":

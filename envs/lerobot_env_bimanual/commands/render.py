@@ -25,8 +25,8 @@ class RenderConfig:
     split: Literal["train", "val", "test"] = "val"  # the same seed means another episode in each
     seed: int = 0  # of each task's episode
     # `clearest` takes the fixed camera that shows most of what the episode moves.
-    camera: Literal["front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist", "clearest"] = (
-        "front"
+    camera: Literal["clearest", "front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = (
+        "clearest"
     )
     size: str = "480x640"  # side in pixels, or HEIGHTxWIDTH
     # On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
@@ -46,7 +46,7 @@ def render(config: RenderConfig) -> None:
 
     Examples:
         lerobot-bimanual render --task=lift_ball --seed=3
-        lerobot-bimanual render --camera=clearest --video=false
+        lerobot-bimanual render --video=false
         lerobot-bimanual render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
     orders = _orders(config)

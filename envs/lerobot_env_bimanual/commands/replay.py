@@ -92,19 +92,16 @@ def _read_indices(text: str, count: int) -> Iterator[int]:
 
 
 def _warn_of_other_versions(dataset: RecordedDataset) -> None:
-    from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
+    from lerobot_env_bimanual.generation.versions import other_versions
 
     if dataset.provenance is None:
         print(f"warning: {dataset.root} does not say with which versions it was generated")
         return
-    installed = installed_versions()
-    for package in SIMULATION_PACKAGES:
-        recorded = dataset.provenance.versions.get(package)
-        if recorded != installed[package]:
-            print(
-                f"warning: generated with {package} {recorded}, but {installed[package]} is installed: "
-                "trajectories may differ"
-            )
+    for package, (recorded, installed) in other_versions(dataset.provenance).items():
+        print(
+            f"warning: generated with {package} {recorded}, but {installed} is installed: "
+            "trajectories may differ"
+        )
 
 
 def _print(results: Sequence[ReplayResult]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -16,6 +18,8 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.settings import ControlMode
 
 ReplayMode = Literal["joint", "keypose"]
+Visitor = Callable[[BimanualEnv], None]
+"""Sees the environment before every tick and after the last one."""
 
 
 @dataclass(frozen=True)
@@ -51,22 +55,30 @@ class Replayer:
     Args:
         root: folder of one view.
         mode: "joint" plays the recorded joint actions tick by tick, "keypose" the recorded keyposes.
+        image_size: (height, width) in pixels that the calibration of observations is for.
     """
 
-    def __init__(self, root: Path, mode: ReplayMode):
+    def __init__(self, root: Path, mode: ReplayMode, image_size: tuple[int, int] = (256, 256)):
         self._dataset = RecordedDataset(root)
         self._mode: ReplayMode = mode
+        self._image_size = image_size
         self._env: BimanualEnv | None = None
 
-    def replay(self, index: int) -> ReplayResult:
-        """Play one episode from its recorded seed."""
+    def replay(self, index: int, visit: Visitor | None = None) -> ReplayResult:
+        """Play one episode from its recorded seed.
+
+        Args:
+            index: of the episode.
+            visit: called before every tick and after the last.
+        """
         episode = self._dataset.episode(index)
         env = self._environment(episode.meta, self._mode)
         env.reset(seed=episode.meta.seed)
-        if self._mode == "joint":
-            divergence = _play_joint_actions(env, episode)
-        else:
-            divergence = _play_keyposes(env, episode, keyposes_of(episode, self._dataset.view))
+        with _visited(env, visit):
+            if self._mode == "joint":
+                divergence = _play_joint_actions(env, episode)
+            else:
+                divergence = _play_keyposes(env, episode, keyposes_of(episode, self._dataset.view))
         progress = env.progress
         return ReplayResult(
             index, episode.meta, progress.ticks, divergence, progress.succeeded, progress.failure
@@ -77,10 +89,26 @@ class Replayer:
         if env is None or (env.task, env.settings.split) != (meta.task, meta.split):
             if env is not None:
                 env.close()
-            env = BimanualEnv(meta.task, split=meta.split, obs="state", control_mode=mode)
+            env = BimanualEnv(
+                meta.task, split=meta.split, image_size=self._image_size, obs="state", control_mode=mode
+            )
         env.settings = replace(env.settings, variation=meta.variation)
         self._env = env
         return env
+
+
+@contextmanager
+def _visited(env: BimanualEnv, visit: Visitor | None) -> Iterator[None]:
+    """Show the environment to a visitor while it is played."""
+    if visit is None:
+        yield
+        return
+    env.tick_listener = lambda env, _: visit(env)
+    try:
+        yield
+        visit(env)
+    finally:
+        env.tick_listener = None
 
 
 def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:

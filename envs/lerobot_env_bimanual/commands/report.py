@@ -1,0 +1,87 @@
+"""The verb `report`: what the certificates say, as a page of documentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+PAGE = """\
+# The tasks, measured
+
+Written by `lerobot-bimanual report` from the certificates in `{folder}`; do not edit.
+
+Code `{code}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each of them.
+
+## Experts and controls
+
+Successes of episodes. *Rounded* keyposes lie on a grid of {voxels} voxels per axis and on bins of 5 degrees, like those
+a policy predicts. *Blind* plays the mean keyposes of 30 training episodes of the variation, whatever the scene; *random*
+plays keyposes from the whole workspace; *frozen* is the expert with one arm at home, on the tasks of which the paper
+says that one arm cannot do them.
+
+{success}
+
+## What else was found out about the experts' episodes
+
+Each was played again, tick by tick, from its recorded joint actions, and every state compared. A tip error is the
+distance of a hand from its target at the end of a keypose, but for the one at which the episode ended; in
+`lift_ball` it is the squeeze of the ball.
+
+{evidence}
+
+## Beside the paper
+
+In brackets the paper's figures. Its durations count frames at 30 Hz, while frames are simulated at 20 Hz. Items here
+are all things that can move, doors and drawers among them. The original's oracle replays ground-truth keyposes in the
+original simulator; it is published for two tasks and on average.
+
+{paper}
+
+## How the arms depend on each other
+
+The paper sorts its tasks by hand; the other columns are measured in the experts' episodes: how long both hands
+touch the same object, the force that one arm passes to the other through it, the share of moving time in which both
+hands move, the correlation of their speeds, and how alike their motions are when one is mirrored (1 mirror images, -1
+one follows the other).
+
+{coupling}
+"""
+
+
+@dataclass
+class ReportConfig:
+    """Options of the verb `report`."""
+
+    certificates: Path = Path("results/certificates")  # folder of the files that `certify` has written
+    output: Path | None = None  # Markdown file; without it the page is printed
+
+
+def report(config: ReportConfig) -> None:
+    """Write the measured table of all tasks, beside the paper's, from certificates.
+
+    Examples:
+        lerobot-bimanual report
+        lerobot-bimanual report --output=docs/tasks.md
+    """
+    from lerobot_env_bimanual.reports import certified as tables
+
+    certified = tables.Certified.read(config.certificates)
+    expert = certified.certificates[tables.EXACT]
+    rounded = certified.certificates.get(tables.ROUNDED, {})
+    page = PAGE.format(
+        folder=config.certificates.as_posix(),
+        code=expert["origin"]["source_sha256"][:12],
+        mujoco=expert["origin"]["mujoco"],
+        split=expert["split"],
+        seeds=expert["seeds"],
+        voxels=rounded.get("discretise", tables.NOT_MEASURED),
+        success=tables.success_table(certified),
+        evidence=tables.evidence_table(certified),
+        paper=tables.paper_table(certified),
+        coupling=tables.coupling_table(certified),
+    )
+    if config.output is None:
+        print(page)
+    else:
+        config.output.parent.mkdir(parents=True, exist_ok=True)
+        config.output.write_text(page, encoding="utf-8")

@@ -1,0 +1,128 @@
+"""Checks of an episode's vectors and scalars, by their own logic: no simulation, no image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.provenance import Recipe
+from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
+from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
+from lerobot_env_bimanual.generation.faults import Fault, first_of
+from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+
+RIGID = 1e-5
+"""Largest change, m and rad, of a camera against what carries it: float32 keeps 1e-6 of it."""
+
+REACHED = 1e-4
+"""Largest distance, m and rad, between a keypose and the joint targets that end its motion."""
+
+
+def check_rows(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """Ticks begin at 0 and rise, one by one in the view `frames`; all numbers are finite."""
+    ticks = episode.columns[schema.TICK]
+    steps = np.diff(ticks, prepend=-1)
+    wrong = steps != 1 if dataset.view == "frames" else steps < 1
+    wrong[0] = ticks[0] != 0
+    yield from first_of(wrong, "tick does not follow the row before")
+    for key in schema.VECTORS:
+        values = episode.columns[key].reshape(len(episode), -1)
+        yield from first_of(~np.isfinite(values).all(axis=1), f"{key} is not finite")
+
+
+def check_recipe(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """Task, variation, split and seed are the same in every row, and those that the dataset lists."""
+    for key in (schema.TASK_NAME, schema.VARIATION, schema.SPLIT, schema.SEED):
+        column = episode.columns[key]
+        yield from first_of(column != column[0], f"{key} changes within the episode")
+    listed = dataset.provenance.episodes if dataset.provenance is not None else ()
+    meta = episode.meta
+    found = Recipe(meta.task, meta.variation, meta.split, meta.seed)
+    if episode.index < len(listed) and listed[episode.index] != found:
+        yield Fault(f"holds {found}, but the dataset lists {listed[episode.index]}")
+
+
+def check_keyframes(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """`keypose_step` counts up from 0 without a gap, and `keyframe` is set where it rises and in the last row."""
+    steps, flags = episode.columns[schema.KEYPOSE_STEP], episode.columns[schema.KEYFRAME]
+    rises = np.diff(steps, prepend=0.0)
+    yield from first_of(~np.isin(rises, (0, 1)), "keypose_step does not stay or rise by one")
+    expected = rises > 0
+    expected[-1] = True
+    yield from first_of(flags & ~expected, "keyframe is set, but no keypose was completed")
+    yield from first_of(expected & ~flags, "keyframe is not set, but a keypose was completed")
+
+
+def check_labels(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """`next_keypose` is one keypose per stage, namely the one at which the stage's motion ends.
+
+    Where the motion ends is read from the joint targets of the stage's last tick, which the view `frames` stores. The
+    last stage is left out, because success may cut it short.
+    """
+    labels, steps = episode.columns[schema.NEXT_KEYPOSE], episode.columns[schema.KEYPOSE_STEP].copy()
+    if dataset.view == "keyframes":
+        steps[-1] = steps[-2]  # the last row repeats the last label, completed
+    stays = np.diff(steps, append=np.nan) == 0
+    changed = np.zeros(len(episode), bool)
+    changed[1:] = stays[:-1] & (labels[1:] != labels[:-1]).any(axis=1)
+    yield from first_of(changed, "next_keypose changes within a stage")
+    if dataset.view == "frames":
+        ends = np.flatnonzero(~stays)[:-1]
+        missed = np.zeros(len(episode), bool)
+        missed[ends] = [_misses(episode.columns[schema.ACTION][end], labels[end]) for end in ends]
+        yield from first_of(missed, "next_keypose is not where the stage's motion ends")
+
+
+def check_calibration(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """Each wrist camera is fixed to its hand and every other one to the world; lenses do not change."""
+    extrinsics = episode.columns[schema.CAMERA_EXTRINSICS].astype(np.float64).reshape(-1, len(CAMERA_NAMES), 4, 4)
+    hands = _hand_poses(episode)
+    for index, camera in enumerate(CAMERA_NAMES):
+        arm = next((arm for arm in ARMS if camera == f"{arm}_wrist"), None)
+        poses = extrinsics[:, index]
+        carrier = "the world"
+        if arm is not None:
+            poses = np.linalg.inv(hands[:, arm.ordinal]) @ poses
+            carrier = f"the {arm} hand"
+        moved = np.abs(poses - np.median(poses, axis=0)).max(axis=(1, 2)) > RIGID
+        yield from first_of(moved, f"camera {camera} is not fixed to {carrier}")
+    intrinsics = episode.columns[schema.CAMERA_INTRINSICS]
+    yield from first_of((intrinsics != intrinsics[0]).any(axis=1), "intrinsics change within the episode")
+
+
+COLUMN_CHECKS: dict[str, Callable[[RecordedDataset, RecordedEpisode], Iterator[Fault]]] = {
+    "rows": check_rows,
+    "recipe": check_recipe,
+    "keyframes": check_keyframes,
+    "labels": check_labels,
+    "calibration": check_calibration,
+}
+
+
+def _hand_poses(episode: RecordedEpisode) -> NDArray[np.float64]:
+    """World poses (rows, 2, 4, 4) of the tool centre points."""
+    vectors = episode.columns[schema.EE_POSE].astype(np.float64).reshape(-1, len(ARMS), 7)
+    poses = np.zeros((*vectors.shape[:2], 4, 4))
+    poses[..., :3, :3] = quat_wxyz_to_matrix(vectors[..., 3:])
+    poses[..., :3, 3] = vectors[..., :3]
+    poses[..., 3, 3] = 1
+    return poses
+
+
+def _misses(action: NDArray[np.float32], keypose: NDArray[np.float32]) -> bool:
+    """Whether joint targets (16,) put a hand elsewhere than a keypose (18,), or leave a gripper otherwise."""
+    targets = action.astype(np.float64).reshape(len(ARMS), JOINTS_PER_ARM + 1)
+    for arm, target, goal in zip(ARMS, targets, keypose.astype(np.float64).reshape(-1, ARM_KEYPOSE_DIM), strict=True):
+        hand = ArmKinematics.of(PANDA_PAIR, arm).fk(target[:JOINTS_PER_ARM])
+        turned = np.abs(hand[:3, :3] - quat_wxyz_to_matrix(goal[QUATERNION])).max()
+        moved = np.abs(hand[:3, 3] - goal[POSITION]).max()
+        if max(moved, turned) > REACHED or (target[JOINTS_PER_ARM] > 0.5) != (goal[GRIPPER_OPEN] > 0.5):
+            return True
+    return False

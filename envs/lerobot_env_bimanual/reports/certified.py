@@ -1,0 +1,197 @@
+"""Certificates as Markdown tables: experts and controls, the tasks beside the paper's, and the arms' coupling."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
+from lerobot_env_bimanual.registry import get_task
+from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
+
+EXACT, ROUNDED = "expert", "expert_discretised"
+CONTROLS = ("blind", "random", "noop", "freeze_left", "freeze_right")
+CERTIFICATES = (EXACT, ROUNDED, *CONTROLS)
+"""Names of the files, without `.json`."""
+
+NOT_MEASURED = "–"
+
+type Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Certified:
+    """The certificates of one folder, by name."""
+
+    certificates: Mapping[str, Mapping[str, Any]]
+
+    @classmethod
+    def read(cls, folder: Path) -> Certified:
+        """Read what is there.
+
+        Raises:
+            BimanualError: the folder has no certificate of the experts.
+        """
+        paths = {name: folder / f"{name}.json" for name in CERTIFICATES}
+        if not paths[EXACT].is_file():
+            raise BimanualError(
+                f"{folder} holds no {EXACT}.json; make it with `lerobot-bimanual certify --variation=each "
+                f"--output={folder / EXACT}.json`. Read are: {', '.join(path.name for path in paths.values())}"
+            )
+        return cls({name: json.loads(path.read_text()) for name, path in paths.items() if path.is_file()})
+
+    @property
+    def tasks(self) -> list[str]:
+        """Names of the tasks whose experts are certified, in the paper's order."""
+        names = {row["task"] for row in self.certificates[EXACT]["rates"]}
+        return sorted(names, key=lambda name: get_task(name).spec.id)
+
+    def rows(self, name: str, task: str) -> list[Row]:
+        """The rates of a task's variations in one certificate."""
+        return [row for row in self.certificates.get(name, {}).get("rates", ()) if row["task"] == task]
+
+    def episodes(self, name: str, task: str) -> list[Row]:
+        """The episodes of a task in one certificate."""
+        return [row for row in self.certificates[name]["episodes"] if row["task"] == task]
+
+    def rate(self, name: str, task: str) -> SuccessRate | None:
+        """Success over all variations of a task; None if it was not measured."""
+        rows = self.rows(name, task)
+        if not rows:
+            return None
+        return SuccessRate(sum(row["successes"] for row in rows), sum(row["trials"] for row in rows))
+
+
+def success_table(certified: Certified) -> str:
+    """Experts and controls, successes of trials per task."""
+    headings = (
+        "task",
+        "expert",
+        "rounded",
+        "blind",
+        "random",
+        "no-op",
+        "left arm frozen",
+        "right arm frozen",
+    )
+    rows = []
+    for task in certified.tasks:
+        rates = [certified.rate(name, task) for name in CERTIFICATES]
+        cells = [NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}" for rate in rates]
+        rows.append((f"`{task}`", *cells))
+    return _markdown(headings, rows)
+
+
+def evidence_table(certified: Certified) -> str:
+    """What else was found out about the exact expert's episodes."""
+    headings = (
+        "task",
+        "lowest of a variation's 95 % interval",
+        "replayed bit for bit",
+        "keyframes found again",
+        "largest tip error",
+        "planner failures",
+        "lines replaced",
+        "placements drawn, median",
+    )
+    rows = []
+    for task in certified.tasks:
+        variations = certified.rows(EXACT, task)
+        solved = sum(row["successes"] for row in variations)
+        failures = [episode["failure"] for episode in certified.episodes(EXACT, task)]
+        rows.append(
+            (
+                f"`{task}`",
+                f"{min(row['wilson_95'][0] for row in variations):.1%}",
+                f"{sum(row['replayed'] for row in variations)}/{solved}",
+                f"{sum(row['keyframes_found'] for row in variations)}/{solved}",
+                f"{max(row['worst_tip_error_mm'] for row in variations):.1f} mm",
+                sum(failure not in ("", OUT_OF_MOVES, OUT_OF_TIME) for failure in failures),
+                sum(row["line_fallbacks"] for row in variations),
+                f"{_mean(variations, lambda row: row['median_draws']):.1f}",
+            )
+        )
+    return _markdown(headings, rows)
+
+
+def paper_table(certified: Certified) -> str:
+    """Variations, items, keyframes, duration and oracle, here and in the paper."""
+    headings = ("task", "variations", "items", "keyframes", "duration", "oracle of the original")
+    rows = []
+    for task in certified.tasks:
+        spec, paper, variations = get_task(task).spec, PAPER[task], certified.rows(EXACT, task)
+        oracle = ORIGINAL_ORACLE.get(task)
+        rows.append(
+            (
+                f"`{task}`",
+                len(spec.variations),
+                f"{movable_items(task)} ({paper.items})",
+                f"{_mean(variations, lambda row: row['median_keyposes']):.1f} ({paper.keyframes})",
+                f"{_mean(variations, lambda row: row['median_s']):.1f} s ({paper.duration_s:.1f} s)",
+                NOT_MEASURED if oracle is None else f"{oracle:.0%}",
+            )
+        )
+    rows.append(("all", sum(row[1] for row in rows), "", "", "", f"{ORIGINAL_ORACLE_MEAN:.1%}"))
+    return _markdown(headings, rows)
+
+
+def coupling_table(certified: Certified) -> str:
+    """The coupling of the arms as the physics shows it, beside the paper's taxonomy."""
+    headings = (
+        "task",
+        "paper",
+        "both hold it",
+        "force passed, mean",
+        "peak",
+        "moving together",
+        "speeds correlate",
+        "mirrored",
+    )
+    rows = []
+    for task in certified.tasks:
+        taxonomy, variations = get_task(task).spec.taxonomy, certified.rows(EXACT, task)
+
+        def coupling(name: str, rows: Sequence[Row] = variations) -> float:
+            return _mean(rows, lambda row: row["coupling"][name])
+
+        words = [
+            name
+            for name in ("temporal", "spatial", "physical", "symmetric", "synchronous")
+            if getattr(taxonomy, name)
+        ]
+        rows.append(
+            (
+                f"`{task}`",
+                ", ".join(words),
+                f"{coupling('shared_object_s'):.2f} s",
+                f"{coupling('transmitted_force_mean_n'):.1f} N",
+                f"{coupling('transmitted_force_peak_n'):.0f} N",
+                f"{coupling('both_moving_share'):.0%}",
+                f"{coupling('speed_correlation'):.2f}",
+                f"{coupling('mirror_similarity'):.2f}",
+            )
+        )
+    return _markdown(headings, rows)
+
+
+def movable_items(task: str) -> int:
+    """Things of the scene that can move by themselves: free objects, and each door, drawer or button."""
+    from lerobot_bimanual.arms import ARMS
+    from lerobot_env_bimanual.scene import Scene
+
+    return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
+
+
+def _mean(rows: Sequence[Row], value: Callable[[Row], float]) -> float:
+    """Over variations, weighted by their episodes."""
+    return sum(value(row) * row["trials"] for row in rows) / sum(row["trials"] for row in rows)
+
+
+def _markdown(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = [headings, ["---", *("---:" for _ in headings[1:])], *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)

@@ -1,0 +1,38 @@
+"""Environments that several files share."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.env import BimanualEnv
+
+TASK = "lift_ball"
+
+
+@pytest.fixture(scope="module")
+def state_env():
+    env = BimanualEnv(TASK, obs="state")
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def rgbd_env():
+    env = BimanualEnv(TASK, image_size=(24, 32))
+    yield env
+    env.close()
+
+
+@pytest.fixture
+def keypose_below() -> Callable[..., np.ndarray]:
+    return _keypose_below
+
+
+def _keypose_below(env: BimanualEnv, drop_m: float = 0.1, gripper_open: bool = True) -> np.ndarray:
+    """Both hands straight down from where they are."""
+    poses = [env.scene.tcp(arm) for arm in ARMS]
+    targets = [pose.translated((0.0, 0.0, -drop_m)) for pose in poses]
+    return BimanualKeypose(*(Keypose(target, gripper_open, True) for target in targets)).to_vector()

@@ -1,0 +1,127 @@
+"""How keyposes are executed, and how episodes end."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
+from lerobot_env_bimanual.registry import get_task
+
+TASK = "lift_ball"
+
+
+def wiggle(env: BimanualEnv, seed: int, ticks: int) -> list[np.ndarray]:
+    """Joint actions of a random walk that starts where the arms stand."""
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(-0.05, 0.05, (ticks, 16))
+    return list((env.scene.commanded + np.cumsum(steps, axis=0)).astype(np.float32))
+
+
+def test_a_keypose_is_the_joint_actions_that_the_listener_saw(state_env, keypose_below):
+    heard = []
+    state_env.tick_listener = lambda env, action: heard.append((env.progress.ticks, action.copy()))
+    state_env.reset(seed=1)
+    state_env.step(keypose_below(state_env, gripper_open=False))
+    after_keypose = state_env.state_hash()
+    state_env.tick_listener = None
+    assert [tick for tick, _ in heard] == list(range(len(heard)))
+
+    state_env.reset(seed=1)
+    for _, action in heard:
+        state_env.step(action)
+    assert state_env.state_hash() == after_keypose
+
+
+def test_a_keypose_moves_both_hands_there_and_counts(state_env, keypose_below):
+    state_env.reset(seed=1)
+    target = keypose_below(state_env)
+    observation, reward, terminated, truncated, info = state_env.step(target)
+    assert (reward, terminated, truncated, info["failure"]) == (0.0, False, False, "")
+    assert observation["keypose_step"] == [1.0]
+    assert info["ticks"] > 5
+    for pose, goal in zip(np.split(observation["ee_pose"], 2), np.split(target, 2), strict=True):
+        assert np.allclose(pose[:3], goal[:3], atol=5e-3)
+
+
+def test_an_unreachable_keypose_ends_the_episode_and_names_the_arm(state_env, keypose_below):
+    state_env.reset(seed=1)
+    action = keypose_below(state_env)
+    action[9:12] = [-0.25, 0.45, 1.55]
+    _, reward, terminated, truncated, info = state_env.step(action)
+    assert (reward, terminated, truncated, info["is_success"]) == (0.0, True, False, False)
+    assert "right" in info["failure"]
+    with pytest.raises(gym.error.ResetNeeded):
+        state_env.step(action)
+
+
+def test_success_needs_all_conditions_for_half_a_second(state_env, monkeypatch):
+    state_env.reset(seed=1)
+    met = [True] * (SUCCESS_TICKS - 1) + [False] + [True] * SUCCESS_TICKS
+    verdicts = iter(met)
+    monkeypatch.setattr(
+        state_env.task_definition, "check", lambda *_: {"easy": True, "hard": next(verdicts)}, raising=True
+    )
+    results = [state_env.step(state_env.scene.commanded)[1:3] for _ in met]
+    assert results == [(0.0, False)] * (len(met) - 1) + [(1.0, True)]
+
+
+def test_success_ends_a_keypose_at_once(state_env, monkeypatch, keypose_below):
+    state_env.reset(seed=1)
+    monkeypatch.setattr(state_env.task_definition, "check", lambda *_: {"done": True})
+    _, reward, terminated, _, info = state_env.step(keypose_below(state_env, 0.2))
+    assert (reward, terminated, info["is_success"], info["ticks"]) == (1.0, True, True, SUCCESS_TICKS)
+
+
+def test_a_keypose_waits_for_the_verdict(state_env, monkeypatch, keypose_below):
+    state_env.reset(seed=1)
+    saved = state_env.save_state()
+    _, _, _, _, info = state_env.step(keypose_below(state_env))
+    duration = info["ticks"]
+    state_env.restore_state(saved)
+    monkeypatch.setattr(
+        state_env.task_definition, "check", lambda *_: {"late": state_env.progress.ticks >= duration}
+    )
+    _, _, terminated, _, info = state_env.step(keypose_below(state_env))
+    assert (terminated, info["ticks"]) == (True, duration + SUCCESS_TICKS - 1)
+
+
+def test_an_episode_is_truncated_at_its_horizon(state_env):
+    state_env.reset(seed=1)
+    horizon = get_task(TASK).spec.horizon_ticks
+    state_env.progress.ticks = horizon - 2
+    assert state_env.step(state_env.scene.commanded)[2:4] == (False, False)
+    assert state_env.step(state_env.scene.commanded)[2:4] == (False, True)
+
+
+def test_an_episode_is_truncated_after_its_last_keypose(keypose_below):
+    env = BimanualEnv(TASK, obs="state", control_mode="keypose", max_keyposes=2)
+    env.reset(seed=1)
+    down, back = keypose_below(env, 0.1), keypose_below(env, 0.0)
+    assert env.step(down)[2:4] == (False, False)
+    assert env.step(back)[2:4] == (False, True)
+    assert env._max_episode_steps == 2
+    env.close()
+
+
+def test_a_warning_of_mujoco_ends_the_episode(state_env):
+    state_env.reset(seed=1)
+    state_env.scene.data.warning[0].number += 1
+    _, _, terminated, _, info = state_env.step(state_env.scene.commanded)
+    assert (terminated, info["is_success"], info["failure"]) == (True, False, "simulation_unstable")
+
+
+def test_learned_joint_targets_are_clipped_to_the_limits():
+    env = BimanualEnv(TASK, obs="state")
+    env.reset(seed=1)
+    env.step(np.full(16, 100.0, dtype=np.float32))
+    assert np.array_equal(env.scene.commanded, env.action_space.high)
+    env.close()
+
+
+def test_a_learned_zero_quaternion_ends_the_episode(state_env, keypose_below):
+    state_env.reset(seed=1)
+    action = keypose_below(state_env)
+    action[12:16] = 0
+    _, _, terminated, _, info = state_env.step(action)
+    assert terminated
+    assert info["failure"] == "right arm: zero quaternion"
