@@ -1,7 +1,7 @@
 # Every target sets up by itself (scripts/setup.sh); nothing needs to be installed or activated first.
 BIN := .venv/bin
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-all check format bench lock build clean
+.PHONY: help setup demo certificates test test-slow test-all check format bench lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -11,6 +11,9 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
+
+certificates: setup  ## Certify every expert and control anew, and write docs/tasks.md (an hour or more)
+	scripts/certify.sh
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)
 	$(BIN)/pytest -m "not slow and not gpu"

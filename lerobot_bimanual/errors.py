@@ -63,15 +63,6 @@ class PlacementFailure(BimanualError):
     """No placement of the props was found that both arms can serve."""
 
 
-class ExpertFailed(BimanualError):
-    """An expert did not solve its episode."""
-
-    def __init__(self, task: str, seed: int, stage: str, unmet: Iterable[str]):
-        super().__init__(
-            f"expert of {task!r} failed at seed {seed}, stage {stage!r}; unmet: {_choices(unmet)}"
-        )
-
-
 class SchemaMismatch(BimanualError):
     """A dataset whose features or schema version are not the ones this package writes."""
 

@@ -11,9 +11,15 @@ STILL_RAD = 5e-5
 MIN_REST_FRAMES = 2
 """Shortest rest that ends a keypose."""
 
+GRIPPER_FRAMES = 10
+"""Half a second, in which a gripper opens or closes."""
+
 
 def discover_keyframes(actions: ArrayLike) -> list[int]:
     """Frames at which both arms set off again after a rest, or a gripper changed on the way; the last always.
+
+    Where grippers change one after the other in one rest, as when a thing is handed over, each change is a keypose
+    that ends when that gripper has had its time.
 
     PerAct2 takes a frame where a gripper changed or both arms stopped. There the gripper closes between two
     frames; here closing takes half a second, in which the arms rest, so the keypose is complete when the rest
@@ -36,15 +42,19 @@ def discover_keyframes(actions: ArrayLike) -> list[int]:
     changed[1:] = (grippers[1:] != grippers[:-1]).any(axis=1)
 
     keyframes: list[int] = []
-    rested, moved, pending = 0, False, False
+    rested, moved = 0, False
+    gripped: int | None = None  # last gripper change of the present rest
     for frame in range(1, frames):
         if still[frame]:
             rested += 1
-            pending |= changed[frame]
+            if changed[frame]:
+                if gripped is not None:
+                    keyframes.append(min(gripped + GRIPPER_FRAMES, frame))
+                gripped = frame
             continue
-        if (moved and rested >= MIN_REST_FRAMES) or pending or changed[frame]:
+        if (moved and rested >= MIN_REST_FRAMES) or gripped is not None or changed[frame]:
             keyframes.append(frame)
-        rested, moved, pending = 0, True, False
+        rested, moved, gripped = 0, True, None
     if keyframes and keyframes[-1] >= frames - 2:
         keyframes.pop()
     return [*keyframes, frames - 1]

@@ -41,6 +41,12 @@ def test_a_gripper_event_before_the_first_motion_is_a_keypose_of_its_own():
     assert discover_keyframes(recording(moving, gripper_open)) == [12, 20]
 
 
+def test_grippers_that_change_one_after_the_other_at_rest_are_keyposes_of_their_own():
+    moving = [False] + [True] * 5 + [False] * 40
+    gripper_open = [True] * 10 + [False] * 20 + [True] * 16
+    assert discover_keyframes(recording(moving, gripper_open)) == [20, 45]
+
+
 def test_resting_at_the_start_alone_is_no_keyframe():
     assert discover_keyframes(recording([False] * 10 + [True] * 5)) == [14]
 

@@ -9,6 +9,7 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.keyframes import GRIPPER_FRAMES
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
@@ -29,8 +30,8 @@ Array = NDArray[np.floating]
 
 REST_TICKS = 2
 """Standing still at the end of each motion, 0.1 s."""
-GRIPPER_TICKS = 10
-"""Waiting after a gripper command, 0.5 s."""
+GRIPPER_TICKS = GRIPPER_FRAMES
+"""Waiting after a gripper command."""
 PATH_CHECK_RAD = 0.02
 """Joint travel between two collision checks along a path (design study)."""
 MAX_GOALS = 4

@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Certifies every task: the experts on every variation, exact and rounded, and all controls. An interrupted run goes
+# on where it stopped. With SEEDS=a:b it takes other seeds than those of the committed certificates.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+seeds="${SEEDS:-20000:20100}"
+few="${seeds%%:*}:$((${seeds%%:*} + 50))"
+folder="${FOLDER:-results/certificates}"
+two_armed=push_box,lift_ball,dual_push_buttons,put_bottle_in_fridge,lift_tray
+
+certify() {
+    echo "== $1"
+    .venv/bin/lerobot-bimanual certify --output="$folder/$1.json" "${@:2}" || failed="${failed:-} $1"
+}
+
+certify expert --variation=each --seeds="$seeds" --replay=joint
+certify expert_discretised --variation=each --seeds="$seeds" --discretise=100
+certify freeze_left --task=$two_armed --control=freeze_left --seeds="$few"
+certify freeze_right --task=$two_armed --control=freeze_right --seeds="$few"
+certify blind --control=blind --variation=each --seeds="$few"
+certify random --control=random --seeds="$few"
+certify noop --control=noop --seeds="$few"
+.venv/bin/lerobot-bimanual report --certificates="$folder" --output=docs/tasks.md
+[ -z "${failed:-}" ] || { echo "not good enough:$failed"; exit 1; }

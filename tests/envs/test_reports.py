@@ -1,0 +1,44 @@
+"""Tables from certificates."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.commands.report import ReportConfig, report
+from lerobot_env_bimanual.registry import list_tasks
+from lerobot_env_bimanual.reports.certified import Certified, movable_items, success_table
+from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, PAPER
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_paper_s_figures_cover_every_task():
+    assert set(PAPER) == set(list_tasks())
+    assert set(ORIGINAL_ORACLE) <= set(PAPER)
+
+
+def test_movable_items_are_free_objects_doors_drawers_and_buttons():
+    assert movable_items("lift_ball") == 1
+    assert movable_items("lift_tray") == 2  # tray and cube
+    assert movable_items("put_item_in_drawer") == 4  # three drawers and the item
+
+
+def test_the_page_in_the_documentation_is_what_the_certificates_say(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    report(ReportConfig(output=tmp_path / "tasks.md"))
+    assert (tmp_path / "tasks.md").read_text() == (ROOT / "docs" / "tasks.md").read_text()
+
+
+def test_success_is_added_up_over_variations_and_what_is_missing_is_marked(tmp_path):
+    rates = [{"task": "handover_item", "variation": n, "successes": 9 + n, "trials": 11} for n in (0, 1)]
+    (tmp_path / "expert.json").write_text(json.dumps({"rates": rates, "episodes": []}))
+    table = success_table(Certified.read(tmp_path))
+    assert "| `handover_item` | 19/22 | – | – |" in table
+    assert "lift_ball" not in table
+
+
+def test_a_folder_without_certificates_is_refused_with_the_command_that_makes_them(tmp_path):
+    with pytest.raises(BimanualError, match="certify --variation=each"):
+        report(ReportConfig(certificates=tmp_path))
