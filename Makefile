@@ -1,5 +1,7 @@
 # Every target sets up by itself (scripts/setup.sh); nothing needs to be installed or activated first.
 BIN := .venv/bin
+# Test files run side by side, each on one core.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
 .PHONY: help setup demo certificates test test-slow test-all check format bench lock build clean
 
@@ -16,13 +18,13 @@ certificates: setup  ## Certify every expert and control anew, and write docs/ta
 	scripts/certify.sh
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)
-	$(BIN)/pytest -m "not slow and not gpu"
+	$(PYTEST) -m "not slow and not gpu"
 
 test-slow: setup  ## Run only the slow tests: whole command lines, training
-	$(BIN)/pytest -m "slow and not gpu"
+	$(PYTEST) -m "slow and not gpu"
 
 test-all: setup  ## Run every test; those for a GPU skip themselves where there is none
-	$(BIN)/pytest
+	$(PYTEST)
 
 check: setup  ## Lint, formatting, types
 	$(BIN)/ruff check

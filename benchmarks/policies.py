@@ -1,208 +1,191 @@
-"""PerAct2 against its written-out formulation: CPU time and peak memory, in one run.
+"""PerAct2 against its written-out formulation, stage by stage and whole: time and peak memory, in one run.
 
 The written-out formulation (tests/policies/written_out.py) has the structure of PerAct2's reference code: every
 arm decodes on its own, maps are really upsampled and concatenated. Both compute the same function of the same
-weights. Each figure comes from a process of its own, one after the other, so that peak memory means something;
-times are CPU times of that process. Prints a table and, as the last line, the same figures as JSON.
+weights. On a CPU times are CPU times and memory is resident (needs Linux); on a GPU times are taken by events,
+after one call to warm up, and memory is what PyTorch allocated. Memory counts beyond what was there before the
+call, so without the weights. Prints a table and, as the last line, the same figures as JSON.
 
-    python benchmarks/policies.py --voxels=50              # about one CPU minute
-    python benchmarks/policies.py --voxels=100 --backward # minutes, and 10 GB for the written-out one
-    python benchmarks/policies.py --small                 # a training step of the laptop recipe
+    python benchmarks/policies.py                                  # the whole at 50^3, half a CPU minute
+    python benchmarks/policies.py --stages --backward              # stage by stage too
+    python benchmarks/policies.py --voxels=100 --backward          # minutes, and 10 GB for the written-out one
+    python benchmarks/policies.py --variants float32 bfloat16 compile checkpointing --backward
+    python benchmarks/policies.py --policies peract2 peract_lf     # select_action and training of whole policies
 """
 
 import argparse
-import importlib.util
+import gc
 import json
-import resource
-import subprocess
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
+from policy_jobs import STAGES, Job, Setting, network_job, policy_job, stage_job
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
-from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_policy_bimanual import PerAct2Config
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
-from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
+VARIANTS = ("float32", "bfloat16", "compile", "checkpointing")
+"""Of our network; all keep their voxel maps with the channels last in memory."""
 
-WRITTEN_OUT = Path(__file__).parents[1] / "tests" / "policies" / "written_out.py"
+WRITTEN_OUT_BYTES = {False: (0.5e9, 3e3), True: (3e9, 8e3)}
+"""What the written-out network takes, by `--backward`: at any size, and per voxel, for one sample (measured)."""
 
-SMALL: dict[str, Any] = {
-    "voxel_size": 25,
-    "channels": 16,
-    "token_dim": 64,
-    "num_latents": 128,
-    "latent_dim": 128,
-    "depth": 2,
-    "heads": 4,
-    "feedforward_multiplier": 2,
-    "attention_dropout": 0.0,
-    "language_tokens": 8,
-    "language_dim": 64,
-    "translation_head": "factorised",
-}
+Figures = dict[str, float]
 
 
-def random_batch(samples: int, size: int) -> dict[str, Any]:
-    """Five cameras looking down on noise."""
-    batch: dict[str, Any] = {"task": ["lift the ball"] * samples}
-    for camera in CAMERA_NAMES:
-        batch[schema.image_key(camera)] = torch.rand(samples, 3, size, size)
-        batch[schema.depth_key(camera)] = 500 + 1500 * torch.rand(samples, 1, size, size)
-    pose = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
-    batch[schema.CAMERA_EXTRINSICS] = pose.repeat(samples, 5, 1, 1).flatten(1)
-    intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, size, size)).float()
-    batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(samples, 5, 1, 1).flatten(1)
-    batch[schema.STATE] = torch.rand(samples, 16)
-    batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
-    batch[schema.KEYPOSE_STEP] = torch.zeros(samples, 1)
-    batch[schema.NEXT_KEYPOSE] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
-    return batch
+def measure(job: Job | None, setting: Setting, repeats: int, *, warm_up: bool = False) -> Figures | None:
+    """The fastest of several calls, and the peak of their memory."""
+    if job is None:
+        return None
+    gpu = setting.device == "cuda"
+    clock, start_memory, peak_bytes = (
+        (time_on_gpu, start_gpu_memory, torch.cuda.max_memory_allocated)
+        if gpu
+        else (time_on_cpu, start_cpu_memory, cpu_peak_bytes)
+    )
+    gc.collect()
+    with torch.set_grad_enabled(setting.backward):
+        if gpu or warm_up:
+            job()
+        before = start_memory()
+        seconds = min(clock(job) for _ in range(repeats))
+        return {"seconds": seconds, "peak_gb": (peak_bytes() - before) / 1e9}
 
 
-def network_job(variant: str, voxels: int, backward: bool, checkpointing: bool) -> Callable[[], None]:
-    """One pass of the full-size network or of its written-out formulation, batch 1, without dropout."""
-    config = PerAct2Config(device="cpu", voxel_size=voxels, activation_checkpointing=checkpointing)
-    network = PerAct2Policy(config).network.eval()
-    dtype = torch.bfloat16 if variant == "bfloat16" else torch.float32
-    cloud = torch.rand(1, 3, 5 * 128**2) + torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
-    grid = voxelise(cloud, torch.rand_like(cloud), workspace=VOXEL_WORKSPACE, voxels=voxels)
-    proprio, language = torch.rand(1, 8), torch.randn(1, config.language_tokens, config.language_dim)
-    voxel = torch.full((1, 2, 3), voxels // 2)
-    classes = torch.ones(1, 2, 5, dtype=torch.long)
-    spec = importlib.util.spec_from_file_location("written_out", WRITTEN_OUT)
-    assert spec is not None
-    assert spec.loader is not None
-    written_out = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(written_out)
+def time_on_cpu(job: Job) -> float:
+    start = time.process_time()
+    job()
+    return time.process_time() - start
 
-    def written() -> torch.Tensor:
-        parameters = dict(network.named_parameters())
-        outputs = written_out.network(parameters, grid, proprio, language, arms=2, heads=config.heads)
-        return written_out.one_hot_loss(*outputs, voxel, classes)
 
-    def ours() -> torch.Tensor:
-        with torch.autocast("cpu", dtype, enabled=dtype is not torch.float32):
-            prediction = network(grid, proprio, language, voxel)
-        rotation = torch.nn.functional.cross_entropy(
-            prediction.rotation.flatten(0, 2), classes[0, 0, 0].repeat(6)
+def start_cpu_memory() -> int:
+    """Bytes resident now, from which on the peak is counted anew."""
+    Path("/proc/self/clear_refs").write_text("5")
+    return cpu_peak_bytes()
+
+
+def cpu_peak_bytes() -> int:
+    return proc_bytes("self/status", "VmHWM")
+
+
+def proc_bytes(file: str, entry: str) -> int:
+    lines = (Path("/proc") / file).read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(entry))
+
+
+def time_on_gpu(job: Job) -> float:
+    start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+    start.record()
+    job()
+    end.record()
+    torch.cuda.synchronize()
+    return start.elapsed_time(end) / 1e3
+
+
+def start_gpu_memory() -> int:
+    torch.cuda.synchronize()
+    torch.cuda.reset_peak_memory_stats()
+    return torch.cuda.memory_allocated()
+
+
+def missing_memory(setting: Setting) -> str | None:
+    """Why the written-out network would not fit, or None if it does."""
+    fixed, per_voxel = WRITTEN_OUT_BYTES[setting.backward]
+    needed = setting.batch * (fixed + per_voxel * setting.voxels**3)
+    free = torch.cuda.mem_get_info()[0] if setting.device == "cuda" else proc_bytes("meminfo", "MemAvailable")
+    if needed < free:
+        return None
+    return (
+        f"The written-out network is left out: --voxels={setting.voxels} --batch={setting.batch} takes about "
+        f"{needed / 1e9:.0f} GB, and {free / 1e9:.0f} GB are free. Fewer of either would fit."
+    )
+
+
+def row(title: str, ours: Figures | None, written: Figures | None) -> list[str]:
+    def cells(figures: Figures | None) -> list[str]:
+        return [f"{figures['seconds']:.3f}", f"{figures['peak_gb']:.2f}"] if figures else ["", ""]
+
+    ratios = ["", ""]
+    if ours and written:
+        ratios[0] = f"{written['seconds'] / ours['seconds']:.2f} x"
+        if written["peak_gb"] > 0.1:  # below, it is the allocator that is measured
+            ratios[1] = f"{ours['peak_gb'] / written['peak_gb']:.2f} x"
+    return [title, *cells(ours), *cells(written), *ratios]
+
+
+def compare(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[str, Any]]:
+    """The network, whole and by stages."""
+    passes = "forward and backward" if setting.backward else "forward"
+    table = Table(
+        *("", "s", "GB", "written out s", "written out GB", "faster", "memory"),
+        title=f"PerAct2, {setting.voxels}^3 voxels, batch {setting.batch}, {setting.device}, {passes}",
+    )
+    refusal = missing_memory(setting)
+    if refusal:
+        Console(stderr=True).print(refusal)
+    figures: dict[str, Any] = {}
+    for stage, title in STAGES.items() if options.stages else ():
+        ours = measure(stage_job(stage, False, setting), setting, options.repeats)
+        written = None if refusal else measure(stage_job(stage, True, setting), setting, options.repeats)
+        figures[stage] = {"ours": ours, "written_out": written}
+        table.add_row(*row(title, ours, written))
+    table.add_section()
+    written = None if refusal else measure(network_job("written_out", setting), setting, 1)
+    figures["written_out"] = written
+    for variant in options.variants:
+        job = network_job(variant, setting)
+        figures[variant] = ours = measure(job, setting, 1, warm_up=variant == "compile")
+        table.add_row(*row(f"whole, {variant}", ours, written))
+    return table, figures
+
+
+def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[str, Any]]:
+    """Latency and training of whole policies."""
+    size = "default size" if options.full_size else "small recipe"
+    table = Table(
+        *("", "select_action s", "training samples per s", "training GB"),
+        title=f"whole policies, {size}, five 128 px cameras, training batch {setting.batch}, {setting.device}",
+    )
+    figures: dict[str, Any] = {}
+    for policy in options.policies:
+        act, train = (
+            measure(policy_job(policy, each, small=not options.full_size), each, options.repeats)
+            for each in (
+                Setting(setting.voxels, 1, setting.device, backward=False),
+                Setting(setting.voxels, setting.batch, setting.device, backward=True),
+            )
         )
-        return prediction.translation.cross_entropy(voxel).sum() + 6 * rotation
-
-    def job() -> None:
-        with torch.set_grad_enabled(backward):
-            loss = written() if variant == "written_out" else ours()
-        if backward:
-            loss.backward()
-
-    return job
-
-
-def small_job() -> Callable[[], None]:
-    """One optimizer step of the laptop recipe: batch 8, five cameras of 128 x 128, everything included."""
-    config = PerAct2Config(device="cpu", optimizer_lr=2e-3, **SMALL)
-    policy = PerAct2Policy(config).train()
-    preset: Any = config.get_optimizer_preset()
-    optimizer = preset.build(policy.get_optim_params())
-    batch = random_batch(samples=8, size=128)
-
-    def job() -> None:
-        loss, _ = policy(batch)
-        optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(policy.parameters(), config.optimizer_grad_clip_norm)
-        optimizer.step()
-
-    return job
-
-
-def voxelise_job(size: int, voxels: int) -> Callable[[], None]:
-    """Voxelise one sample of five cameras."""
-    cloud = 1.5 * torch.rand(1, 3, 5 * size**2) + torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
-    colours = torch.rand_like(cloud)
-    return lambda: void(voxelise(cloud, colours, workspace=VOXEL_WORKSPACE, voxels=voxels))
-
-
-def void(_: object) -> None:
-    """Drop a result."""
-
-
-def child(options: argparse.Namespace) -> None:
-    """Measure one job in this process and print it as JSON."""
-    torch.set_num_threads(options.threads)
-    torch.manual_seed(0)
-    if options.child == "small":
-        job = small_job()
-    elif options.child == "voxelise":
-        job = voxelise_job(256, options.voxels)
-    else:
-        job = network_job(options.child, options.voxels, options.backward, options.checkpointing)
-    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    cpu, wall = [], []
-    for _ in range(options.repeats):
-        start_cpu, start_wall = time.process_time(), time.perf_counter()
-        job()
-        cpu.append(time.process_time() - start_cpu)
-        wall.append(time.perf_counter() - start_wall)
-    peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    figures = {"cpu_s": min(cpu), "wall_s": min(wall), "peak_gb": (peak_kb - before_kb) / 2**20}
-    sys.stdout.write(json.dumps(figures) + "\n")
-
-
-def measure(job: str, options: argparse.Namespace, repeats: int) -> dict[str, float]:
-    """Run a job in a process of its own."""
-    flags = [f"--voxels={options.voxels}", f"--threads={options.threads}", f"--repeats={repeats}"]
-    flags += ["--backward"] if options.backward else []
-    flags += ["--checkpointing"] if options.checkpointing else []
-    command = [sys.executable, __file__, f"--child={job}", *flags]
-    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    return json.loads(output.splitlines()[-1])
+        assert act is not None
+        assert train is not None
+        rate = setting.batch / train["seconds"]
+        figures[policy] = {"select_action": act, "train": train, "samples_per_s": rate}
+        table.add_row(policy, f"{act['seconds']:.3f}", f"{rate:.2f}", f"{train['peak_gb']:.2f}")
+    return table, figures
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--voxels", type=int, default=50, help="voxels per axis of the full-size network")
+    parser.add_argument("--voxels", type=int, default=50, help="voxels per axis, a multiple of 5")
+    parser.add_argument("--batch", type=int, default=1)
     parser.add_argument("--backward", action="store_true", help="forward and backward pass")
-    parser.add_argument("--checkpointing", action="store_true", help="recompute the dense head")
-    parser.add_argument(
-        "--bfloat16", action="store_true", help="also under autocast; slow without AVX512-BF16"
-    )
-    parser.add_argument("--small", action="store_true", help="only the laptop recipe and the voxel grid")
+    parser.add_argument("--stages", action="store_true", help="also every stage on its own")
+    parser.add_argument("--variants", nargs="*", choices=VARIANTS, default=["float32"], help="of our network")
+    parser.add_argument("--policies", nargs="+", metavar="TYPE", help="whole policies instead of the network")
+    parser.add_argument("--full_size", action="store_true", help="policies at their default sizes")
+    devices = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
+    parser.add_argument("--device", choices=devices, default=devices[-1])
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--repeats", type=int, default=1, help=argparse.SUPPRESS)
-    parser.add_argument("--child", default="", help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--repeats", type=int, default=2, help="calls per stage or policy; the fastest counts"
+    )
     options = parser.parse_args()
-    if options.child:
-        child(options)
-        return
-    if options.small:
-        figures = {"training step, small recipe": measure("small", options, 8)}
-        options.voxels = 100
-        figures["voxel grid 100^3 of 5 x 256 x 256 points"] = measure("voxelise", options, 8)
-    else:
-        jobs = ["written_out", "float32", *(["bfloat16"] if options.bfloat16 else [])]
-        figures = {job: measure(job, options, 1) for job in jobs}
-
-    table = Table("job", "CPU s", "wall s", "peak memory GB", "faster", "memory")
-    baseline = figures.get("written_out")
-    for job, row in figures.items():
-        ratios = (
-            [f"{baseline['cpu_s'] / row['cpu_s']:.2f} x", f"{row['peak_gb'] / baseline['peak_gb']:.2f} x"]
-            if baseline
-            else ["", ""]
-        )
-        table.add_row(job, f"{row['cpu_s']:.3f}", f"{row['wall_s']:.3f}", f"{row['peak_gb']:.2f}", *ratios)
+    torch.set_num_threads(options.threads)
+    torch.manual_seed(0)
+    setting = Setting(options.voxels, options.batch, options.device, options.backward)
+    table, figures = (time_policies if options.policies else compare)(setting, options)
     Console().print(table)
-    settings = {"voxels": options.voxels, "backward": options.backward, "threads": options.threads}
-    sys.stdout.write(json.dumps({**settings, "torch": torch.__version__, "figures": figures}) + "\n")
+    print(json.dumps(vars(options) | {"torch": torch.__version__, "figures": figures}))
 
 
 if __name__ == "__main__":

@@ -2,11 +2,14 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from huggingface_hub import DatasetCardData
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.picture import PICTURE_FILE, write_picture
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.errors import DatasetError
@@ -51,8 +54,13 @@ VIEW_TEXT = {
 }
 
 
-def write_card(root: Path, repo_id: str) -> None:
-    """Write the card of a dataset from its metadata and provenance.
+def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
+    """Write the card of a dataset from its metadata and provenance, and the picture that it shows.
+
+    Args:
+        root: folder of the dataset.
+        repo_id: LeRobot's name of the dataset.
+        tags: further tags, by which the Hub finds datasets.
 
     Raises:
         DatasetError: the dataset has no provenance.
@@ -61,20 +69,23 @@ def write_card(root: Path, repo_id: str) -> None:
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
     info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
-    (root / CARD_FILE).write_text(dataset_card(provenance, info, repo_id), encoding="utf-8")
+    write_picture(root)
+    (root / CARD_FILE).write_text(dataset_card(provenance, info, repo_id, tags), encoding="utf-8")
 
 
-def dataset_card(provenance: Provenance, info: dict, repo_id: str) -> str:
+def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequence[str] = ()) -> str:
     """Text of the card.
 
     Args:
         provenance: where the dataset comes from.
         info: content of LeRobot's `meta/info.json`.
         repo_id: LeRobot's name of the dataset.
+        tags: further tags.
     """
     parts = (
-        _front_matter(),
+        _front_matter(tags),
         f"# {repo_id}",
+        f"![The first episode: its start, every keypose and its end]({PICTURE_FILE.as_posix()})",
         *_summary(provenance, info),
         *_use(provenance, repo_id),
         "## Columns",
@@ -88,12 +99,14 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str) -> str:
     return "\n\n".join(parts)
 
 
-def _front_matter() -> str:
-    tags = "\n".join(f"- {tag}" for tag in TAGS)
-    return (
-        f"---\nlicense: {LICENSE}\ntask_categories:\n- robotics\ntags:\n{tags}\n"
-        "configs:\n- config_name: default\n  data_files: data/*/*.parquet\n---"
+def _front_matter(tags: Sequence[str]) -> str:
+    data = DatasetCardData(
+        license=LICENSE,
+        task_categories=["robotics"],
+        tags=list(dict.fromkeys((*TAGS, *tags))),
+        configs=[{"config_name": "default", "data_files": "data/*/*.parquet"}],
     )
+    return f"---\n{data.to_yaml()}\n---"
 
 
 def _summary(provenance: Provenance, info: dict) -> Iterable[str]:

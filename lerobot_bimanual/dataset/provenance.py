@@ -68,14 +68,21 @@ class Provenance:
             SchemaMismatch: the file has another form than this version writes.
         """
         path = root / PROVENANCE_FILE
-        if not path.is_file():
-            return None
+        return cls.load(path) if path.is_file() else None
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Provenance from its file, wherever it lies: the recipe of a dataset.
+
+        Raises:
+            SchemaMismatch: the file has another form than this version writes, or cannot be read.
+        """
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             episodes = [Recipe(**recipe) for recipe in content.pop("episodes")]
             skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
             return cls(**content, episodes=episodes, skipped=skipped)
-        except (ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise SchemaMismatch(
                 f"{path} is not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
             ) from error

@@ -1,14 +1,29 @@
 """Keypose policies for two arms, as LeRobot policies.
 
-Importing this package registers the configs, which is how LeRobot discovers policies; networks are imported
-when a policy is made.
+LeRobot's plugin discovery imports this package, always from inside LeRobot, and then the configs are registered;
+networks are imported when a policy is made. Without LeRobot in the process they are left out, so that the help
+texts of the package's commands need neither LeRobot nor torch. To use a policy in a script that imports this package
+before LeRobot, import its config from here.
 """
 
-from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
-from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
-    PerActIndependentConfig,
-)
-from lerobot_policy_bimanual.peract_lf.configuration_peract_lf import PerActLFConfig
-from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING or "lerobot" in sys.modules:
+    from lerobot_policy_bimanual.configurations import (
+        PerAct2Config,
+        PerActIndependentConfig,
+        PerActLFConfig,
+        RVTLFConfig,
+    )
 
 __all__ = ["PerAct2Config", "PerActIndependentConfig", "PerActLFConfig", "RVTLFConfig"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the configs on first use where LeRobot was not loaded before."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from lerobot_policy_bimanual import configurations
+
+    return getattr(configurations, name)

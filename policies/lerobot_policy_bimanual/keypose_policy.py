@@ -109,13 +109,18 @@ class KeyposePolicy(PreTrainedPolicy):
 
         A label in the batch is ignored.
         """
+        return self.infer(batch)[2]
+
+    @torch.no_grad()
+    def infer(self, batch: dict[str, Any]) -> tuple[Observation, KeyposePrediction, Tensor]:
+        """What is seen, what is predicted from it, and the next keypose (b, 18) that is chosen."""
         self.eval()
         any_tensor = next(self.parameters())
         with self._full_precision(any_tensor):
             observation = self._observe(batch, None)
         prediction = self._predict(observation, None)
         with self._full_precision(any_tensor):
-            return self._decode(prediction)
+            return observation, prediction, self._decode(prediction)
 
     def _observe(self, batch: dict[str, Any], motion: Tensor | None) -> Observation:
         if not self._depth_checked:  # once is enough, and it makes the host wait for the device

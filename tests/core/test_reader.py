@@ -4,13 +4,11 @@ import json
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
@@ -107,26 +105,3 @@ def test_provenance_of_another_form_is_refused(tmp_path) -> None:
     (tmp_path / "meta/bimanual.json").write_text('{"episodes": [], "skipped": [], "colour": "red"}')
     with pytest.raises(SchemaMismatch, match=r"bimanual\.json"):
         Provenance.read(tmp_path)
-
-
-def test_the_card_explains_every_column_and_how_to_make_the_dataset_again(datasets, tmp_path: Path) -> None:
-    shutil.copytree(datasets["frames"], tmp_path / "copy")
-    provenance().write(tmp_path / "copy")
-    write_card(tmp_path / "copy", "me/lift_ball")
-    card = (tmp_path / "copy/README.md").read_text()
-    for key in schema.features(("front", "left_wrist"), 24, 32, "frames"):
-        assert f"| `{key}` |" in card
-    for part in (
-        provenance().command,
-        "mujoco",
-        "license: apache-2.0",
-        "Seeds 0 to 2",
-        "1 of them",
-        "2407.00278",
-    ):
-        assert part in card
-
-
-def test_a_card_needs_provenance(datasets) -> None:
-    with pytest.raises(DatasetError, match="no provenance"):
-        write_card(datasets["frames"], "me/lift_ball")

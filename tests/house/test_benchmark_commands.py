@@ -27,7 +27,7 @@ def check(words: list[str]) -> None:
     from lerobot.configs.eval import EvalPipelineConfig
     from lerobot.configs.train import TrainPipelineConfig
 
-    import lerobot_policy_bimanual  # noqa: F401  registers the policies
+    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
     from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
 
     program, *flags = words

@@ -74,7 +74,7 @@ def test_flags_of_lerobots_commands_parse(program: str) -> None:
     from lerobot.configs.eval import EvalPipelineConfig
     from lerobot.configs.train import TrainPipelineConfig
 
-    import lerobot_policy_bimanual  # noqa: F401  registers the policies
+    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
     from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
 
     config_type = {"lerobot-train": TrainPipelineConfig, "lerobot-eval": EvalPipelineConfig}[program]

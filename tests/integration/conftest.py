@@ -1,5 +1,6 @@
 """A small generated dataset, shared by the tests of generation and replay."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,15 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("generated") / "small"
     generate(generation(root))
     return root
+
+
+def hashes_of_files(root: Path) -> dict[str, str]:
+    """Hash of every file below a folder by its path there."""
+    files = sorted(path for path in root.rglob("*") if path.is_file())
+    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.fixture(scope="session")
+def tree_hashes():
+    """Hashes the files of a dataset: equal exactly for equal datasets."""
+    return hashes_of_files

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from lerobot_bimanual.codec_torch import DiscreteKeypose
-from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, activate, pad_replicate
+from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, PointwiseConv3d, pad_replicate
 from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
 from lerobot_policy_bimanual.nn.pooling import pool
@@ -80,12 +80,8 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(writt
         loss = loss + arms * torch.nn.functional.cross_entropy(logits.flatten(0, 1), target)
     loss.backward()
     for name, parameter in parameters.items():
-        torch.testing.assert_close(  # the interpolation weights are kept in float32
-            parameter.grad,
-            expected[name],
-            atol=1e-6,
-            rtol=1e-5,
-            msg=lambda text, name=name: f"{name}: {text}",
+        torch.testing.assert_close(
+            parameter.grad, expected[name], msg=lambda text, name=name: f"{name}: {text}"
         )
 
 
@@ -93,32 +89,48 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(writt
 def test_upsampled_convolution_equals_interpolation_then_convolution(written_out, size):
     layer = UpsampledConv3d(3, 2).double()
     torch.nn.init.normal_(layer.conv.bias)
-    x = torch.randn(2, 3, size, size + 1, size, dtype=torch.float64, requires_grad=True)
+    x = torch.randn(2, 3, size, size + 1, size + 2, dtype=torch.float64, requires_grad=True)
     weights = (x, layer.conv.weight, layer.conv.bias)
-    expected = written_out.upsampled_conv(*weights)
-    actual = activate(layer(x))
-    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)  # interpolation weights are float32
+    expected = pad_replicate(written_out.upsampled_conv(*weights), 1, 1)
+    actual = layer(x, layer.kernel())
+    torch.testing.assert_close(actual, expected)
     probe = torch.randn_like(actual)
     for got, want in zip(
         torch.autograd.grad(actual, weights, probe),
         torch.autograd.grad(expected, weights, probe),
         strict=True,
     ):
-        torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-6)
+        torch.testing.assert_close(got, want)
+
+
+def test_upsampling_in_chunks_changes_nothing(monkeypatch):
+    layer = UpsampledConv3d(3, 2).double()
+    x = torch.randn(2, 3, 5, 2, 2, dtype=torch.float64, requires_grad=True)
+    weights = (x, layer.conv.weight, layer.conv.bias)
+    whole = layer(x, layer.kernel())
+    probe = torch.randn_like(whole)
+    gradients = torch.autograd.grad(whole, weights, probe)
+    monkeypatch.setattr(
+        "lerobot_policy_bimanual.nn.upsample.CHUNK_CPU", 2 * 5 * 12 * 12 * 2
+    )  # two coarse planes
+    parts = layer(x, layer.kernel())
+    torch.testing.assert_close(parts, whole)
+    for got, want in zip(torch.autograd.grad(parts, weights, probe), gradients, strict=True):
+        torch.testing.assert_close(got, want)
 
 
 def test_skip_convolution_equals_convolving_the_joined_maps(written_out):
     layer = SkipConv3d(3).double()
     skip, x = torch.randn(2, 2, 3, 4, 4, 4, dtype=torch.float64)
-    joined = torch.cat([skip, written_out.leaky(x)], dim=1)
+    joined = torch.cat([skip, x], dim=1)
     expected = written_out.leaky(written_out.conv(joined, layer.conv.weight, layer.conv.bias))
-    torch.testing.assert_close(layer(layer.skip_half(skip), x), expected)
+    torch.testing.assert_close(layer(layer.skip_half(skip), pad_replicate(x, 1, 1)), expected)
 
 
 def test_logit_convolution_equals_a_plain_convolution():
     layer = LogitConv3d(5).double()
     x = torch.randn(2, 5, 4, 3, 6, dtype=torch.float64)
-    expected = torch.nn.functional.conv3d(pad_replicate(x, 1), layer.weight, layer.bias)[:, 0]
+    expected = torch.nn.functional.conv3d(pad_replicate(x, 1, 1), layer.weight, layer.bias)[:, 0]
     torch.testing.assert_close(layer(x), expected)
 
 
@@ -132,13 +144,16 @@ def test_pooling_equals_a_softmax_over_all_voxels_with_gradients(written_out):
     )
 
 
-def test_padding_and_its_gradient_equal_torchs_own():
-    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
-    expected = torch.nn.functional.pad(x, (2,) * 6, mode="replicate")
-    actual = pad_replicate(x, 2)
+@pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 0), (0, 1), (2, -1)])
+def test_padding_and_its_gradient_equal_torchs_own(before, after):
+    x = torch.randn(2, 3, 4, 2, 6, dtype=torch.float64, requires_grad=True)
+    expected = torch.nn.functional.pad(x, (before, after) * 3, mode="replicate")
+    actual = pad_replicate(x, before, after)
     assert torch.equal(actual, expected)
     probe = torch.randn_like(actual)
-    assert torch.equal(torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0])
+    torch.testing.assert_close(
+        torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
+    )
 
 
 def test_pooling_in_chunks_changes_nothing(monkeypatch):
@@ -146,7 +161,7 @@ def test_pooling_in_chunks_changes_nothing(monkeypatch):
     whole = pool(x)
     probe = torch.randn_like(whole)
     gradient = torch.autograd.grad(whole, x, probe)[0]
-    monkeypatch.setattr("lerobot_policy_bimanual.nn.pooling.CHUNK", 250)  # two channels of 120 voxels
+    monkeypatch.setattr("lerobot_policy_bimanual.nn.pooling.CHUNK_CPU", 200)  # two planes of 90
     torch.testing.assert_close(pool(x), whole)
     torch.testing.assert_close(torch.autograd.grad(pool(x), x, probe)[0], gradient)
 
@@ -227,6 +242,13 @@ def test_bfloat16_autocast_stays_close_and_ends_in_float32():
         half = network(*inputs)
     assert half.translation.logits.dtype == half.rotation.dtype == torch.float32
     torch.testing.assert_close(half.translation.logits, full.translation.logits, atol=0.1, rtol=0.1)
+
+
+def test_pointwise_convolution_equals_a_plain_one(written_out):
+    layer = PointwiseConv3d(3, 4).double()
+    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64)
+    expected = written_out.leaky(torch.nn.functional.conv3d(x, layer.conv.weight, layer.conv.bias))
+    torch.testing.assert_close(layer(x), expected)
 
 
 @pytest.mark.parametrize("centred", [False, True])

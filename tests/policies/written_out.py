@@ -30,7 +30,7 @@ def upsampled_conv(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
 def spatial_softmax(x: Tensor) -> Tensor:
     """(b, c, x, y, z) -> (b, c, 3): softmax over all voxels, then expected coordinates."""
     probability = (x.flatten(2) / 0.01).softmax(-1)
-    axes = [torch.linspace(-1, 1, n, dtype=x.dtype) for n in x.shape[2:]]
+    axes = [torch.linspace(-1, 1, n, dtype=x.dtype, device=x.device) for n in x.shape[2:]]
     coordinates = torch.stack(torch.meshgrid(*axes, indexing="ij")).flatten(1)  # (3, voxels)
     return torch.einsum("bcv,dv->bcd", probability, coordinates)
 
@@ -129,17 +129,19 @@ def one_hot_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tens
         classes: (b, arms, 5): three rotation bins, gripper open, ignore collisions.
     """
     voxels, bins = translation.shape[-1], (pose.shape[-1] - 4) // 3
-    total = torch.zeros(len(pose), dtype=pose.dtype)
+    total = pose.new_zeros(len(pose))
     for sample in range(pose.shape[0]):
         for arm in range(pose.shape[1]):
             x, y, z = voxel[sample, arm].tolist()
-            one_hot = torch.zeros(voxels, voxels, voxels, dtype=pose.dtype)
+            one_hot = pose.new_zeros(voxels, voxels, voxels)
             one_hot[x, y, z] = 1
             log_probability = translation[sample, arm].flatten().log_softmax(0)
             total[sample] -= (one_hot.flatten() * log_probability).sum()
             parts = pose[sample, arm].split([bins] * 3 + [2, 2])
             for logits, index in zip(parts, classes[sample, arm].tolist(), strict=True):
-                total[sample] -= (F.one_hot(torch.tensor(index), len(logits)) * logits.log_softmax(0)).sum()
+                total[sample] -= (
+                    F.one_hot(torch.tensor(index, device=pose.device), len(logits)) * logits.log_softmax(0)
+                ).sum()
     return total.mean()
 
 

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.push import PushConfig, push
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+    from lerobot_env_bimanual.generation.executor import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
-    from lerobot_env_bimanual.generation.staging import Staging
-    from lerobot_env_bimanual.generation.workers import Workers
 
 
 @dataclass
@@ -34,44 +33,72 @@ class GenerateConfig:
     intermediate: tuple[str, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
     discretise: int = 0
-    workers: int = 0  # processes; 0 takes one per core
+    # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
+    # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
+    executor: Literal["processes", "ray"] = "processes"
+    # Of the ray cluster; by default that of RAY_ADDRESS or of this machine, or else one is started for this run, as
+    # `local` always does.
+    ray_address: str | None = None
+    workers: int = 0  # shards recorded at the same time; 0 takes one per core, of the whole cluster with ray
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
     repo_id: str | None = None  # LeRobot's name of the dataset; by default local/ and the folder's name
+    push_to_hub: bool = (
+        False  # upload the complete dataset to repo_id on the Hugging Face Hub; takes a single view
+    )
 
 
 def generate(config: GenerateConfig) -> None:
     """Record expert demonstrations as a LeRobot dataset.
 
-    The content depends on the options and versions alone, not on the number of workers. Seeds that the expert does
-    not solve are listed with their reason, and the next seed takes their place.
+    The content depends on the options and versions alone, not on who records it and with how many workers. Seeds
+    that the expert does not solve are listed with their reason, and the next seed takes their place.
 
     The dataset grows in ROOT.partial and appears at ROOT in one move. After a crash or an interruption the same
-    command goes on where it stopped.
+    command goes on where it stopped; shards that were damaged meanwhile are named and recorded again.
 
     Examples:
         lerobot-bimanual generate --task=lift_ball --episodes=50 --root=data/lift_ball
         lerobot-bimanual generate --task=all --view=keyframes --image_size=128 --root=data/all --repo_id=me/all
+        lerobot-bimanual generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
+    from lerobot_bimanual.dataset.hub import prepare_push
+    from lerobot_env_bimanual.generation.building import build_dataset
     from lerobot_env_bimanual.generation.settings import GenerationSettings
     from lerobot_env_bimanual.generation.staging import Staging
-    from lerobot_env_bimanual.generation.workers import Workers
 
     settings = GenerationSettings.parse(config)
+    if config.push_to_hub:
+        prepare_push(settings.repo_id, settings.views)
     with Staging(config.root, settings) as staging:
         if staging.is_published():
             staging.remove()
             print(f"{config.root} is already complete: {settings.total_episodes} episodes")
-            return
-        with Workers(config.workers) as workers:
-            shards = _record(settings, staging, workers)
-            _merge_and_publish(
-                settings, regeneration_command(settings, config.root), shards, staging, workers
-            )
-    skipped = [seed for _, report in shards for seed in report.skipped]
-    print(f"{config.root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
-    for seed in skipped:
-        print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
+        else:
+            with make_executor(config) as executor:
+                command = regeneration_command(settings, config.root)
+                reports = build_dataset(settings, command, staging, executor)
+            skipped = [seed for report in reports for seed in report.skipped]
+            print(f"{config.root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
+            for seed in skipped:
+                print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
+    if config.push_to_hub:
+        push(PushConfig(root=config.root, repo_id=settings.repo_id))
+
+
+def make_executor(config: GenerateConfig) -> Executor:
+    """Who records, as the options say.
+
+    Raises:
+        DatasetError: ray is wanted but not installed, or there is no cluster at the address.
+    """
+    if config.executor == "ray":
+        from lerobot_env_bimanual.generation.ray_executor import RayExecutor
+
+        return RayExecutor(config.workers, config.ray_address)
+    from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
+
+    return ProcessExecutor(config.workers)
 
 
 def regeneration_command(settings: GenerationSettings, root: Path) -> str:
@@ -93,49 +120,3 @@ def regeneration_command(settings: GenerationSettings, root: Path) -> str:
     }
     words = [f"--{name}={value}" for name, value in flags.items() if value != ""]
     return shlex.join(["lerobot-bimanual", "generate", *words])
-
-
-def _record(
-    settings: GenerationSettings, staging: Staging, workers: Workers
-) -> list[tuple[Shard, ShardReport]]:
-    """Record rounds of shards until every episode is there; shards of an earlier run are taken over."""
-    from tqdm import tqdm
-
-    from lerobot_env_bimanual.generation.candidates import next_round
-
-    finished: list[tuple[Shard, ShardReport]] = []
-    with tqdm(total=settings.total_episodes, unit="demo", smoothing=0) as bar:
-        while planned := next_round(settings, [report for _, report in finished], len(finished)):
-            reports = {shard.name: staging.report(shard.name) for shard in planned}
-            missing = [shard for shard in planned if reports[shard.name] is None]
-            resumed = sum(len(report.episodes) for report in reports.values() if report is not None)
-            bar.initial += resumed
-            bar.update(resumed)
-            for _ in workers.record(settings, missing, staging.shard_folder):
-                bar.update(bar.initial + workers.successes - bar.n)
-                rate_per_h = 3600 * workers.successes / max(bar.format_dict["elapsed"], 1e-9)
-                bar.set_postfix_str(f"{rate_per_h:.0f} demos/h", refresh=False)
-            finished += [(shard, _existing(staging.report(shard.name))) for shard in planned]
-    return finished
-
-
-def _existing(report: ShardReport | None) -> ShardReport:
-    assert report is not None  # the worker put it there before it came back
-    return report
-
-
-def _merge_and_publish(
-    settings: GenerationSettings,
-    command: str,
-    shards: list[tuple[Shard, ShardReport]],
-    staging: Staging,
-    workers: Workers,
-) -> None:
-    from lerobot_env_bimanual.generation.staging import new_folder
-
-    folders = [(staging.shard_folder(shard.name), report) for shard, report in shards]
-    with new_folder(staging.folder) as temporary:
-        merged = temporary / "dataset"
-        for _ in workers.merge(settings, command, folders, merged, temporary / "cache"):
-            pass
-        staging.publish(merged)

@@ -13,8 +13,9 @@ from lerobot_bimanual.episode import Episode
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.sealing import seal
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.staging import finish_shard, new_folder, plain_write_errors
+from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 
 
 def record_shard(
@@ -53,7 +54,8 @@ def record_shard(
                 write_episode(episode, writers)
                 episodes.append(candidate)
                 on_episode()
-        finish_shard(folder, ShardReport(tuple(episodes), tuple(skipped)), target)
+        seal(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
+        place_shard(folder, target)
 
 
 def make_recorder(settings: GenerationSettings, task: str) -> Recorder:

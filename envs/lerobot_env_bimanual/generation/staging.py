@@ -2,7 +2,7 @@
 
     lock             held by the running process; the kernel frees it when the process ends, however it ends
     settings.json    what is being generated, with versions
-    shards/000000/   a finished shard: report.json and, if it has episodes, one dataset per view
+    shards/000000/   a finished shard: its seal and, if it has episodes, one dataset per view
     tmp-.../         work in progress of some process
 
 Everything enters `shards` and the final place by one rename, so whatever has a name there is complete. A killed run
@@ -20,18 +20,17 @@ import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.generation.candidates import ShardReport
+from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.sealing import read_sealed
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
-REPORT_FILE = "report.json"
 ALMOST_FULL_BYTES = 2**20
 """A disk with less space is taken for full; image writers hide the reason of their failures."""
 
@@ -89,16 +88,19 @@ class Staging:
         self._refuse_other(GenerationSettings.from_dict(dict(provenance.settings)), self.root)
         return True
 
-    def report(self, shard: str) -> ShardReport | None:
-        """Report of a finished shard, `None` if it is not finished."""
-        path = self._shards / shard / REPORT_FILE
-        if not path.is_file():
-            return None
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return ShardReport(
-            tuple(Recipe(**recipe) for recipe in content["episodes"]),
-            tuple(SkippedSeed(**seed) for seed in content["skipped"]),
-        )
+    def report(self, shard: Shard) -> ShardReport | None:
+        """Report of a finished shard, `None` if it is not finished.
+
+        Raises:
+            BrokenSeal: the shard is damaged, or not a shard of this dataset.
+        """
+        folder = self.shard_folder(shard.name)
+        return read_sealed(folder, self._settings, shard) if folder.exists() else None
+
+    def discard(self, shard: Shard) -> None:
+        """Remove a shard that cannot be used."""
+        with plain_write_errors(self.folder), new_folder(self.folder) as temporary:
+            self.shard_folder(shard.name).rename(temporary / shard.name)
 
     def shard_folder(self, shard: str) -> Path:
         """Where a finished shard lies."""
@@ -168,9 +170,8 @@ def new_folder(parent: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def finish_shard(folder: Path, report: ShardReport, target: Path) -> None:
-    """Give a shard its report and its name; a target that exists already is as good, and stays."""
-    (folder / REPORT_FILE).write_text(json.dumps(asdict(report), indent=1) + "\n", encoding="utf-8")
+def place_shard(folder: Path, target: Path) -> None:
+    """Give a sealed shard its name; a target that exists already is as good, and stays."""
     if not target.exists():
         folder.rename(target)
 

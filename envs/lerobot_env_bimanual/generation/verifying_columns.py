@@ -82,7 +82,9 @@ def check_labels(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator
 
 def check_calibration(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
     """Each wrist camera is fixed to its hand and every other one to the world; lenses do not change."""
-    extrinsics = episode.columns[schema.CAMERA_EXTRINSICS].astype(np.float64).reshape(-1, len(CAMERA_NAMES), 4, 4)
+    extrinsics = (
+        episode.columns[schema.CAMERA_EXTRINSICS].astype(np.float64).reshape(-1, len(CAMERA_NAMES), 4, 4)
+    )
     hands = _hand_poses(episode)
     for index, camera in enumerate(CAMERA_NAMES):
         arm = next((arm for arm in ARMS if camera == f"{arm}_wrist"), None)
@@ -119,7 +121,9 @@ def _hand_poses(episode: RecordedEpisode) -> NDArray[np.float64]:
 def _misses(action: NDArray[np.float32], keypose: NDArray[np.float32]) -> bool:
     """Whether joint targets (16,) put a hand elsewhere than a keypose (18,), or leave a gripper otherwise."""
     targets = action.astype(np.float64).reshape(len(ARMS), JOINTS_PER_ARM + 1)
-    for arm, target, goal in zip(ARMS, targets, keypose.astype(np.float64).reshape(-1, ARM_KEYPOSE_DIM), strict=True):
+    for arm, target, goal in zip(
+        ARMS, targets, keypose.astype(np.float64).reshape(-1, ARM_KEYPOSE_DIM), strict=True
+    ):
         hand = ArmKinematics.of(PANDA_PAIR, arm).fk(target[:JOINTS_PER_ARM])
         turned = np.abs(hand[:3, :3] - quat_wxyz_to_matrix(goal[QUATERNION])).max()
         moved = np.abs(hand[:3, 3] - goal[POSITION]).max()

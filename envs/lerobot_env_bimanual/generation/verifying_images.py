@@ -58,7 +58,9 @@ class ImageInspection:
             self._faults[COMPLETE].append(Fault(str(error), count))
             return
         if count != self._rows:
-            self._faults[COMPLETE].append(Fault(f"{key} has {count} images, but the episode {self._rows} rows"))
+            self._faults[COMPLETE].append(
+                Fault(f"{key} has {count} images, but the episode {self._rows} rows")
+            )
 
     def _check_shape(self, key: str, row: int, image: NDArray) -> None:
         expected = self._reader.shapes[key]

@@ -24,7 +24,8 @@ def check_schema(dataset: RecordedDataset) -> Iterator[Fault]:
     if len(sizes) != 1:
         yield Fault(f"images have the sizes {sorted(sizes)}, but must have one")
         return
-    expected = schema.features(dataset.cameras, *sizes.pop(), dataset.view)
+    height, width = sizes.pop()
+    expected = schema.features(dataset.cameras, height, width, dataset.view)
     for key in sorted(expected.keys() - features.keys()):
         yield Fault(f"{key} is missing")
     for key in sorted(features.keys() - expected.keys() - _bookkeeping()):
@@ -43,7 +44,9 @@ def check_tables(dataset: RecordedDataset) -> Iterator[Fault]:
         place = path.relative_to(dataset.root)
         columns = {field.name: field.type for field in pq.read_schema(path)}
         if columns.keys() != features.keys():
-            yield Fault(f"{place} differs from the declared features by {sorted(columns.keys() ^ features.keys())}")
+            yield Fault(
+                f"{place} differs from the declared features by {sorted(columns.keys() ^ features.keys())}"
+            )
         for key in sorted(columns.keys() & features.keys()):
             if features[key]["dtype"] not in IMAGE_TYPES and _element(columns[key]) != features[key]["dtype"]:
                 yield Fault(f"{key} in {place} holds {columns[key]}, not {features[key]['dtype']}")

@@ -31,7 +31,7 @@ OBSERVED = (
 """Vectors that the simulated state alone decides."""
 
 VIDEO_PSNR_DB = 24.0
-"""Least likeness of a decoded video frame to a new image; see docs/datasets.md for what is usual."""
+"""Least likeness of a decoded frame of H.264 video to a new image."""
 
 
 class SimulationChecks:
@@ -87,7 +87,9 @@ class SimulationChecks:
             except StopIteration:
                 return
 
-    def image_faults(self, stored: dict[str, NDArray], new: dict[str, NDArray], row: int) -> Iterator[tuple[str, Fault]]:
+    def image_faults(
+        self, stored: dict[str, NDArray], new: dict[str, NDArray], row: int
+    ) -> Iterator[tuple[str, Fault]]:
         """(check, fault) of every image of a row that is not like the new one."""
         for key, image in stored.items():
             if self._reader.is_depth(key):
@@ -97,9 +99,21 @@ class SimulationChecks:
             elif self._is_video:
                 likeness_db = psnr_db(image, new[key])
                 if likeness_db < VIDEO_PSNR_DB:
-                    yield RGB, Fault(f"{key} is unlike a new image: {likeness_db:.1f} dB, least {VIDEO_PSNR_DB} dB", row)
+                    yield (
+                        RGB,
+                        Fault(
+                            f"{key} is unlike a new image: {likeness_db:.1f} dB, least {VIDEO_PSNR_DB} dB",
+                            row,
+                        ),
+                    )
             elif not np.array_equal(image, new[key]):
-                yield RGB, Fault(f"{key} differs from a new image in {(image != new[key]).any(axis=-1).sum()} pixels", row)
+                yield (
+                    RGB,
+                    Fault(
+                        f"{key} differs from a new image in {(image != new[key]).any(axis=-1).sum()} pixels",
+                        row,
+                    ),
+                )
 
 
 class _Comparison:

@@ -20,23 +20,42 @@ def activate(x: Tensor) -> Tensor:
 
 
 class _PadReplicate(torch.autograd.Function):
-    """`F.pad(mode="replicate")` without keeping its input for the backward pass, which needs only the shape."""
+    """`F.pad(mode="replicate")` without keeping its input, and with a backward pass that suits channels-last maps.
+
+    PyTorch's own adds up all voxels one by one; but only the border needs it, the inside is a copy.
+    """
 
     @staticmethod
-    def forward(ctx: Any, x: Tensor, width: int) -> Tensor:
-        ctx.shape, ctx.width = x.shape, width
-        return F.pad(x, (width,) * 6, mode="replicate")
+    def forward(ctx: Any, x: Tensor, before: int, after: int) -> Tensor:
+        ctx.before, ctx.after = before, after
+        kept = slice(None, min(after, 0) or None)
+        return F.pad(x[:, :, kept, kept, kept], (before, max(after, 0)) * 3, mode="replicate")
 
     @staticmethod
-    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, None]:
-        (grad,) = grad_outputs
-        shape_only = grad.new_empty(1).expand(ctx.shape)
-        return torch.ops.aten.replication_pad3d_backward(grad, shape_only, (ctx.width,) * 6), None
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor, None, None]:
+        grad = _fold_border(grad_outputs[0], ctx.before, max(ctx.after, 0), axis=2)
+        return F.pad(grad, (0, -ctx.after) * 3) if ctx.after < 0 else grad, None, None
 
 
-def pad_replicate(x: Tensor, width: int) -> Tensor:
-    """Grow (b, c, x, y, z) by `width` voxels on all six sides, repeating the border."""
-    return _PadReplicate.apply(x, width) if width else x  # pyright: ignore[reportReturnType]
+def _fold_border(grad: Tensor, before: int, after: int, axis: int) -> Tensor:
+    """Add the border of a map to the voxels that it repeats, from `axis` on; a fresh, smaller tensor."""
+    if axis == grad.ndim:
+        return grad.clone()
+    size = grad.shape[axis] - before - after
+    folded = _fold_border(grad.narrow(axis, before, size), before, after, axis + 1)
+    for width, start, index in ((before, 0, 0), (after, before + size, size - 1)):
+        if width:
+            border = grad.narrow(axis, start, width).sum(axis, keepdim=True)
+            folded.narrow(axis, index, 1).add_(_fold_border(border, before, after, axis + 1))
+    return folded
+
+
+def pad_replicate(x: Tensor, before: int, after: int) -> Tensor:
+    """Grow (b, c, x, y, z) by so many voxels at the beginning and the end of each axis, repeating the border.
+
+    A negative `after` drops voxels instead.
+    """
+    return _PadReplicate.apply(x, before, after)  # pyright: ignore[reportReturnType]
 
 
 def init_activated(layer: nn.Conv3d | nn.Linear) -> None:
@@ -62,7 +81,21 @@ class ActivatedConv3d(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, inputs, x, y, z) -> (b, outputs, x, y, z)."""
-        return activate(self.conv(pad_replicate(x, self.padding)))
+        return activate(self.conv(pad_replicate(x, self.padding, self.padding)))
+
+
+class PointwiseConv3d(nn.Module):
+    """Convolution of single voxels and LeakyReLU; one matrix product."""
+
+    def __init__(self, inputs: int, outputs: int):
+        super().__init__()
+        self.conv = nn.Conv3d(inputs, outputs, 1)
+        init_activated(self.conv)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(b, inputs, x, y, z) -> (b, outputs, x, y, z), channels last in memory."""
+        voxels = x.permute(0, 2, 3, 4, 1)
+        return activate(F.linear(voxels, self.conv.weight.flatten(1), self.conv.bias)).permute(0, 4, 1, 2, 3)
 
 
 class PatchConv3d(nn.Module):
@@ -83,13 +116,16 @@ class PatchConv3d(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, inputs, v, v, v) -> (b, p^3, outputs), the last axis of the grid fastest."""
-        if self.shift:
-            kept = slice(None, -self.shift)
-            x = F.pad(x[:, :, kept, kept, kept], (self.shift, 0) * 3, mode="replicate")
+        x = pad_replicate(x, self.shift, -self.shift) if self.shift else x
         patches = einops.rearrange(
-            x, "b c (x i) (y j) (z k) -> b (x y z) (c i j k)", i=PATCH, j=PATCH, k=PATCH
+            x.permute(0, 2, 3, 4, 1),  # first, or the gradient would lose the memory format
+            "b (x i) (y j) (z k) c -> b (x y z) (i j k c)",
+            i=PATCH,
+            j=PATCH,
+            k=PATCH,
         )
-        return activate(F.linear(patches, self.conv.weight.flatten(1), self.conv.bias))
+        weight = einops.rearrange(self.conv.weight, "o c i j k -> o (i j k c)")
+        return activate(F.linear(patches, weight, self.conv.bias))
 
 
 class ActivatedLinear(nn.Linear):

@@ -48,6 +48,10 @@ class DenseTranslation:
         index = ((voxel[..., 0] * V + voxel[..., 1]) * V + voxel[..., 2]).clamp(0, V**3 - 1)
         return VoxelCandidates(voxel, flat.gather(-1, index).masked_fill(~inside, -torch.inf))
 
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v)."""
+        return self.logits.flatten(2).softmax(dim=-1).view_as(self.logits)
+
 
 class SkipConv3d(nn.Module):
     """3x3x3 convolution of a skip map joined with another map, the skip half computed once for all arms."""
@@ -60,14 +64,12 @@ class SkipConv3d(nn.Module):
     def skip_half(self, skip: Tensor) -> Tensor:
         """Contribution (b, c, v, v, v) of the skip map, bias included."""
         channels = self.conv.out_channels
-        return F.conv3d(pad_replicate(skip, 1), self.conv.weight[:, :channels], self.conv.bias)
+        return F.conv3d(pad_replicate(skip, 1, 1), self.conv.weight[:, :channels], self.conv.bias)
 
     def forward(self, skip_half: Tensor, x: Tensor) -> Tensor:
-        """LeakyReLU of x (b, c, v, v, v), joined with `skip_half(...)`, then LeakyReLU again."""
+        """Join `skip_half(...)` and x (b, c, v + 2, v + 2, v + 2), which has its border already; LeakyReLU."""
         channels = self.conv.out_channels
-        # Activating the padded map equals padding the activated one, and leaves one large map less to keep.
-        x = activate(pad_replicate(x, 1))
-        return activate(F.conv3d(x, self.conv.weight[:, channels:]) + skip_half)
+        return activate(F.conv3d(x, self.conv.weight[:, channels:]).add_(skip_half))
 
 
 class LogitConv3d(nn.Module):
@@ -82,8 +84,9 @@ class LogitConv3d(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """(b, c, v, v, v) -> (b, v, v, v), at least float32."""
         X, Y, Z = x.shape[2:]
-        per_tap = self.weight[0].flatten(1).T[:, :, None, None, None]  # (27, c, 1, 1, 1)
-        fields = pad_replicate(F.conv3d(x, per_tap), 1).unbind(1)
+        per_tap = self.weight[0].flatten(1).T  # (27, c)
+        voxels = x.permute(0, 2, 3, 4, 1).flatten(1, 3)  # (b, v^3, c)
+        fields = pad_replicate((per_tap @ voxels.mT).unflatten(2, (X, Y, Z)), 1, 1).unbind(1)
         logits = at_least_float32(self.bias)
         for tap, field in enumerate(fields):
             i, j, k = tap // 9, tap // 3 % 3, tap % 3
@@ -117,11 +120,11 @@ class DenseTranslationHead(nn.Module):
             The distribution, and pooled features (b, arms, feature_dim) of stem, answers and fine map.
         """
         skip_half = self.join.skip_half(stem)
-        kernels = self.upsample.phase_kernels()
+        kernel = self.upsample.kernel()
         stem_features = pool(stem)
         logits, features = [], []
         for arm, answer in enumerate(answers.unbind(1)):
-            inputs = (arm, answer, skip_half, *kernels)
+            inputs = (arm, answer, skip_half, kernel)
             if self.checkpointing and torch.is_grad_enabled():
                 arm_logits, fine_features = checkpoint(self._decode, *inputs, use_reentrant=False)  # type: ignore[misc]
             else:
@@ -130,6 +133,6 @@ class DenseTranslationHead(nn.Module):
             features.append(torch.cat([stem_features, pool(answer), fine_features], dim=1))
         return DenseTranslation(torch.stack(logits, dim=1)), torch.stack(features, dim=1)
 
-    def _decode(self, arm: int, answer: Tensor, skip_half: Tensor, *kernels: Tensor) -> tuple[Tensor, Tensor]:
-        fine = self.join(skip_half, self.upsample(self.coarse(answer), list(kernels)))
+    def _decode(self, arm: int, answer: Tensor, skip_half: Tensor, kernel: Tensor) -> tuple[Tensor, Tensor]:
+        fine = self.join(skip_half, self.upsample(self.coarse(answer), kernel))
         return self.logits[arm](fine), pool(fine)

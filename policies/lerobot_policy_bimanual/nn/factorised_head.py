@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F  # noqa: N812
+from einops import rearrange
 from torch import Tensor, nn
 
 from lerobot_policy_bimanual.nn.conv3d import PATCH, ActivatedConv3d, activate
@@ -59,6 +60,17 @@ class FactorisedTranslation:
         step = torch.arange(PATCH, device=score.device)
         voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
         return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2))
+
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v); patches that were not scored spread theirs evenly."""
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        patch = self.patch_logits.softmax(dim=-1)
+        within = patch.new_full((*patch.shape, PATCH**3), PATCH**-3)
+        index = self.patches[..., None].expand_as(self.voxel_logits)
+        joint = patch[..., None] * within.scatter(2, index, self.voxel_logits.softmax(dim=-1))
+        return rearrange(
+            joint, "b a (X Y Z) (x y z) -> b a (X x) (Y y) (Z z)", X=P, Y=P, Z=P, x=PATCH, y=PATCH, z=PATCH
+        )
 
 
 def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:

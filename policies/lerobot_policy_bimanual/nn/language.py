@@ -56,8 +56,9 @@ class LearnedLanguage(nn.Module):
 class ClipLanguage(nn.Module):
     """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.
 
-    The tower is not part of the policy's parameters and never enters a checkpoint. Every instruction is encoded
-    once. Padding tokens are kept and not masked (PerAct2 code).
+    The tower is not part of the policy's parameters, never enters a checkpoint, and stays on the CPU in float32:
+    every instruction is encoded once. Words after the end of an instruction are symbol 0, kept and not masked
+    (CLIP and PerAct2 code).
 
     Args:
         source: Local path or hub id of a CLIP model in the transformers format.
@@ -72,13 +73,14 @@ class ClipLanguage(nn.Module):
     def __init__(self, source: str, *, tokens: int, dim: int):
         super().__init__()
         try:
-            from transformers import CLIPTextModel, CLIPTokenizer  # pyright: ignore[reportMissingImports]
+            from transformers import CLIPTextModel, CLIPTokenizer
         except ImportError as error:
             raise ImportError(
-                f"language_encoder='{CLIP_PREFIX}{source}' needs the transformers package: "
-                "pip install 'transformers>=4.40', or use language_encoder='learned'"
+                f"language_encoder='{CLIP_PREFIX}{source}' needs the package transformers: "
+                "pip install 'lerobot_policy_bimanual[clip]', or use language_encoder='learned'"
             ) from error
-        model = CLIPTextModel.from_pretrained(source).eval().requires_grad_(False)
+        # Without a dtype it would be that of the file, often half precision.
+        model = CLIPTextModel.from_pretrained(source, dtype=torch.float32).eval().requires_grad_(False)
         limit = model.config.max_position_embeddings
         if model.config.hidden_size != dim or tokens > limit:
             raise ValueError(
@@ -94,21 +96,23 @@ class ClipLanguage(nn.Module):
 
     def forward(self, instructions: list[str]) -> Tensor:
         """Instructions -> (b, tokens, dim), without gradient."""
-        return torch.stack([self._encode(instruction) for instruction in instructions])
+        return torch.stack([self._recall(instruction) for instruction in instructions])
 
-    @torch.no_grad()
-    def _encode(self, instruction: str) -> Tensor:
-        device = self._place.device  # pyright: ignore[reportAttributeAccessIssue]
-        if instruction not in self._cache:
-            ids = self._tokenizer(
-                instruction,
-                padding="max_length",
-                truncation=True,
-                max_length=self._tokens,
-                return_tensors="pt",
-            ).input_ids
-            self._cache[instruction] = self._encode_ids(input_ids=ids).last_hidden_state[0].to(device)
+    def _recall(self, instruction: str) -> Tensor:
+        tokens = self._cache.get(instruction)
+        if tokens is None:
+            tokens = self._encode(instruction)
+        self._cache[instruction] = tokens.to(self._place.device)  # pyright: ignore[reportArgumentType, reportCallIssue]
         return self._cache[instruction]
+
+    def _encode(self, instruction: str) -> Tensor:
+        ids = self._tokenizer(instruction, truncation=True, max_length=self._tokens).input_ids
+        padded = torch.tensor([ids + [0] * (self._tokens - len(ids))])
+        # What is cached must also serve training, though the first call may come from an evaluation or under autocast.
+        with torch.inference_mode(False), torch.no_grad(), torch.autocast("cpu", enabled=False):
+            features = self._encode_ids(input_ids=padded).last_hidden_state
+        assert features is not None  # optional only in transformers' annotations
+        return features[0]
 
 
 def make_language(encoder: str, *, tokens: int, dim: int) -> nn.Module:

@@ -6,9 +6,9 @@ from torch import Tensor, nn
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.conv3d import (
     PATCH,
-    ActivatedConv3d,
     ActivatedLinear,
     PatchConv3d,
+    PointwiseConv3d,
     init_linear,
 )
 from lerobot_policy_bimanual.nn.dense_head import DenseTranslationHead
@@ -71,7 +71,7 @@ class PerActNetwork(nn.Module):
         self.rotation_bins = rotation_bins
         self.patches = voxels // PATCH
         dense = translation_head == "dense"
-        self.stem = ActivatedConv3d(GRID_CHANNELS, channels, 1)
+        self.stem = PointwiseConv3d(GRID_CHANNELS, channels)
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.
         self.patchify = PatchConv3d(channels, token_dim // 2, centred=dense)

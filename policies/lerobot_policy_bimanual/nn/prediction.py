@@ -46,6 +46,10 @@ class TranslationPrediction(Protocol):
         """At least the most probable voxel and what is known of its neighbours."""
         ...
 
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v), to look at: too much for training at full size."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class KeyposePrediction:
@@ -94,6 +98,10 @@ class JointTranslation:
         return VoxelCandidates(
             torch.cat([part.voxel for part in parts], dim=1), torch.cat([part.score for part in parts], dim=1)
         )
+
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v)."""
+        return torch.cat([part.probabilities() for part in self.parts], dim=1)
 
 
 def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:

@@ -71,6 +71,13 @@ class HeatmapTranslation:
         score = score.masked_fill(~inside, -torch.inf)
         return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
 
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v)."""
+        images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits)
+        xy, xz, yz = sum_over_views(images)
+        mass = xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]
+        return mass / mass.sum(dim=(2, 3, 4), keepdim=True)
+
 
 def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
     """The voxel with the highest xy[x, y] + (xz[x, z] + yz[y, z]), of all v^3; the first one if there are several.

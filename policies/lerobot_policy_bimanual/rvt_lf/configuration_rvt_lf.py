@@ -14,8 +14,8 @@ from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 class RVTLFConfig(KeyposePolicyConfig):
     """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose.
 
-    The defaults are the networks of PerAct2's baseline. `docs/policies.md` has the flags of small ones that
-    train on a laptop's CPU.
+    The defaults are the networks of PerAct2's baseline. The recipe `small` of `lerobot-bimanual benchmark` has the
+    flags of networks that train on a laptop's CPU.
 
     Args:
         voxel_size: Pixels per side of every view, and so the voxels per axis from which positions are chosen

@@ -2,49 +2,45 @@
 
 from __future__ import annotations
 
-import logging
 import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import connection
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.generation import worker
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.executor import POLL_S
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
 
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.expert.recorder import Recorder
-
+START_METHOD = "forkserver"
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Imported once, in the process that workers are forked from: seven seconds of LeRobot and torch. Not MuJoCo, as
 an OpenGL driver does not survive a fork."""
 
-POLL_S = 0.5
 
-
-class Workers:
-    """A pool of processes that record and merge shards; use it in a `with` statement.
+class ProcessExecutor:
+    """A pool of processes on this machine; an `Executor`.
 
     Args:
-        count: number of processes; 0 takes one per core.
+        workers: number of processes; 0 takes one per core.
     """
 
-    def __init__(self, count: int):
-        self.count = count or os.cpu_count() or 1
-        os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # inherited by the workers
-        context = multiprocessing.get_context("forkserver")
+    def __init__(self, workers: int):
+        use_one_thread_per_process()
+        context = multiprocessing.get_context(START_METHOD)
         context.set_forkserver_preload([*PRELOADED])
         self._others = multiprocessing.active_children()
         self._successes: Synchronized[int] = context.Value("q", 0)
-        self._pool = ProcessPoolExecutor(self.count, context, _start_worker, (self._successes,))
+        self._pool = ProcessPoolExecutor(
+            workers or os.cpu_count() or 1, context, _start_worker, (self._successes,)
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -66,13 +62,9 @@ class Workers:
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
     ) -> Iterator[None]:
-        """Record shards in any order; yields now and then while they are under way.
-
-        Raises:
-            DatasetError: a shard cannot be written, or a process died.
-        """
+        """See `Executor`."""
         yield from self._watch(
-            [self._pool.submit(_record_shard, settings, shard, folder(shard.name)) for shard in shards]
+            [self._pool.submit(_record, settings, shard, folder(shard.name)) for shard in shards]
         )
 
     def merge(
@@ -83,8 +75,8 @@ class Workers:
         root: Path,
         cache: Path,
     ) -> Iterator[None]:
-        """Merge shards, see `merging.merge_shards`; yields now and then while that is under way."""
-        yield from self._watch([self._pool.submit(_merge_shards, settings, command, shards, root, cache)])
+        """See `Executor`."""
+        yield from self._watch([self._pool.submit(_merge, settings, command, shards, root, cache)])
 
     def _watch(self, futures: Sequence[Future]) -> Iterator[None]:
         waiting = set(futures)
@@ -102,49 +94,13 @@ class Workers:
 
 
 _successes: Synchronized[int] | None = None
-_recorder: tuple[str, Recorder] | None = None
 
 
 def _start_worker(successes: Synchronized[int]) -> None:
-    """Prepare a process: quiet libraries, one thread, and no life of its own."""
     global _successes
     _successes = successes
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    threading.Thread(target=_die_with_parent, daemon=True).start()
-
-    import av.logging
-    import datasets
-    import pyarrow
-    import torch
-
-    torch.set_num_threads(1)
-    pyarrow.set_cpu_count(1)
-    datasets.disable_progress_bars()
-    av.logging.set_libav_level(av.logging.ERROR)
-    logging.getLogger("lerobot").setLevel(logging.CRITICAL)
-
-
-def _die_with_parent() -> None:
-    """End this process when its parent ends, however that happens."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
-
-
-def _record_shard(settings: GenerationSettings, shard: Shard, target: Path) -> None:
-    from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
-
-    global _recorder
-    task = shard.candidates[0].task
-    if _recorder is None or _recorder[0] != task:
-        if _recorder is not None:
-            _recorder[1].close()
-        _recorder = task, make_recorder(settings, task)
-    try:
-        record_shard(settings, shard, _recorder[1], target, _count_success)
-    except BimanualError as error:
-        raise DatasetError(str(error)) from None  # errors with other arguments do not survive the way home
+    prepare_worker()
+    worker.load_libraries()
 
 
 def _count_success() -> None:
@@ -153,7 +109,11 @@ def _count_success() -> None:
         _successes.value += 1
 
 
-def _merge_shards(
+def _record(settings: GenerationSettings, shard: Shard, target: Path) -> None:
+    worker.record(settings, shard, target, _count_success)
+
+
+def _merge(
     settings: GenerationSettings,
     command: str,
     shards: Sequence[tuple[Path, ShardReport]],

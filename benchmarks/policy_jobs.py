@@ -1,0 +1,256 @@
+"""What `policies.py` measures: every stage of PerAct2 and the whole of it, each beside its written-out formulation.
+
+A job is made once and called as often as it is timed. It runs forward, and backward too where gradients are on.
+"""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+import draccus
+import numpy as np
+import torch
+import torch.nn.functional as F  # noqa: N812
+from lerobot.configs import PreTrainedConfig
+from lerobot.policies.factory import get_policy_class
+from torch import Tensor
+
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.nn.conv3d import PATCH
+from lerobot_policy_bimanual.nn.dense_head import DenseTranslation
+from lerobot_policy_bimanual.nn.peract import PerActNetwork
+from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
+
+WRITTEN_OUT = Path(__file__).parents[1] / "tests" / "policies" / "written_out.py"
+CHANNELS_LAST = torch.channels_last_3d
+
+STAGES = {
+    "voxelise": "points to voxels, five 256 px cameras",
+    "tokens": "stem and patches",
+    "perceiver": "perceiver",
+    "upsample": "upsampling convolution, one arm",
+    "skip": "skip convolution, both arms",
+    "logits": "logits, one arm",
+    "pool": "pooling, one map",
+    "loss": "loss, both arms",
+}
+
+Job = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Sizes and circumstances of a measurement."""
+
+    voxels: int
+    batch: int
+    device: str
+    backward: bool
+
+
+def load_written_out() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("written_out", WRITTEN_OUT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def surfaces(samples: int, image_size: int, device: str) -> Tensor:
+    """Points (b, 3, 5 h w) in pixel order on wavy sheets, as five cameras would see them; six voxels in a hundred."""
+    line = torch.linspace(-0.1, 1.2, image_size)
+    x, y = torch.meshgrid(line, line, indexing="ij")
+    sheets = [
+        torch.stack([x, y, 0.1 + 0.1 * i + 0.05 * torch.sin(20 * x + i) * torch.cos(15 * y)])
+        for i in range(5)
+    ]
+    corner = torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
+    return (
+        (torch.cat([sheet.flatten(1) for sheet in sheets], dim=1) + corner).expand(samples, -1, -1).to(device)
+    )
+
+
+def make_network(setting: Setting, **options: Any) -> tuple[PerAct2Config, PerActNetwork]:
+    """The full-size network, without dropout."""
+    config = PerAct2Config(device=setting.device, voxel_size=setting.voxels, **options)
+    return config, cast(PerActNetwork, PerAct2Policy(config).network.eval().to(setting.device))
+
+
+def differentiate(function: Callable[..., Tensor], *inputs: Tensor, backward: bool) -> Job:
+    """Forward, and backward to the inputs and all parameters."""
+
+    def job() -> None:
+        output = function(*(x.detach().requires_grad_(backward) for x in inputs))
+        if backward:
+            output.backward(torch.ones_like(output))
+
+    return job
+
+
+def stage_job(stage: str, written: bool, setting: Setting) -> Job | None:
+    """One stage of the full-size network, or its written-out formulation; None where there is none."""
+    B, V, P, device = setting.batch, setting.voxels, setting.voxels // PATCH, setting.device  # noqa: N806
+    reference = load_written_out()
+    if stage == "voxelise":
+        cloud = surfaces(B, 256, device)
+        return None if written else lambda: voxelise(cloud, cloud, workspace=VOXEL_WORKSPACE, voxels=V)
+    config, network = make_network(setting)
+    p = dict(network.named_parameters())
+    dim, channels = config.token_dim, config.channels
+    head: Any = network.translation
+
+    def volume(width: int, size: int) -> Tensor:
+        x = torch.randn(B, width, size, size, size, device=device)
+        return x if written else x.to(memory_format=CHANNELS_LAST)
+
+    def weights(name: str) -> tuple[Tensor, Tensor]:
+        return p[f"{name}.weight"], p[f"{name}.bias"]
+
+    if stage == "tokens":
+        grid = volume(10, V)
+
+        def tokens() -> Tensor:
+            if not written:
+                return network.patchify(network.stem(grid))
+            stem = reference.leaky(reference.conv(grid, *weights("stem.conv")))
+            return reference.leaky(reference.conv(stem, *weights("patchify.conv"), stride=5, padding=2))
+
+        return differentiate(tokens, backward=setting.backward)
+    if stage == "perceiver":
+        words = config.language_tokens
+        x = torch.randn(B, words + P**3, dim, device=device)
+        if written:
+            return differentiate(
+                lambda x: torch.stack(reference.trunk(p, x, 2, config.heads)), x, backward=setting.backward
+            )
+        return differentiate(lambda x: network.perceiver(x, x[:, words:]), x, backward=setting.backward)
+    if stage == "upsample":
+        x = volume(channels, P)
+        if written:
+            name = "translation.upsample.conv"
+            return differentiate(
+                lambda x: reference.upsampled_conv(x, *weights(name)), x, backward=setting.backward
+            )
+        return differentiate(lambda x: head.upsample(x, head.upsample.kernel()), x, backward=setting.backward)
+    if stage == "skip":
+
+        def written_skip(stem: Tensor, *fine: Tensor) -> Tensor:
+            name = weights("translation.join.conv")
+            joined = [reference.leaky(reference.conv(torch.cat([stem, x], dim=1), *name)) for x in fine]
+            return torch.stack(joined)
+
+        def skip(stem: Tensor, *fine: Tensor) -> Tensor:
+            half = head.join.skip_half(stem)
+            return torch.stack([head.join(half, x) for x in fine])
+
+        fine = [volume(channels, V if written else V + 2) for _ in range(2)]  # ours brings its border
+        return differentiate(
+            written_skip if written else skip, volume(channels, V), *fine, backward=setting.backward
+        )
+    if stage == "logits":
+        name = weights("translation.logits.0")
+        function = (lambda x: reference.conv(x, *name)) if written else head.logits[0]
+        return differentiate(function, volume(channels, V), backward=setting.backward)
+    if stage == "pool":
+        return differentiate(
+            reference.pool if written else pool, volume(channels, V), backward=setting.backward
+        )
+    voxel = torch.full((B, 2, 3), V // 2, device=device)
+    classes = torch.ones(B, 2, 5, dtype=torch.long, device=device)
+    pose = torch.randn(B, 2, 220, device=device)
+    logits = torch.randn(B, 2, V, V, V, device=device)
+    function = reference.one_hot_loss if written else index_loss
+    return differentiate(lambda x, y: function(x, y, voxel, classes), logits, pose, backward=setting.backward)
+
+
+def index_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tensor) -> Tensor:
+    """What `written_out.one_hot_loss` computes, by the translation's own loss and from indices."""
+    loss = DenseTranslation(translation).cross_entropy(voxel).sum(1).mean()
+    bins = (pose.shape[-1] - 4) // 3
+    for logits, target in zip(pose.split([bins] * 3 + [2, 2], dim=-1), classes.unbind(-1), strict=True):
+        loss = loss + pose.shape[1] * F.cross_entropy(logits.flatten(0, 1), target.flatten())
+    return loss
+
+
+def network_job(variant: str, setting: Setting) -> Job:
+    """The whole network and its loss, as one of `policies.VARIANTS`."""
+    options = {"checkpointing": {"activation_checkpointing": True}, "compile": {"compile": True}}
+    config, network = make_network(setting, **options.get(variant, {}))
+    B, V, device = setting.batch, setting.voxels, setting.device  # noqa: N806
+    cloud = surfaces(B, 128, device)
+    grid = voxelise(cloud, cloud, workspace=VOXEL_WORKSPACE, voxels=V)
+    proprio = torch.rand(B, 8, device=device)
+    language = torch.randn(B, config.language_tokens, config.language_dim, device=device)
+    voxel = torch.full((B, 2, 3), V // 2, device=device)
+    classes = torch.ones(B, 2, 5, dtype=torch.long, device=device)
+    reference = load_written_out()
+
+    def job() -> None:
+        if variant == "written_out":
+            p = dict(network.named_parameters())
+            outputs = reference.network(p, grid, proprio, language, arms=2, heads=config.heads)
+            loss = reference.one_hot_loss(*outputs, voxel, classes)
+        else:
+            with torch.autocast(device, torch.bfloat16, enabled=variant == "bfloat16"):
+                prediction = network(grid, proprio, language)
+            parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
+            translation: Any = prediction.translation
+            loss = index_loss(translation.logits, torch.cat(parts, dim=-1), voxel, classes)
+        if setting.backward:
+            loss.backward()
+
+    return job
+
+
+def policy_job(policy_type: str, setting: Setting, *, small: bool) -> Job:
+    """A whole policy on five 128 px cameras: one optimiser step, or one `select_action` without gradients."""
+    flags = SMALL_FLAGS[cast(PolicyName, policy_type)] if small else {}
+    config = draccus.parse(
+        PreTrainedConfig.get_choice_class(policy_type),
+        args=[f"--device={setting.device}", *(f"--{option}={value}" for option, value in flags.items())],
+    )
+    policy: Any = get_policy_class(policy_type)(config).to(setting.device)
+    batch = {
+        key: value.to(setting.device) if isinstance(value, Tensor) else value
+        for key, value in random_batch(setting.batch, 128).items()
+    }
+    if not setting.backward:
+        return lambda: policy.select_action(batch)
+    policy.train()
+    optimizer = cast(Any, config.get_optimizer_preset()).build(policy.get_optim_params())
+
+    def step() -> None:
+        loss, _ = policy(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(policy.parameters(), config.optimizer_grad_clip_norm)
+        optimizer.step()
+
+    return step
+
+
+def random_batch(samples: int, image_size: int) -> dict[str, Any]:
+    """Five cameras looking down on noise, with labels."""
+    batch: dict[str, Any] = {"task": ["lift the ball"] * samples}
+    for camera in CAMERA_NAMES:
+        batch[schema.image_key(camera)] = torch.rand(samples, 3, image_size, image_size)
+        batch[schema.depth_key(camera)] = 500 + 1500 * torch.rand(samples, 1, image_size, image_size)
+    pose = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
+    batch[schema.CAMERA_EXTRINSICS] = pose.repeat(samples, 5, 1, 1).flatten(1)
+    intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, image_size, image_size)).float()
+    batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(samples, 5, 1, 1).flatten(1)
+    batch[schema.STATE] = torch.rand(samples, 16)
+    batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
+    batch[schema.KEYPOSE_STEP] = torch.zeros(samples, 1)
+    batch[schema.NEXT_KEYPOSE] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
+    return batch

@@ -1,0 +1,55 @@
+"""Who does the work: the processes of this machine, or the machines of a ray cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.settings import GenerationSettings
+
+POLL_S = 0.5
+"""How often an executor lets its caller look at the progress."""
+
+
+class Executor(Protocol):
+    """Records and merges shards; use it in a `with` statement, which ends everything that it has started."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None: ...
+
+    @property
+    def successes(self) -> int:
+        """Episodes recorded so far."""
+        ...
+
+    def record(
+        self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
+    ) -> Iterator[None]:
+        """Record shards in any order; yields now and then while they are under way.
+
+        Args:
+            settings: what is recorded.
+            shards: what is tried.
+            folder: gives the folder of a shard's name; each appears in one piece.
+
+        Raises:
+            DatasetError: a shard cannot be written, or workers died.
+        """
+        ...
+
+    def merge(
+        self,
+        settings: GenerationSettings,
+        command: str,
+        shards: Sequence[tuple[Path, ShardReport]],
+        root: Path,
+        cache: Path,
+    ) -> Iterator[None]:
+        """Merge shards, see `merging.merge_shards`; yields now and then while that is under way."""
+        ...

@@ -1,0 +1,168 @@
+"""A ray cluster: one task per shard, on any machine; finished shards travel home through ray.
+
+The machines share no file system. A task records into the temporary folder of its machine and returns the shard as
+the bytes of a tar archive, which the driver unpacks. Ray runs the task of a dead worker again, and the driver takes
+one result per shard, so nothing is lost and nothing is there twice.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import socket
+import tarfile
+import tempfile
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from lerobot_bimanual.dataset.provenance import installed_versions
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.generation import worker
+from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.executor import POLL_S
+from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
+from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
+
+try:
+    import ray
+    from ray.exceptions import RayError, RayTaskError
+except ModuleNotFoundError as error:
+    if error.name != "ray":
+        raise
+    raise DatasetError(
+        "--executor=ray needs ray, the same version on every machine: pip install 'lerobot_bimanual[ray]'"
+    ) from None
+
+ONE_THREAD = {"env_vars": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}}
+"""Read by the libraries when they are loaded, so before any code of ours."""
+
+MAX_RETRIES = 3
+"""How often the task of a dead worker is run again."""
+
+
+class RayExecutor:
+    """The processors of a ray cluster; an `Executor`.
+
+    Args:
+        workers: most tasks at once; 0 leaves it to ray, which runs one per processor.
+        address: of the cluster; None finds the one of `RAY_ADDRESS` or of this machine, or starts one for as long as
+            the `with` block runs.
+
+    Raises:
+        DatasetError: there is no cluster at the address.
+    """
+
+    def __init__(self, workers: int, address: str | None):
+        self._workers = workers
+        self._successes = 0
+        self._running: dict[Any, Shard] = {}
+        self._is_owner = not ray.is_initialized()
+        if self._is_owner:
+            try:
+                ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=ONE_THREAD)
+            except (ConnectionError, RuntimeError, ValueError) as error:
+                raise DatasetError(
+                    f"cannot reach a ray cluster at {address or 'any address'}: {error}"
+                ) from error
+        self._task = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Stop what still runs, and leave the cluster."""
+        for task in self._running:
+            ray.cancel(task, force=True)
+        if self._is_owner:
+            ray.shutdown()
+
+    @property
+    def successes(self) -> int:
+        """Episodes that have come home so far."""
+        return self._successes
+
+    def record(
+        self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
+    ) -> Iterator[None]:
+        """See `Executor`."""
+        waiting = deque(shards)
+        while waiting or self._running:
+            while waiting and not 0 < self._workers <= len(self._running):
+                shard = waiting.popleft()
+                self._running[self._task.remote(settings, shard, installed_versions())] = shard
+            done, _ = ray.wait([*self._running], timeout=POLL_S)
+            for task in done:
+                shard = self._running.pop(task)
+                packed, successes = _result(task, shard)
+                unpack(packed, folder(shard.name))
+                self._successes += successes
+            yield
+
+    def merge(
+        self,
+        settings: GenerationSettings,
+        command: str,
+        shards: Sequence[tuple[Path, ShardReport]],
+        root: Path,
+        cache: Path,
+    ) -> Iterator[None]:
+        """See `Executor`; on this machine, where the shards are."""
+        with ProcessExecutor(1) as local:
+            yield from local.merge(settings, command, shards, root, cache)
+
+
+def record_packed(
+    settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]
+) -> tuple[bytes, int]:
+    """Record a shard on some machine; this is the task that ray runs.
+
+    Returns:
+        The finished shard as a tar archive, and its number of episodes.
+
+    Raises:
+        DatasetError: the shard cannot be recorded, or this machine has other versions than the driver.
+    """
+    if versions != (here := installed_versions()):
+        raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
+    worker.load_libraries()
+    episodes = Counter()
+    with new_folder(Path(tempfile.gettempdir())) as folder:
+        finished = folder / "shards" / shard.name
+        finished.parent.mkdir()
+        worker.record(settings, shard, finished, lambda: episodes.update(["recorded"]))
+        archive = io.BytesIO()
+        with tarfile.open(fileobj=archive, mode="w") as tar:
+            tar.add(finished, arcname=".")
+    return archive.getvalue(), episodes["recorded"]
+
+
+def unpack(packed: bytes, target: Path) -> None:
+    """Put a shard that came home to its place in one piece.
+
+    Raises:
+        DatasetError: the place cannot be written.
+    """
+    with plain_write_errors(target), new_folder(target.parent.parent) as folder:
+        with tarfile.open(fileobj=io.BytesIO(packed)) as tar:
+            tar.extractall(folder, filter="data")
+        place_shard(folder, target)
+
+
+def _result(task: Any, shard: Shard) -> tuple[bytes, int]:
+    try:
+        return ray.get(task)
+    except RayTaskError as error:
+        if isinstance(error.cause, DatasetError):
+            raise DatasetError(str(error.cause)) from None
+        raise
+    except RayError as error:
+        raise DatasetError(
+            f"workers died while recording shard {shard.name}, {MAX_RETRIES + 1} times or for good: {error}. "
+            "Finished shards are kept: repeat the command"
+        ) from error

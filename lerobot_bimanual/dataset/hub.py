@@ -1,0 +1,159 @@
+"""Datasets on the Hugging Face Hub.
+
+What `LeRobotDataset.push_to_hub` does, with three differences: our card is part of the one commit (LeRobot's own
+replaces it by a general one in a second commit, and tags that), files of an earlier upload do not stay behind (a
+loader would take stale parquet files for further rows), and every request goes to `HF_ENDPOINT` (LeRobot's card is
+always validated at huggingface.co, so its push to another Hub ends after the upload and before the tag).
+"""
+
+import contextlib
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import httpx
+from huggingface_hub import HfApi, constants, get_token
+from huggingface_hub.errors import (
+    HfHubHTTPError,
+    HFValidationError,
+    OfflineModeIsEnabled,
+    RevisionNotFoundError,
+)
+from huggingface_hub.utils import validate_repo_id
+
+from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.reader import INFO_FILE, RecordedDataset
+from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.errors import BimanualError, DatasetError
+
+DATASET_FILES = ("data/*", "meta/*", "videos/*")
+"""Everything that a LeRobotDataset consists of; the Hub's patterns cross folders."""
+
+
+def pushable_folder(root: Path) -> Path:
+    """`root`, if one dataset of this package lies there and says where it comes from.
+
+    Raises:
+        DatasetError: there is none, there are two, or it has no provenance.
+        SchemaMismatch: the dataset is of another package or version.
+    """
+    views = [root / view for view in VIEWS if (root / view / INFO_FILE).is_file()]
+    if views:
+        raise DatasetError(
+            f"{root} holds {' and '.join(map(str, views))}; push each to a repository of its own, "
+            f"for example with --root={views[-1]}"
+        )
+    if RecordedDataset(root).provenance is None:
+        raise DatasetError(
+            f"{root} does not say where it comes from, as after an edit with LeRobot's tools, so it can have no card. "
+            "Generate a dataset of what you want to share, or push this one with LeRobotDataset.push_to_hub"
+        )
+    return root
+
+
+def prepare_push(repo_id: str, views: Sequence[View]) -> None:
+    """Open the repository of a dataset that is still to be made, so that what would prevent the push shows now.
+
+    Args:
+        repo_id: USER/NAME or ORGANISATION/NAME.
+        views: what the dataset will consist of.
+
+    Raises:
+        DatasetError: there will be several views.
+        BimanualError: as `open_repository`.
+    """
+    if len(views) > 1:
+        raise DatasetError(
+            "--push_to_hub takes a single view, --view=frames or --view=keyframes; "
+            "of both from one run, push each afterwards with `lerobot-bimanual push`"
+        )
+    open_repository(repo_id)
+
+
+def open_repository(repo_id: str, *, private: bool = False) -> None:
+    """Make a dataset repository unless it exists.
+
+    Args:
+        repo_id: USER/NAME or ORGANISATION/NAME.
+        private: hide a new repository from others; an existing one stays as it is.
+
+    Raises:
+        BimanualError: the name is malformed, nobody is logged in, or the Hub refuses or cannot be reached.
+    """
+    _check_name(repo_id)
+    if get_token() is None:
+        raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
+    with _plain_errors(repo_id):
+        HfApi().create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
+
+
+def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags: Sequence[str] = ()) -> str:
+    """Make an existing repository hold exactly this dataset, with its card, in one commit.
+
+    The commit on `main` gets LeRobot's version tag, the revision that `LeRobotDataset(repo_id)` asks for. One on
+    another branch gets none, and is loaded with `revision=branch`.
+
+    Args:
+        root: folder of the dataset; its card is written again with the name of the repository.
+        repo_id: USER/NAME or ORGANISATION/NAME.
+        branch: branch instead of `main`; made if it does not exist.
+        tags: further tags of the card.
+
+    Returns:
+        Address of the dataset.
+
+    Raises:
+        BimanualError: the Hub refuses or cannot be reached; what was uploaded so far is not uploaded again.
+    """
+    write_card(root, repo_id, tags)
+    hub = HfApi()
+    with _plain_errors(repo_id):
+        if branch is not None:
+            hub.create_branch(repo_id, branch=branch, repo_type="dataset", exist_ok=True)
+        hub.upload_folder(
+            repo_id=repo_id,
+            repo_type="dataset",
+            folder_path=root,
+            revision=branch,
+            delete_patterns=list(DATASET_FILES),
+            commit_message="Upload dataset with lerobot_bimanual",
+        )
+        if branch is None:
+            version = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))["codebase_version"]
+            with contextlib.suppress(RevisionNotFoundError):
+                hub.delete_tag(repo_id, tag=version, repo_type="dataset")
+            hub.create_tag(repo_id, tag=version, repo_type="dataset")
+    return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
+
+
+def _check_name(repo_id: str) -> None:
+    try:
+        validate_repo_id(repo_id)
+    except HFValidationError as error:
+        raise BimanualError(f"{repo_id!r} is no name on the Hugging Face Hub: {error}") from error
+    if "/" not in repo_id:
+        raise BimanualError(
+            f"{repo_id!r} does not say whose dataset it is; name it USER/NAME or ORGANISATION/NAME"
+        )
+
+
+@contextlib.contextmanager
+def _plain_errors(repo_id: str) -> Iterator[None]:
+    """Turn what the Hub and the network answer into one clear message."""
+    try:
+        yield
+    except OfflineModeIsEnabled as error:
+        raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
+    except HfHubHTTPError as error:
+        status = error.response.status_code
+        if status == httpx.codes.UNAUTHORIZED:
+            reason = "it does not accept the token; run `hf auth login`"
+        elif status == httpx.codes.FORBIDDEN:
+            reason = (
+                "the token may not write there; check its rights, and whether the name begins with your own"
+            )
+        else:
+            reason = f"{error.server_message or error}"
+        raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
+    except httpx.TransportError as error:
+        raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error

@@ -1,0 +1,34 @@
+"""The verb `push`: a dataset onto the Hugging Face Hub."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass
+class PushConfig:
+    """Flags of the verb `push`."""
+
+    root: Path = field(kw_only=True)  # folder of the dataset; of two views from one run, name one
+    repo_id: str = field(kw_only=True)  # where to, USER/NAME or ORGANISATION/NAME
+    private: bool = False  # hide a new repository from others; an existing one stays as it is
+    # A branch instead of `main`; load it with LeRobotDataset(repo_id, revision=branch).
+    branch: str | None = None
+    tags: tuple[str, ...] = ()  # further tags of the card, by which the Hub finds datasets
+
+
+def push(config: PushConfig) -> None:
+    """Upload a dataset with its card to the Hugging Face Hub.
+
+    The repository is made if it does not exist, and then holds exactly this dataset: files of an earlier upload that
+    do not belong to it are deleted in the same commit. The commit on `main` gets LeRobot's version tag, which
+    LeRobotDataset(repo_id) asks for. The card in ROOT is written again with the name of the repository.
+
+    Examples:
+        hf auth login
+        lerobot-bimanual push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
+    """
+    from lerobot_bimanual.dataset.hub import open_repository, pushable_folder, upload_dataset
+
+    root = pushable_folder(config.root)
+    open_repository(config.repo_id, private=config.private)
+    print(upload_dataset(root, config.repo_id, branch=config.branch, tags=config.tags))

@@ -1,0 +1,1 @@
+"""Verbs of `lerobot-bimanual` that need the policies."""

@@ -1,0 +1,1 @@
+"""Looking at single predictions of a trained policy."""

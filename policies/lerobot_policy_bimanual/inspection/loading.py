@@ -1,0 +1,84 @@
+"""A trained policy and one row of a dataset, both as LeRobot loads them."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+from lerobot.configs import PreTrainedConfig
+from lerobot.datasets import LeRobotDataset
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from torch.utils.data import default_collate
+
+import lerobot_policy_bimanual.configurations  # noqa: F401  registers them
+from lerobot_bimanual.dataset.reader import INFO_FILE, check_features, find_view
+from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
+from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+
+Batch = dict[str, Any]
+
+
+class CheckpointError(BimanualError):
+    """A folder that holds no keypose policy."""
+
+
+def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batch]]:
+    """The policy of a folder `pretrained_model`, and its preprocessor, on the device that there is.
+
+    Raises:
+        CheckpointError: There is no checkpoint, or its policy does not predict keyposes.
+    """
+    file = checkpoint / "config.json"
+    if not file.is_file():
+        raise CheckpointError(
+            f"no checkpoint at {checkpoint}: {file} does not exist. Give the folder `pretrained_model` of a "
+            "training, as in outputs/peract2/checkpoints/last/pretrained_model"
+        )
+    name = json.loads(file.read_text(encoding="utf-8")).get("type")
+    keypose_policies = [
+        known
+        for known, config_class in PreTrainedConfig.get_known_choices().items()
+        if issubclass(config_class, KeyposePolicyConfig)
+    ]
+    if name not in keypose_policies:
+        raise CheckpointError(
+            f"{checkpoint} holds the policy {name!r}, which predicts no keyposes. Policies that do: "
+            f"{', '.join(keypose_policies)}"
+        )
+    config = cast(KeyposePolicyConfig, PreTrainedConfig.from_pretrained(checkpoint))
+    config.compile = False  # one prediction does not pay for it
+    policy = cast(KeyposePolicy, get_policy_class(name).from_pretrained(checkpoint, config=config))
+    preprocess, _ = make_pre_post_processors(
+        config,
+        pretrained_path=str(checkpoint),
+        preprocessor_overrides={"device_processor": {"device": config.device}},
+    )
+    return policy, preprocess
+
+
+def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
+    """One row as a batch of one.
+
+    Args:
+        dataset: Folder of a dataset, or of both its views; `keyframes` is taken then.
+        index: Row, counted over all episodes.
+        config: Config of the policy that is to read it.
+
+    Raises:
+        DatasetError: There is no dataset, or no such row.
+        SchemaMismatch: The dataset lacks the label, or an image that the policy reads.
+    """
+    root = find_view(dataset, ("keyframes", "frames"))
+    info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
+    check_features(info["features"], root)
+    missing = [key for key in config.observation_keys if key not in info["features"]]
+    if missing:
+        raise SchemaMismatch(
+            f"{root} has no {', '.join(missing)}, which the policy reads. Record all of its cameras "
+            f"({', '.join(config.cameras)}) with `lerobot-bimanual generate`"
+        )
+    rows = info["total_frames"]
+    if not 0 <= index < rows:
+        raise DatasetError(f"{root} has rows 0 to {rows - 1}, but not {index}")
+    return default_collate([LeRobotDataset(f"local/{root.name}", root=root)[index]])

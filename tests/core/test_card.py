@@ -1,0 +1,79 @@
+"""The card of a dataset: what it says, and the picture that it shows."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from huggingface_hub import DatasetCard
+from PIL import Image
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.picture import PICTURE_FILE
+from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.errors import DatasetError
+
+COMMAND = "lerobot-bimanual generate --task=lift_ball"
+
+
+@pytest.fixture(params=schema.VIEWS)
+def root(request, datasets, tmp_path: Path) -> Path:
+    """A dataset of two episodes, of three seeds that were tried."""
+    root = tmp_path / request.param
+    shutil.copytree(datasets[request.param], root)
+    Provenance(
+        schema_version=schema.SCHEMA_VERSION,
+        view=request.param,
+        versions=installed_versions(),
+        settings={"episodes": 2, "intermediate": [0.5]},
+        command=COMMAND,
+        episodes=[Recipe("lift_ball", 0, "train", 0), Recipe("lift_ball", 0, "train", 2)],
+        skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
+    ).write(root)
+    return root
+
+
+def test_the_card_explains_every_column_and_how_to_make_the_dataset_again(root) -> None:
+    write_card(root, "me/lift_ball")
+    card = (root / "README.md").read_text()
+    for key in schema.features(("front", "left_wrist"), 24, 32, "frames"):
+        assert f"| `{key}` |" in card
+    for part in (
+        COMMAND,
+        "mujoco",
+        "Seeds 0 to 2",
+        "1 of them",
+        "2407.00278",
+        "Left arm before right",
+        "millimetres",
+    ):
+        assert part in card
+    assert f"]({PICTURE_FILE})" in card
+
+
+def test_the_hub_understands_the_metadata_of_the_card(root) -> None:
+    write_card(root, "me/lift_ball", ["depth", "yes", "a: b"])
+    data = DatasetCard.load(root / "README.md").data
+    assert data.license == "apache-2.0"
+    assert data.task_categories == ["robotics"]
+    assert data.configs == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
+    assert data.tags[0] == "LeRobot"
+    assert data.tags[-2:] == ["yes", "a: b"]
+    assert data.tags.count("depth") == 1
+
+
+def test_the_picture_shows_start_keyposes_and_end_of_the_first_episode(root, make_episode) -> None:
+    write_card(root, "me/lift_ball")
+    strip = np.asarray(Image.open(root / PICTURE_FILE), dtype=int)
+    episode = make_episode(0)
+    last = episode.rows - (2 if root.name == "frames" else 1)
+    shown = [episode.images(row)[schema.image_key("front")] for row in (0, *episode.stage_starts()[1:], last)]
+    tiles = np.split(np.pad(strip, ((0, 0), (0, 4), (0, 0))), len(shown), axis=1)
+    for tile, image in zip(tiles, shown, strict=True):
+        assert np.abs(tile[:, :-4].mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 4
+
+
+def test_a_card_needs_provenance(datasets) -> None:
+    with pytest.raises(DatasetError, match="no provenance"):
+        write_card(datasets["frames"], "me/lift_ball")

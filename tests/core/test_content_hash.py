@@ -1,0 +1,98 @@
+"""The content hash sees every value and every pixel, and nothing of the way they are stored."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from lerobot.datasets.aggregate import aggregate_datasets
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.content_hash import combined_hash, content_hash, episode_hash
+from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
+from lerobot_bimanual.errors import DatasetError
+
+CAMERAS = ("front", "left_wrist")
+SIZE = (24, 32)
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+@pytest.mark.parametrize("concatenate", [True, False])
+def test_the_hash_does_not_depend_on_shards_and_files(
+    datasets, make_episode, tmp_path, view: schema.View, concatenate: bool
+) -> None:
+    parts = [tmp_path / "first", tmp_path / "second"]
+    for seed, part in enumerate(parts):
+        with ViewWriter(part, "local/part", view, CAMERAS, *SIZE, (0.5,)) as writer:
+            write_episode(make_episode(seed), [writer])
+    aggregate_datasets(
+        ["local/part"] * 2,
+        "local/whole",
+        roots=parts,
+        aggr_root=tmp_path / "whole",
+        concatenate_videos=concatenate,
+        concatenate_data=concatenate,
+    )
+    assert content_hash(tmp_path / "whole") == content_hash(datasets[view])
+
+
+def test_the_hash_does_not_depend_on_the_form_of_the_table(datasets, tmp_path) -> None:
+    root = tmp_path / "packed"
+    shutil.copytree(datasets["keyframes"], root)
+    (file,) = root.glob("data/*/*.parquet")
+    table = pq.read_table(file)
+    pq.write_table(
+        table.select(sorted(table.column_names, reverse=True)), file, compression="zstd", row_group_size=3
+    )
+    assert content_hash(root) == content_hash(datasets["keyframes"])
+
+
+def test_every_column_every_image_and_the_order_count(datasets) -> None:
+    dataset, reader = RecordedDataset(datasets["keyframes"]), ImageReader(datasets["keyframes"])
+    episode = dataset.episode(0)
+    images = {key: list(reader.images(0, key)) for key in reader.shapes}
+    hashes = [episode_hash(episode, images)]
+    for key, column in episode.columns.items():
+        other = column.copy()
+        last = other[-1]
+        other[-1] = f"{last}x" if other.dtype == object else ~last if other.dtype == bool else last + 1
+        hashes.append(episode_hash(replace(episode, columns=episode.columns | {key: other}), images))
+    for key in images:
+        changed = {name: [image.copy() for image in stream] for name, stream in images.items()}
+        changed[key][-1].flat[-1] += 1
+        hashes.append(episode_hash(episode, changed))
+        hashes.append(episode_hash(episode, images | {key: images[key][:-1]}))
+        hashes.append(episode_hash(episode, images | {key: images[key][::-1]}))
+    assert len(set(hashes)) == len(hashes)
+    assert combined_hash(hashes[:2]) != combined_hash(hashes[1::-1])
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_images_are_decoded_as_lerobot_decodes_them(datasets, view: schema.View) -> None:
+    theirs = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
+    reader = ImageReader(datasets[view])
+    first = len(theirs) // 2  # of the second episode
+    for key in reader.shapes:
+        images = list(reader.images(1, key))
+        assert len(images) == len(theirs) - first
+        for row in (0, 1, len(images) - 1):
+            item = theirs[first + row]
+            assert isinstance(item, dict)
+            expected = item[key].numpy()
+            if reader.is_depth(key):
+                assert np.array_equal(images[row], expected[0])
+            else:
+                assert np.array_equal(images[row], np.rint(np.moveaxis(expected, 0, -1) * 255))
+
+
+def test_a_video_that_is_gone_is_a_clear_error(datasets, tmp_path: Path) -> None:
+    root = tmp_path / "damaged"
+    shutil.copytree(datasets["frames"], root)
+    next(root.glob("videos/observation.images.front/*/*.mp4")).unlink()
+    with pytest.raises(DatasetError, match=r"cannot decode .*observation\.images\.front/.*No such file"):
+        content_hash(root)

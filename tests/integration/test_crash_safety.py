@@ -1,0 +1,78 @@
+"""Killed at any moment, generation goes on where it stopped and ends with the same dataset."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.sim]
+
+KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
+"""What appears while the first shard is recorded, after it, and while shards are merged."""
+
+DRILL = Path(__file__).with_name("crash_drill.py")
+KILLS = 24
+SEED = 20
+
+
+@pytest.mark.timeout(1800)
+def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
+    generated, tree_hashes, tmp_path
+) -> None:
+    root = tmp_path / generated.name
+    partial = root.with_name(root.name + ".partial")
+    command = [
+        *(sys.executable, "-m", "lerobot_bimanual.cli", "generate", f"--root={root}", "--workers=2"),
+        *("--task=lift_ball", "--episodes=3", "--image_size=24x32", "--cameras=front,left_wrist"),
+        *("--intermediate=0.5", "--episodes_per_shard=2", "--repo_id=local/small"),
+    ]
+    rng = np.random.default_rng()  # at other moments in every run of the test
+    for sight in KILL_WHEN:
+        run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+        while not any(partial.glob(sight)):
+            assert run.poll() is None, f"ended before {sight} appeared"
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0, 0.5))
+        os.kill(run.pid, signal.SIGKILL)  # the parent alone: its workers have to notice
+        run.wait()
+        wait_until_gone(run.pid)
+        assert not root.exists()
+    last = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert last.returncode == 0, last.stderr
+    assert not partial.exists()
+    assert tree_hashes(root) == tree_hashes(generated)
+
+
+@pytest.mark.timeout(1800)
+def test_whole_runs_killed_at_random_moments_lose_only_what_was_unfinished(tmp_path) -> None:
+    drill = subprocess.run(
+        [sys.executable, DRILL, tmp_path, str(KILLS), str(SEED)], capture_output=True, text=True, check=False
+    )
+    assert drill.returncode == 0, drill.stdout + drill.stderr
+    outcome = json.loads(drill.stdout.splitlines()[-1])
+    assert outcome["kills"] == KILLS
+    assert outcome["redone"] == []
+    assert outcome["damaged"] == []
+    assert outcome["datasets"] >= 1
+    assert outcome["different"] == 0
+    assert outcome["leftovers"] == []
+
+
+def wait_until_gone(group: int, patience_s: float = 20) -> None:
+    deadline = time.monotonic() + patience_s
+    while any(group_of(entry.name) == group for entry in Path("/proc").iterdir()):
+        assert time.monotonic() < deadline, "workers outlived their parent"
+        time.sleep(0.1)
+
+
+def group_of(process: str) -> int | None:
+    try:
+        return os.getpgid(int(process))
+    except (ValueError, ProcessLookupError):
+        return None

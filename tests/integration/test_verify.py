@@ -1,0 +1,330 @@
+"""A generated dataset passes every check, and each kind of damage is found by the check that is meant for it."""
+
+import io
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from PIL import Image
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.content_hash import content_hash
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
+from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
+from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
+
+pytestmark = pytest.mark.sim
+
+FRONT, FRONT_DEPTH = schema.image_key("front"), schema.depth_key("front")
+FIRST_FILE = "data/chunk-000/file-000.parquet"
+
+
+@pytest.fixture
+def copy(generated, tmp_path) -> Callable[[schema.View], Path]:
+    """Copies a view of the small dataset, to be damaged."""
+
+    def copied(view: schema.View) -> Path:
+        return Path(shutil.copytree(generated / view, tmp_path / view))
+
+    return copied
+
+
+def edit(root: Path, key: str, change: Callable[[list, np.ndarray], object]) -> None:
+    """Change a column of the first file in place; `change` gets its values and the rows of episode 1."""
+    table = pq.read_table(root / FIRST_FILE)
+    values = table[key].to_pylist()
+    change(values, np.flatnonzero(np.array(table["episode_index"]) == 1))
+    column, field = table.column_names.index(key), table.schema.field(key)
+    pq.write_table(table.set_column(column, field, pa.array(values, field.type)), root / FIRST_FILE)
+
+
+def faults_of(root: Path, simulate: bool = False, episode: int = 1) -> dict[str, str]:
+    """Failed checks of an episode, with all they say."""
+    report = Verifier(root, {episode}, simulate).verify(episode)
+    return {
+        check: "; ".join(f"{fault.row}: {fault.text}" for fault in faults)
+        for check, faults in report.faults.items()
+        if faults
+    }
+
+
+def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys) -> None:
+    assert verify(VerifyConfig(root=generated, render=1, workers=1)) == 0
+    printed = capsys.readouterr().out
+    assert "not replayed" not in printed
+    for view in schema.VIEWS:
+        assert f"content hash: {content_hash(generated / view)}" in printed
+    for check in ("replay", "keypose replay", "observations", "rendered RGB", "rendered depth"):
+        assert check in printed
+
+
+# -- images -------------------------------------------------------------------------------------------------
+
+
+def test_a_video_of_other_length_is_found(copy) -> None:
+    root = copy("frames")
+    folder = root / "videos" / FRONT / "chunk-000"
+    shutil.copyfile(folder / "file-001.mp4", folder / "file-000.mp4")
+    assert faults_of(root).keys() == {"images complete"}
+    assert f"{FRONT} has 0 images, but the episode 80 rows" in faults_of(root)["images complete"]
+
+
+def test_a_video_that_is_cut_off_or_gone_is_found(copy) -> None:
+    root = copy("frames")
+    file = root / "videos" / FRONT_DEPTH / "chunk-000" / "file-000.mp4"
+    file.write_bytes(file.read_bytes()[:1000])
+    assert "cannot decode" in faults_of(root)["images complete"]
+    file.unlink()
+    assert "No such file" in faults_of(root)["images complete"]
+
+
+def test_the_video_of_another_camera_is_found(copy) -> None:
+    root = copy("frames")
+    for key, other in (
+        (FRONT, schema.image_key("left_wrist")),
+        (FRONT_DEPTH, schema.depth_key("left_wrist")),
+    ):
+        file = Path("chunk-000", "file-000.mp4")
+        shutil.copyfile(root / "videos" / other / file, root / "videos" / key / file)
+    found = faults_of(root, simulate=True)
+    assert found.keys() == {"rendered RGB", "rendered depth"}
+    assert f"0: {FRONT} is unlike a new image" in found["rendered RGB"]
+
+
+def test_an_image_that_is_missing_is_found(copy) -> None:
+    root = copy("keyframes")
+
+    def remove(images: list, rows: np.ndarray) -> None:
+        images[rows[2]] = None
+
+    edit(root, FRONT, remove)
+    assert faults_of(root)["images complete"].startswith(f"2: row 2 of {FRONT}")
+
+
+def changed_image(content: bytes, change: Callable[[np.ndarray], None]) -> bytes:
+    image = Image.open(io.BytesIO(content))
+    pixels = np.array(image)
+    change(pixels)
+    changed = io.BytesIO()
+    Image.fromarray(pixels).save(changed, format=image.format)
+    return changed.getvalue()
+
+
+def add_to_one_pixel(amount: int) -> Callable[[list, np.ndarray], None]:
+    def add(pixels: np.ndarray) -> None:
+        pixels.flat[40] = int(pixels.flat[40]) + amount
+
+    def change(images: list, rows: np.ndarray) -> None:
+        images[rows[3]]["bytes"] = changed_image(images[rows[3]]["bytes"], add)
+
+    return change
+
+
+def test_one_pixel_of_depth_and_one_of_colour_are_found(copy) -> None:
+    root = copy("keyframes")
+    edit(root, FRONT_DEPTH, add_to_one_pixel(-5))
+    edit(root, FRONT, add_to_one_pixel(1))
+    assert faults_of(root, simulate=True) == {
+        "rendered depth": f"3: {FRONT_DEPTH} is wrong by up to 5 mm",
+        "rendered RGB": f"3: {FRONT} differs from a new image in 1 pixels",
+    }
+
+
+def test_depth_beyond_its_range_is_found(copy) -> None:
+    root = copy("keyframes")
+    edit(root, FRONT_DEPTH, add_to_one_pixel(9000))
+    assert faults_of(root).keys() == {"depth range"}
+    assert "beyond 10 to 4000 mm" in faults_of(root)["depth range"]
+
+
+# -- columns ------------------------------------------------------------------------------------------------
+
+
+def shift_by_a_stage(labels: list, rows: np.ndarray) -> None:
+    stages = sorted(
+        {tuple(labels[row]) for row in rows}, key=lambda stage: [tuple(x) for x in labels].index(stage)
+    )
+    following = dict(zip(stages, [*stages[1:], stages[0]], strict=True))
+    for row in rows:
+        labels[row] = list(following[tuple(labels[row])])
+
+
+def test_labels_of_the_next_stage_are_found(copy) -> None:
+    root = copy("frames")
+    edit(root, schema.NEXT_KEYPOSE, shift_by_a_stage)
+    assert faults_of(root)["labels"].partition(": ")[2] == (
+        "next_keypose is not where the stage's motion ends (and 1 more rows)"
+    )
+    root = copy("keyframes")
+    edit(root, schema.NEXT_KEYPOSE, shift_by_a_stage)
+    assert "replay" in faults_of(root, simulate=True)
+
+
+def test_a_label_that_changes_within_a_stage_is_found(copy) -> None:
+    root = copy("keyframes")
+
+    def move(labels: list, rows: np.ndarray) -> None:
+        labels[rows[1]][0] += 0.01
+
+    edit(root, schema.NEXT_KEYPOSE, move)
+    assert faults_of(root) == {"labels": "1: next_keypose changes within a stage"}
+
+
+def swap_cameras(first: int, second: int, some_rows: slice) -> Callable[[list, np.ndarray], None]:
+    def swap(extrinsics: list, rows: np.ndarray) -> None:
+        for row in rows[some_rows]:
+            poses = np.reshape(extrinsics[row], (5, 16))
+            poses[[first, second]] = poses[[second, first]]
+            extrinsics[row] = poses.ravel().tolist()
+
+    return swap
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "some_rows", "text"),
+    [
+        (0, 1, slice(2, 3), "2: camera front is not fixed to the world"),
+        (3, 4, slice(None), "camera left_wrist is not fixed to the left hand"),
+    ],
+)
+def test_cameras_that_come_loose_are_found_without_simulation(copy, first, second, some_rows, text) -> None:
+    root = copy("frames")
+    edit(root, schema.CAMERA_EXTRINSICS, swap_cameras(first, second, some_rows))
+    assert faults_of(root).keys() == {"calibration"}
+    assert text in faults_of(root)["calibration"]
+
+
+def test_two_cameras_exchanged_throughout_are_found_by_the_simulation(copy) -> None:
+    root = copy("keyframes")
+    edit(root, schema.CAMERA_EXTRINSICS, swap_cameras(0, 1, slice(None)))
+    assert faults_of(root, simulate=True) == {
+        "observations": f"0: {schema.CAMERA_EXTRINSICS} is not what the simulation says"
+    }
+
+
+def test_keyframes_that_do_not_follow_the_keyposes_are_found(copy) -> None:
+    root = copy("frames")
+
+    def flag(flags: list, rows: np.ndarray) -> None:
+        flags[rows[5]] = True
+
+    def jump(steps: list, rows: np.ndarray) -> None:
+        steps[rows[-1]] += 2
+
+    edit(root, schema.KEYFRAME, flag)
+    assert faults_of(root) == {"keyframes": "5: keyframe is set, but no keypose was completed"}
+    edit(root, schema.KEYPOSE_STEP, jump)
+    assert "79: keypose_step does not stay or rise by one" in faults_of(root)["keyframes"]
+
+
+def test_a_changed_action_is_found_at_its_row(copy) -> None:
+    root = copy("frames")
+
+    def nudge(actions: list, rows: np.ndarray) -> None:
+        actions[rows[30]][0] += 0.01
+
+    edit(root, schema.ACTION, nudge)
+    assert faults_of(root, simulate=True)["replay"] == "30: the simulation is in another state after tick 30"
+
+
+def test_a_row_out_of_order_and_one_of_another_episode_are_found(copy) -> None:
+    root = copy("frames")
+
+    def exchange(ticks: list, rows: np.ndarray) -> None:
+        ticks[rows[7]], ticks[rows[8]] = ticks[rows[8]], ticks[rows[7]]
+
+    def reseed(seeds: list, rows: np.ndarray) -> None:
+        seeds[rows[9]] = 77
+
+    edit(root, schema.TICK, exchange)
+    edit(root, schema.SEED, reseed)
+    assert faults_of(root) == {
+        "rows": "7: tick does not follow the row before (and 2 more rows)",
+        "recipe": "9: seed changes within the episode",
+    }
+
+
+# -- the dataset as a whole ---------------------------------------------------------------------------------
+
+
+def metadata_faults(root: Path) -> dict[str, str]:
+    return {
+        check: "; ".join(fault.text for fault in faults)
+        for check, faults in verify_metadata(root).items()
+        if faults
+    }
+
+
+def rewrite(path: Path, change: Callable[[dict], object]) -> None:
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
+def test_what_the_metadata_claim_is_compared_with_what_is_there(copy) -> None:
+    root = copy("keyframes")
+    assert not metadata_faults(root)
+    rewrite(root / "meta/info.json", lambda info: info.update(total_frames=20))
+    rewrite(root / PROVENANCE_FILE, lambda origin: origin["episodes"].append(origin["episodes"][0]))
+    table = pq.read_table(root / FIRST_FILE)
+    pq.write_table(table.drop_columns([schema.SEED]), root / FIRST_FILE)
+    found = metadata_faults(root)
+    assert found.keys() == {"totals", "provenance", "table columns"}
+    assert "total_frames is 20, but the table of episodes has 21" in found["totals"]
+    assert "lists 4 episodes, but there are 3" in found["provenance"]
+    assert "seed=0) is there 2 times" in found["provenance"]
+    assert "['seed']" in found["table columns"]
+
+
+def test_the_verb_fails_and_says_where(copy, capsys) -> None:
+    root = copy("keyframes")
+    edit(root, schema.KEYFRAME, lambda flags, rows: flags.__setitem__(rows[0], True))
+    rewrite(root / PROVENANCE_FILE, lambda origin: origin["versions"].update(mujoco="1.2.3"))
+    assert verify(VerifyConfig(root=root, workers=1)) == 1
+    printed = capsys.readouterr().out
+    assert "keyframes: episode 1, row 0: keyframe is set, but no keypose was completed" in printed
+    assert "not replayed: generated with mujoco 1.2.3 (installed: 3." in printed
+    assert "observations" not in printed
+
+
+# -- recipes ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_recipe_makes_the_same_dataset_again(generated, tmp_path) -> None:
+    recipe = tmp_path / "recipe.json"
+    shutil.copyfile(generated / "keyframes" / PROVENANCE_FILE, recipe)
+    regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "again", workers=2))
+    for view in schema.VIEWS:
+        assert content_hash(tmp_path / "again" / view) == content_hash(generated / view)
+
+
+def test_a_recipe_of_another_simulation_is_refused(generated, tmp_path) -> None:
+    recipe = tmp_path / "recipe.json"
+    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
+    rewrite(recipe, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
+    with pytest.raises(DatasetError, match=r"pip install mujoco==1\.2\.3`"):
+        regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "never"))
+    assert not (tmp_path / "never").exists()
+
+
+def test_a_recipe_whose_command_makes_something_else_is_refused(generated, tmp_path) -> None:
+    recipe = tmp_path / "recipe.json"
+    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
+    command = Provenance.load(recipe).command
+    rewrite(recipe, lambda origin: origin.update(command=command.replace("--episodes=3", "--episodes=4")))
+    with pytest.raises(DatasetError, match="episodes is 3, not 4"):
+        regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "never"))
+
+
+def test_a_file_that_is_no_recipe_is_refused(tmp_path) -> None:
+    (tmp_path / "notes.json").write_text("[]")
+    with pytest.raises(SchemaMismatch, match=r"notes\.json is not what schema version"):
+        regenerate(RegenerateConfig(recipe=tmp_path / "notes.json", root=tmp_path / "never"))

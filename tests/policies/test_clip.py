@@ -1,0 +1,124 @@
+"""Frozen CLIP as language encoder, on a tower that is made here: nothing is downloaded."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
+
+from lerobot_policy_bimanual.nn.language import make_language
+
+DIM, CONTEXT, TOKENS = 16, 12, 8
+START, END = "<|startoftext|>", "<|endoftext|>"
+
+
+@pytest.fixture(scope="module")
+def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a tiny text tower in half precision, as many are published, and of a tokenizer that spells."""
+    folder = tmp_path_factory.mktemp("clip")
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    symbols = ["!", *letters, *(f"{letter}</w>" for letter in letters), "th", "the</w>", START, END]
+    merges = [("t", "h"), ("th", "e</w>")]
+    vocabulary = {symbol: index for index, symbol in enumerate(symbols)}
+    CLIPTokenizer(vocab=vocabulary, merges=merges).save_pretrained(folder)
+    config = CLIPTextConfig(
+        vocab_size=len(symbols),
+        hidden_size=DIM,
+        intermediate_size=2 * DIM,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        max_position_embeddings=CONTEXT,
+        bos_token_id=symbols.index(START),
+        eos_token_id=symbols.index(END),
+    )
+    torch.manual_seed(0)
+    CLIPTextModel(config).half().save_pretrained(folder)
+    return folder
+
+
+def encoder(tower: Path, tokens: int = TOKENS, dim: int = DIM) -> torch.nn.Module:
+    return make_language(f"clip:{tower}", tokens=tokens, dim=dim)
+
+
+def test_tokens_are_the_towers_last_hidden_state_over_a_sentence_padded_with_zeros(tower):
+    vocabulary = CLIPTokenizer.from_pretrained(tower).get_vocab()
+    ids = [vocabulary[symbol] for symbol in (START, "the</w>", "a", "t</w>", END)]
+    padded = torch.tensor([ids + [0] * (TOKENS - len(ids))])
+    model = CLIPTextModel.from_pretrained(tower, dtype=torch.float32)
+    with torch.no_grad():
+        expected = model(input_ids=padded).last_hidden_state
+    tokens = encoder(tower)(["The  at"])
+    assert tokens.dtype == torch.float32
+    torch.testing.assert_close(tokens, expected)
+
+
+def test_a_long_sentence_is_cut_and_keeps_its_end_symbol(tower):
+    language = encoder(tower)
+    cut, same = language(["lift the ball very high", "lift the"])
+    assert cut.shape == (TOKENS, DIM)
+    ids = language._tokenizer("lift the ball very high", truncation=True, max_length=TOKENS).input_ids
+    assert ids[-1] == language._tokenizer.get_vocab()[END]
+    torch.testing.assert_close(cut[:6], same[:6])  # the tower is causal
+
+
+def test_the_tower_runs_once_per_instruction(tower, monkeypatch):
+    language = encoder(tower)
+    seen, encode = [], language._encode_ids
+    monkeypatch.setattr(language, "_encode_ids", lambda **inputs: seen.append(1) or encode(**inputs))
+    tokens = language(["lift", "lift", "push"])
+    assert len(seen) == 2
+    assert torch.equal(language(["push", "lift"]), tokens[1:].flip(0))
+    assert len(seen) == 2
+
+
+def test_the_tower_is_neither_trained_nor_saved(tower, make_policy):
+    policy = make_policy(language_encoder=f"clip:{tower}", language_tokens=TOKENS, language_dim=DIM)
+    assert not list(policy.language.parameters())
+    assert not [name for name in policy.state_dict() if name.startswith("language.")]
+    trained = {id(parameter) for parameter in policy.get_optim_params()}
+    frozen = policy.language._encode_ids.__self__.parameters()
+    assert not [parameter for parameter in frozen if parameter.requires_grad or id(parameter) in trained]
+
+
+def test_a_policy_learns_on_frozen_tokens_and_comes_back_from_its_checkpoint(
+    tower, make_policy, make_batch, tmp_path
+):
+    policy = make_policy(language_encoder=f"clip:{tower}", language_tokens=TOKENS, language_dim=DIM)
+    batch = make_batch(samples=1)
+    action = policy.select_action(batch)
+    policy.train()(batch)[0].backward()
+    assert any(parameter.grad is not None and parameter.grad.any() for parameter in policy.get_optim_params())
+    policy.save_pretrained(tmp_path)
+    again = type(policy).from_pretrained(tmp_path, config=policy.config)
+    assert torch.equal(again.select_action(batch), action)
+
+
+@pytest.mark.parametrize("context", [torch.inference_mode, lambda: torch.autocast("cpu", torch.bfloat16)])
+def test_what_an_evaluation_caches_serves_training(tower, context):
+    language = encoder(tower)
+    with context():
+        language(["lift the ball"])
+    tokens = language(["lift the ball"])
+    assert torch.equal(tokens, encoder(tower)(["lift the ball"]))
+    torch.nn.Linear(DIM, 1)(tokens).sum().backward()
+
+
+def test_cached_tokens_follow_the_policy_to_its_device(tower):
+    language = encoder(tower)
+    language(["lift"])
+    assert language.to("meta")(["lift"]).device.type == "meta"
+
+
+@pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])
+def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
+    with pytest.raises(
+        ValueError, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
+    ):
+        encoder(tower, tokens, dim)
+
+
+def test_a_missing_transformers_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    with pytest.raises(ImportError, match=r"pip install 'lerobot_policy_bimanual\[clip\]'"):
+        make_language("clip:some/folder", tokens=TOKENS, dim=DIM)

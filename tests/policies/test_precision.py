@@ -1,0 +1,75 @@
+"""What bfloat16 may change, and what it may not."""
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
+from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def in_both_precisions(function: Callable[..., Any], *inputs: torch.Tensor) -> tuple[Any, Any]:
+    """Results in float32 and under autocast to bfloat16."""
+    inputs = tuple(x.to(DEVICE) for x in inputs)
+    with torch.autocast(DEVICE, torch.bfloat16):
+        half = function(*inputs)
+    return function(*inputs), half
+
+
+def relative_error(actual: torch.Tensor, expected: torch.Tensor) -> float:
+    return ((actual.float() - expected).norm() / expected.norm()).item()
+
+
+def decode(channels: int) -> Callable[..., torch.Tensor]:
+    """Upsampling, skip convolution and logits, one after the other."""
+    upsample = UpsampledConv3d(channels, channels).to(DEVICE)
+    join, logits = SkipConv3d(channels).to(DEVICE), LogitConv3d(channels).to(DEVICE)
+    return lambda coarse, stem: logits(join(join.skip_half(stem), upsample(coarse, upsample.kernel())))
+
+
+def test_decoder_in_bfloat16_stays_close_and_ends_in_float32():
+    coarse, stem = torch.randn(2, 8, 3, 3, 3), torch.randn(2, 8, 15, 15, 15)
+    full, half = in_both_precisions(decode(8), coarse, stem)
+    assert half.dtype == torch.float32
+    assert 0 < relative_error(half, full) < 0.02
+
+
+def test_decoder_in_bfloat16_finds_the_same_voxel_where_it_stands_out():
+    coarse, stem = 0.1 * torch.randn(1, 8, 3, 3, 3), 0.1 * torch.randn(1, 8, 15, 15, 15)
+    stem[0, :, 4, 9, 12] = 20 * torch.randn(8)
+    full, half = in_both_precisions(decode(8), coarse, stem)
+    assert half.argmax() == full.argmax()
+
+
+def test_decoder_gradients_in_bfloat16_stay_close():
+    coarse, stem = torch.randn(2, 8, 3, 3, 3), torch.randn(2, 8, 15, 15, 15)
+    decoder = decode(8)
+
+    def gradient(coarse: torch.Tensor, stem: torch.Tensor) -> torch.Tensor:
+        coarse = coarse.clone().requires_grad_()
+        return torch.autograd.grad(decoder(coarse, stem).square().sum(), coarse)[0]
+
+    full, half = in_both_precisions(gradient, coarse, stem)
+    assert half.dtype == torch.float32
+    assert relative_error(half, full) < 0.05
+
+
+def test_spatial_softmax_of_float32_features_ignores_autocast():
+    full, half = in_both_precisions(pool, torch.randn(2, 3, 5, 5, 5))
+    assert torch.equal(full, half)
+
+
+def test_voxel_grid_ignores_autocast():
+    points = torch.rand(1, 3, 400) + torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
+
+    def grid(points: torch.Tensor) -> torch.Tensor:
+        return voxelise(points, points, workspace=VOXEL_WORKSPACE, voxels=20)
+
+    full, half = in_both_precisions(grid, points)
+    assert torch.equal(full, half)
