@@ -23,7 +23,7 @@ from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion.goals import goal_postures
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
-from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.motion.lines import straight_lines
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.motion.rehearsal import Rehearsal
 from lerobot_env_bimanual.registry import get_task, list_tasks
@@ -118,7 +118,7 @@ def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
         way = rng.normal(size=3)
         target = pose.translated(LINE_M * way / np.linalg.norm(way)).matrix
         if posture is not None and len(arms[arm].ik(target)):
-            watches["line of 0.4 m"].time(cartesian_line, arms[arm], posture, target)
+            watches["line of 0.4 m"].time(straight_lines, arms, {arm: posture}, {arm: target})
 
 
 def measure_plans(problems: int, watches: dict[str, Stopwatch]) -> None:

@@ -51,7 +51,7 @@ class RecordedDataset:
         provenance: Where the dataset comes from, if it still says so.
 
     Raises:
-        DatasetError: There is no dataset at `root`.
+        DatasetError: There is no dataset at `root`, or its table of episodes is damaged.
         SchemaMismatch: The dataset is not ours, or of another schema version; the message lists what differs.
     """
 
@@ -76,7 +76,7 @@ class RecordedDataset:
         """Read one episode.
 
         Raises:
-            DatasetError: There is no such episode.
+            DatasetError: There is no such episode, or its file is damaged.
         """
         if not 0 <= index < len(self):
             raise DatasetError(f"{self.root} has episodes 0 to {len(self) - 1}, but not {index}")
@@ -84,7 +84,7 @@ class RecordedDataset:
         path = self._data_path.format(
             chunk_index=entry["data/chunk_index"], file_index=entry["data/file_index"]
         )
-        table = pq.read_table(
+        table = _read_table(
             self.root / path,
             columns=[*schema.VECTORS, *schema.SCALARS],
             filters=[("episode_index", "=", index)],
@@ -152,12 +152,30 @@ def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
 
 
 def episode_table(root: Path, columns: list[str]) -> pa.Table:
-    """Some columns of LeRobot's table of episodes, one row per episode in order."""
+    """Some columns of LeRobot's table of episodes, one row per episode in order.
+
+    Raises:
+        DatasetError: There is none, or a file of it is damaged.
+    """
     files = sorted(root.glob("meta/episodes/*/*.parquet"))
     if not files:
         raise DatasetError(f"{root} has no episodes: meta/episodes is empty or was never finished")
-    table = pa.concat_tables([pq.read_table(file, columns=columns) for file in files])
+    table = pa.concat_tables([_read_table(file, columns=columns) for file in files])
     return table.sort_by("episode_index")
+
+
+def _read_table(path: Path, **options: Any) -> pa.Table:
+    """A Parquet file.
+
+    Raises:
+        DatasetError: It is missing or damaged.
+    """
+    try:
+        return pq.read_table(path, **options)
+    except (pa.ArrowException, OSError) as error:
+        raise DatasetError(
+            f"{path} is missing or damaged: restore it, or generate the dataset again ({error})"
+        ) from error
 
 
 def _read_info(root: Path) -> dict[str, Any]:

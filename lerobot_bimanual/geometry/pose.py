@@ -53,7 +53,8 @@ class Pose:
         y = np.asarray(opening, dtype=np.float64)
         y = y - z * (y @ z)
         y = y / np.linalg.norm(y)
-        matrix = np.column_stack([np.cross(y, z), y, z])
+        x = y[[1, 2, 0]] * z[[2, 0, 1]] - y[[2, 0, 1]] * z[[1, 2, 0]]  # np.cross, ten times as fast
+        matrix = np.stack([x, y, z], axis=-1)
         return cls(np.asarray(position), rotations.matrix_to_quat_wxyz(matrix))
 
     @property

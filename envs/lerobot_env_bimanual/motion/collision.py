@@ -77,6 +77,7 @@ class CollisionChecker:
             self._require(mine & is_arm, ~mine, CLEARANCE_M)
             self._require(mine & ~is_arm, ~mine, 0.0)
             self._require(mine, mine, 0.0)
+        mujoco.mj_collision(self._model, self._data)
         self._allow(self._offending())
         self._move(left, right)
         self._allow(self._offending())
@@ -119,7 +120,6 @@ class CollisionChecker:
             getattr(self._model, field)[:] = getattr(self._scene.model, field)
         self._data.qpos[:] = self._scene.data.qpos
         mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_collision(self._model, self._data)
 
     def _move(self, left: Array, right: Array) -> None:
         model, data = self._model, self._data

@@ -1,68 +1,64 @@
-"""Hand pose and Jacobian of many postures of a Franka arm at once.
+"""Hand pose and Jacobian of many postures of a Franka arm at once."""
 
-Dimensions are the published modified Denavit-Hartenberg parameters of the arm and its hand. Arrays of vectors
-have their components first, (3, n), so that each operation is one call over all postures.
-"""
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lerobot_bimanual.arms import JOINTS_PER_ARM
+
 Array = NDArray[np.floating]
 
-SHOULDER_HEIGHT_M = 0.333
-UPPER_ARM_M = 0.316
-ELBOW_OFFSET_M = 0.0825
-FOREARM_M = 0.384
-WRIST_OFFSET_M = 0.088
-WRIST_TO_TCP_M = 0.107 + 0.1034
-"""Flange beyond joint 7, and the hand's tool centre point beyond the flange."""
-HAND_YAW_RAD = -np.pi / 4
+# Modified Denavit-Hartenberg parameters as published by the arm's maker: how each joint's frame lies in the last.
+_TWIST_RAD = np.array([0.0, -0.5, 0.5, 0.5, -0.5, 0.5, 0.5]) * np.pi
+_OFFSET_M = np.array([0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088])
+_DISTANCE_M = np.array([0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0])
+_JOINT7_TO_TCP_M = 0.107 + 0.1034
+"""From joint 7 to the flange, and from there to the hand's tool centre point."""
+_HAND_YAW_RAD = -np.pi / 4
 """The hand is mounted turned about the flange's axis."""
 
 
-def hand_frames(joints: Array) -> tuple[Array, Array, Array]:
+def hand_frames(joints: Array) -> tuple[Array, Array]:
     """Poses and Jacobians of the tool centre point in the arm's base frame.
 
     Args:
         joints: (n, 7) rad.
 
     Returns:
-        Axes of the hand (3 axes, 3 components, n), its position (3, n) in m, and the Jacobian (n, 6, 7):
-        linear over angular velocity per joint velocity.
+        Poses (n, 4, 4) and the Jacobian (n, 6, 7): linear over angular velocity per joint velocity.
     """
-    sine, cosine = np.sin(joints.T), np.cos(joints.T)
-    z1 = np.zeros((3, len(joints)))
-    z1[2] = 1.0
-    x1, z2 = np.zeros_like(z1), np.zeros_like(z1)
-    x1[0], x1[1] = cosine[0], sine[0]
-    z2[0], z2[1] = -sine[0], cosine[0]
-    # Each joint turns two axes of the frame before it; the next joint's axis is one of the turned ones.
-    z3, x2 = _turn(z1, x1, sine[1], cosine[1])
-    x3, y3 = _turn(x2, z2, sine[2], cosine[2])
-    x4, z5 = _turn(x3, z3, sine[3], cosine[3])
-    z4 = -y3
-    x5, y5 = _turn(x4, y3, sine[4], cosine[4])
-    z6 = -y5
-    x6, y6 = _turn(x5, z5, sine[5], cosine[5])
-    z7 = -y6
-    x7, y7 = _turn(x6, z6, sine[6], cosine[6])
-    x, y = _turn(x7, y7, np.sin(HAND_YAW_RAD), np.cos(HAND_YAW_RAD))
+    sine, cosine = (function(joints.T)[..., None, None] for function in (np.sin, np.cos))
+    frames = _CONSTANT + sine * _TIMES_SINE + cosine * _TIMES_COSINE  # (7, n, 4, 4), each in the last joint's
+    for before, frame in itertools.pairwise(frames):
+        np.matmul(before, frame, out=frame)
+    hand = frames[-1] @ _JOINT7_T_TCP
 
-    shoulder = SHOULDER_HEIGHT_M * z1
-    elbow = shoulder + UPPER_ARM_M * z3 + ELBOW_OFFSET_M * x3
-    wrist = elbow - ELBOW_OFFSET_M * x4 + FOREARM_M * z5
-    joint7 = wrist + WRIST_OFFSET_M * x6
-    position = joint7 + WRIST_TO_TCP_M * z7
-
-    axes = np.stack([z1, z2, z3, z4, z5, z6, z7])
-    lever = position - np.stack([shoulder, shoulder, shoulder, elbow, wrist, wrist, joint7])
-    jacobian = np.empty((len(joints), 6, 7))
+    axis = frames[..., :3, 2].transpose(2, 1, 0)  # (3, n, 7)
+    lever = hand[:, :3, 3].T[..., None] - frames[..., :3, 3].transpose(2, 1, 0)
+    jacobian = np.empty((len(joints), 6, JOINTS_PER_ARM))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        jacobian[:, i] = (axes[:, j] * lever[:, k] - axes[:, k] * lever[:, j]).T
-    jacobian[:, 3:] = axes.transpose(2, 1, 0)
-    return np.stack([x, y, z7]), position, jacobian
+        jacobian[:, i] = axis[j] * lever[k] - axis[k] * lever[j]
+        jacobian[:, 3 + i] = axis[i]
+    return hand, jacobian
 
 
-def _turn(a: Array, b: Array, sine: Array | float, cosine: Array | float) -> tuple[Array, Array]:
-    """Two orthogonal axes (3, n) turned in their plane."""
-    return cosine * a + sine * b, cosine * b - sine * a
+def _joint_frames() -> tuple[Array, Array, Array]:
+    """What is constant, goes with the sine and with the cosine of the angle in each joint's frame, (7, 1, 4, 4)."""
+    constant, sine, cosine = np.zeros((3, JOINTS_PER_ARM, 1, 4, 4))
+    sine_twist, cosine_twist = np.sin(_TWIST_RAD), np.cos(_TWIST_RAD)
+    cosine[:, 0, 0, 0], sine[:, 0, 0, 1] = 1.0, -1.0
+    sine[:, 0, 1, 0] = cosine[:, 0, 1, 1] = cosine_twist
+    sine[:, 0, 2, 0] = cosine[:, 0, 2, 1] = sine_twist
+    constant[:, 0, 1, 2], constant[:, 0, 2, 2] = -sine_twist, cosine_twist
+    constant[:, 0, 0, 3] = _OFFSET_M
+    constant[:, 0, 1, 3], constant[:, 0, 2, 3] = -sine_twist * _DISTANCE_M, cosine_twist * _DISTANCE_M
+    constant[:, 0, 3, 3] = 1.0
+    return constant, sine, cosine
+
+
+_CONSTANT, _TIMES_SINE, _TIMES_COSINE = _joint_frames()
+_SINE, _COSINE = np.sin(_HAND_YAW_RAD), np.cos(_HAND_YAW_RAD)
+_JOINT7_T_TCP = np.array(
+    [[_COSINE, -_SINE, 0, 0], [_SINE, _COSINE, 0, 0], [0, 0, 1, _JOINT7_TO_TCP_M], [0, 0, 0, 1]]
+)

@@ -87,7 +87,7 @@ class ArmKinematics:
             seed[-1] = near_q7
             size, span = NEAR_GRID_SIZE, NEAR_GRID_SPAN_DEG
         found = _frankik.ik_sample_q7(self.in_base(target) @ TCP_T_FLANGE, seed, False, size, span, True)
-        solutions = np.array(found).reshape(-1, JOINTS_PER_ARM)
+        solutions = np.concatenate(found or [seed[:0]]).reshape(-1, JOINTS_PER_ARM)
         return solutions[self.within_limits(solutions)]
 
     def in_base(self, poses: Array) -> Array:

@@ -7,9 +7,12 @@ smooth and stays near the shortest joint path. Where the projection fails, dynam
 solutions at all knots; where that fails too, the line is infeasible.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.rotations import rotation_vector
 from lerobot_env_bimanual.motion.jacobian import hand_frames
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
@@ -32,28 +35,38 @@ DISTINCT_RAD = 0.2
 """Two of them differ in some joint by at least this much."""
 
 MAX_NEWTON_STEPS = 12
-NEWTON_TOLERANCE = 1e-8
+NEWTON_TOLERANCE = 1e-5
+"""Error of a knot between the ends, m and rad; the ends are exact."""
 NEWTON_DAMPING = 1e-6
 MAX_NEWTON_STEP_RAD = 0.6
 
 
-def cartesian_line(kinematics: ArmKinematics, start: Array, target: Array) -> Array | None:
-    """Joint path along a straight line of the hand.
+def straight_lines(
+    kinematics: Mapping[Arm, ArmKinematics], starts: Mapping[Arm, Array], targets: Mapping[Arm, Array]
+) -> dict[Arm, Array | None]:
+    """Joint paths along straight lines of the hands.
 
     Args:
-        kinematics: The arm.
-        start: (7,) rad, commanded joints at the start; the first knot.
-        target: (4, 4) world pose of the tool centre point at the end.
+        kinematics: Of both arms.
+        starts: (7,) rad, commanded joints at the start; the first knot.
+        targets: (4, 4) world pose of the tool centre point at the end, of the arms that move. Both are computed
+            together, which takes hardly longer than one; neither result depends on the other.
 
     Returns:
-        Knots (n, 7) in rad at equal fractions of the line, or None if the line leaves the arm's reach.
+        For each arm of `targets` its knots (n, 7) in rad at equal fractions of the line, or None if the line leaves
+        the arm's reach.
     """
-    poses = line_poses(kinematics.fk(start), target)
-    for end in _end_postures(kinematics, start, target):
-        path = _project(kinematics, start, end, poses)
-        if path is not None:
-            return path
-    return _search(kinematics, start, poses)
+    poses = {arm: line_poses(kinematics[arm].fk(starts[arm]), target) for arm, target in targets.items()}
+    ends = {arm: _end_postures(kinematics[arm], starts[arm], target) for arm, target in targets.items()}
+    lines: dict[Arm, Array | None] = dict.fromkeys(targets)
+    for rank in range(MAX_ENDS):
+        tried = {arm: ends[arm][rank] for arm in targets if lines[arm] is None and rank < len(ends[arm])}
+        if tried:
+            lines |= _project(kinematics, starts, tried, poses)
+    for arm, line in lines.items():
+        if line is None:
+            lines[arm] = _search(kinematics[arm], starts[arm], poses[arm])
+    return lines
 
 
 def line_poses(start: Array, target: Array) -> Array:
@@ -84,38 +97,58 @@ def _end_postures(kinematics: ArmKinematics, start: Array, target: Array) -> lis
     return kinematics.distinct(solutions[order], target, DISTINCT_RAD, MAX_ENDS)
 
 
-def _project(kinematics: ArmKinematics, start: Array, end: Array, poses: Array) -> Array | None:
-    """The joint path from `start` to `end` that is straight but for what the poses (n, 4, 4) demand.
+def _project(
+    kinematics: Mapping[Arm, ArmKinematics],
+    starts: Mapping[Arm, Array],
+    ends: Mapping[Arm, Array],
+    poses: Mapping[Arm, Array],
+) -> dict[Arm, Array | None]:
+    """The joint paths from `starts` to `ends` that are straight but for what the poses (n, 4, 4) demand.
 
-    Newton's method with least joint steps, from equally spaced postures on the straight way. None if it does
-    not converge, or the path jumps or leaves the joint limits.
+    Each knot is found by itself, from its place on the straight way. None for an arm whose knots are not all
+    found, or whose path jumps or leaves the joint limits.
     """
-    in_base = kinematics.in_base(poses)
-    target_axes, target_position = in_base[:, :3, :3].transpose(2, 1, 0), in_base[:, :3, 3].T
-    joints = start + (end - start) * (np.arange(1, len(poses) + 1) / len(poses))[:, None]
+    straight = [
+        starts[arm] + (end - starts[arm]) * (np.arange(1, len(poses[arm]) + 1) / len(poses[arm]))[:, None]
+        for arm, end in ends.items()
+    ]
+    in_base = [kinematics[arm].in_base(poses[arm]) for arm in ends]
+    joints, found = _nearest_solutions(np.concatenate(straight), np.concatenate(in_base))
+    borders = np.cumsum([len(part) for part in straight])[:-1]
+    paths: dict[Arm, Array | None] = {}
+    for arm, knots, reached in zip(ends, np.split(joints, borders), np.split(found, borders), strict=True):
+        path = np.concatenate([starts[arm][None], knots])
+        smooth = np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+        feasible = smooth and reached.all() and kinematics[arm].within_limits(knots).all()
+        paths[arm] = path if feasible else None
+    return paths
+
+
+def _nearest_solutions(joints: Array, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Newton's method with least joint steps, from postures (n, 7) to poses (n, 4, 4) in the arm's base frame.
+
+    Returns:
+        Joints (n, 7), and (n,) whether they are a solution.
+    """
     damping = NEWTON_DAMPING * np.eye(6)
+    error = np.empty((len(joints), 6))
+    found = np.zeros(len(joints), dtype=bool)
     for _ in range(MAX_NEWTON_STEPS):
-        axes, position, jacobian = hand_frames(joints)
-        error = np.concatenate([target_position - position, _turn_between(axes, target_axes)]).T
-        if np.abs(error).max() < NEWTON_TOLERANCE:
+        poses, jacobian = hand_frames(joints)
+        error[:, :3] = targets[:, :3, 3] - poses[:, :3, 3]
+        turn = targets[:, :3, :3] @ poses[:, :3, :3].transpose(0, 2, 1)
+        # Its skew part is the axis of the turn, times the sine of the angle.
+        error[:, 3:] = 0.5 * (turn[:, (2, 0, 1), (1, 2, 0)] - turn[:, (1, 2, 0), (2, 0, 1)])
+        # It also vanishes at half a turn, where the trace is -1.
+        found = (np.abs(error).max(axis=1) < NEWTON_TOLERANCE) & (np.trace(turn, axis1=1, axis2=2) > 0)
+        if found.all():
             break
         transposed = jacobian.transpose(0, 2, 1)
         step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[..., None]))[..., 0]
-        joints = joints + step * min(1.0, MAX_NEWTON_STEP_RAD / np.abs(step).max())
-    else:
-        return None
-    path = np.concatenate([start[None], joints])
-    smooth = np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
-    # The error also vanishes at half a turn.
-    upright = ((axes * target_axes).sum(axis=1) > 0).all()
-    return path if smooth and upright and kinematics.within_limits(joints).all() else None
-
-
-def _turn_between(axes: Array, targets: Array) -> Array:
-    """Sine of the angle, times the axis, that turns frames (3, 3, n) of three axes onto others; (3, n)."""
-    a, b = axes, targets
-    crosses = [(a[:, i] * b[:, j] - a[:, j] * b[:, i]).sum(axis=0) for i, j in ((1, 2), (2, 0), (0, 1))]
-    return 0.5 * np.stack(crosses)
+        joints = joints + step * np.minimum(
+            1.0, MAX_NEWTON_STEP_RAD / np.abs(step).max(axis=1, keepdims=True)
+        )
+    return joints, found
 
 
 def _search(kinematics: ArmKinematics, start: Array, poses: Array) -> Array | None:

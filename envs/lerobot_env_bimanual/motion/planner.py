@@ -15,7 +15,7 @@ from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
 from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
-from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.motion.lines import straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import (
     CONTACT_SPEED,
@@ -106,30 +106,30 @@ class KeyposePlanner:
         """
         commanded = self._scene.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
         motion = _Motion({arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS})
-        to_plan: dict[Arm, Pose] = {}
+        straight: dict[Arm, Pose] = {}
+        free: dict[Arm, Pose] = {}
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
             if stays(self._kinematics[arm], start, target.matrix):
                 motion.add(arm, JointPath.even(np.stack([start, start])), FREE_SPEED)
                 continue
             _require_inside(arm, target)
-            if keypose[arm].ignore_collisions:
-                self._add_straight(motion, arm, target)
-            else:
-                to_plan[arm] = target
-        if to_plan:
-            self._add_free(motion, to_plan, rng)
+            (straight if keypose[arm].ignore_collisions else free)[arm] = target
+        self._add_straight(motion, straight)
+        if free:
+            self._add_free(motion, free, rng)
         return self._timed(motion, keypose, commanded[:, -1])
 
     # -- kinds of motion ----------------------------------------------------------------------------------
 
-    def _add_straight(self, motion: _Motion, arm: Arm, target: Pose) -> None:
-        start, kinematics = motion.start[arm], self._kinematics[arm]
-        line = cartesian_line(kinematics, start, target.matrix)
-        if line is None:
-            line = np.stack([start, self._goals(arm, start, target)[0]])
-            motion.line_fallbacks += 1
-        motion.add(arm, JointPath.even(line), CONTACT_SPEED)
+    def _add_straight(self, motion: _Motion, targets: dict[Arm, Pose]) -> None:
+        matrices = {arm: target.matrix for arm, target in targets.items()}
+        for arm, line in straight_lines(self._kinematics, motion.start, matrices).items():
+            start = motion.start[arm]
+            if line is None:
+                line = np.stack([start, self._goals(arm, start, targets[arm])[0]])
+                motion.line_fallbacks += 1
+            motion.add(arm, JointPath.even(line), CONTACT_SPEED)
 
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}

@@ -19,7 +19,7 @@ from lerobot_env_bimanual.motion.carrying import Carried
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
-from lerobot_env_bimanual.motion.lines import cartesian_line
+from lerobot_env_bimanual.motion.lines import straight_lines
 from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Stage
 
@@ -125,8 +125,7 @@ class Rehearsal:
 
     def _line_ends(self, targets: Mapping[Arm, Array]) -> Postures | str:
         ends = {}
-        for arm, target in targets.items():
-            line = cartesian_line(self._kinematics[arm], self._joints[arm], target)
+        for arm, line in straight_lines(self._kinematics, self._joints, targets).items():
             if line is None:
                 return f"{arm} arm cannot follow its line"
             ends[arm] = line[-1]
@@ -184,3 +183,7 @@ class RehearsalScene(Scene):
         elif holds is not None:
             self._carried[arm] = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
             self._carried_names[arm] = holds
+
+    def _refresh(self) -> None:
+        """Recompute what scripts read: where everything is."""
+        mujoco.mj_kinematics(self.model, self.data)

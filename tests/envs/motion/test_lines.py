@@ -1,17 +1,18 @@
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion import lines
 from lerobot_env_bimanual.motion.goals import goal_postures
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import (
     MAX_JOINT_STEP_RAD,
+    NEWTON_TOLERANCE,
     STEP_M,
     STEP_RAD,
-    cartesian_line,
     line_poses,
+    straight_lines,
 )
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
@@ -20,6 +21,11 @@ HOME = PANDA_PAIR.home_joints
 
 def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
     return goal_postures(kinematics, HOME, pose.matrix)[0]
+
+
+def _line(kinematics: ArmKinematics, start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    (line,) = straight_lines({Arm.LEFT: kinematics}, {Arm.LEFT: start}, {Arm.LEFT: target}).values()
+    return line
 
 
 def _lines(kinematics: ArmKinematics, count: int):
@@ -31,7 +37,7 @@ def _lines(kinematics: ArmKinematics, count: int):
         shift, tilt = rng.uniform(-0.23, 0.23, 3), rng.uniform(-0.6, 0.6, 3)
         opening = above.rotation[:, 1] + tilt
         target = Pose.looking(above.position + shift, tilt * (1, 1, 0) - (0, 0, 1), opening).matrix
-        path = cartesian_line(kinematics, start, target)
+        path = _line(kinematics, start, target)
         if path is not None:
             yield start, target, path
             count -= 1
@@ -49,7 +55,7 @@ def test_all_knots_lie_on_the_line_and_the_way_between_them_nearly(kinematics):
     for start, target, path in _lines(kinematics, 10):
         origin = kinematics.fk(start)[:3, 3]
         way = target[:3, 3] - origin
-        for joints, limit in [(path, 1e-6), ((path[1:] + path[:-1]) / 2, 1e-3)]:
+        for joints, limit in [(path, 2 * NEWTON_TOLERANCE), ((path[1:] + path[:-1]) / 2, 1e-3)]:
             points = np.array([kinematics.fk(posture)[:3, 3] for posture in joints]) - origin
             along = points @ way / (way @ way)
             assert np.linalg.norm(points - along[:, None] * way, axis=1).max() < limit
@@ -73,7 +79,7 @@ def test_the_shoulder_passes_its_upright_posture_smoothly():
     start = np.array([0.384, -0.112, 0.461, -2.677, 0.093, 2.575, -0.259])
     target = kinematics.fk(start)
     target[2, 3] -= 0.1
-    path = cartesian_line(kinematics, start, target)
+    path = _line(kinematics, start, target)
     assert path is not None
     assert path[0, 1] < 0 < path[-1, 1]
     assert np.abs(np.diff(path, axis=0)).max() < 0.1
@@ -81,8 +87,8 @@ def test_the_shoulder_passes_its_upright_posture_smoothly():
 
 def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeypatch):
     feasible = list(_lines(kinematics, 10))
-    monkeypatch.setattr(lines, "_project", lambda *_: None)
-    found = [(target, cartesian_line(kinematics, start, target)) for start, target, _ in feasible]
+    monkeypatch.setattr(lines, "_project", lambda kinematics, starts, ends, poses: dict.fromkeys(ends))
+    found = [(target, _line(kinematics, start, target)) for start, target, _ in feasible]
     paths = [(target, path) for target, path in found if path is not None]
     assert len(paths) >= 5
     for target, path in paths:
@@ -95,4 +101,26 @@ def test_a_line_out_of_reach_is_infeasible(kinematics, shift):
     start = _posture(kinematics, Pose.looking((0.25, -0.1, 1.0), (0, 0, -1), (1, 0, 0)))
     target = kinematics.fk(start)
     target[:3, 3] += shift
-    assert cartesian_line(kinematics, start, target) is None
+    assert _line(kinematics, start, target) is None
+
+
+def test_two_lines_at_once_are_those_of_each_alone():
+    arms = {arm: ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS}
+    feasible = [next(_lines(kinematics, 1)) for kinematics in arms.values()]
+    starts = {arm: start for arm, (start, _, _) in zip(ARMS, feasible, strict=True)}
+    targets = {arm: target for arm, (_, target, _) in zip(ARMS, feasible, strict=True)}
+    together = straight_lines(arms, starts, targets)
+    for arm, (_, _, alone) in zip(ARMS, feasible, strict=True):
+        both = together[arm]
+        assert both is not None
+        assert np.allclose(both, alone, atol=10 * NEWTON_TOLERANCE)
+
+
+def test_an_arm_out_of_reach_leaves_the_other_its_line():
+    arms = {arm: ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS}
+    ((start, target, _),) = _lines(arms[Arm.LEFT], 1)
+    far = arms[Arm.RIGHT].fk(HOME)
+    far[2, 3] += 1.5
+    found = straight_lines(arms, {Arm.LEFT: start, Arm.RIGHT: HOME}, {Arm.LEFT: target, Arm.RIGHT: far})
+    assert found[Arm.LEFT] is not None
+    assert found[Arm.RIGHT] is None
