@@ -1,6 +1,8 @@
 """Datasets read back without LeRobot, and refused when they are not ours."""
 
 import json
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -42,6 +44,15 @@ def test_reading_imports_neither_lerobot_nor_torch() -> None:
 def test_an_episode_that_is_not_there_is_an_error(datasets) -> None:
     with pytest.raises(DatasetError, match="episodes 0 to 1, but not 2"):
         RecordedDataset(datasets["frames"]).episode(2)
+
+
+@pytest.mark.parametrize("table", ["meta/episodes", "data"])
+def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, table: str) -> None:
+    shutil.copytree(datasets["keyframes"], tmp_path / "copy")
+    file = tmp_path / "copy" / table / "chunk-000/file-000.parquet"
+    os.truncate(file, file.stat().st_size // 2)
+    with pytest.raises(DatasetError, match=f"{re.escape(str(file))} is missing or damaged"):
+        list(RecordedDataset(tmp_path / "copy").episodes())
 
 
 def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:

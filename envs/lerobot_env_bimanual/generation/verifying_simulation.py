@@ -30,8 +30,14 @@ OBSERVED = (
 )
 """Vectors that the simulated state alone decides."""
 
-VIDEO_PSNR_DB = 24.0
-"""Least likeness of a decoded frame of H.264 video to a new image."""
+VIDEO_PSNR_DB = 20.0
+"""Least likeness of a decoded frame of H.264 video to a new image.
+
+Measured over twelve episodes of five tasks and all cameras: at least 23.6 dB at 64 pixels, 27.1 at 128 and 31.2 at
+256 (there the first 60 ticks only), least where a wrist camera sees little but saturated colours, whose resolution
+4:2:0 halves. Over an episode of each task, the video of another camera has frames below 12 dB, and one with red and
+blue exchanged frames of 18 to 20 dB. Neighbouring ticks are too much alike for any bound: they reach 33 dB.
+"""
 
 
 class SimulationChecks:

@@ -1,0 +1,145 @@
+"""What a stored demonstration costs, stage by stage, and how many an hour `lerobot-bimanual generate` makes.
+
+Records the same few demonstrations in every form, merges them, and writes them once more with LeRobot's plain
+writer and its default settings (whose encoding is part of its writing: it has no stage of its own to stop). Then
+times whole runs of the command with one and with two workers. A run takes the longer the more it has to do, after
+a start that it does only once: two runs of different length tell the one from the other. CPU times count child
+processes. Prints two tables and, as the last line, the same figures as JSON.
+
+    python benchmarks/recording.py
+    python benchmarks/recording.py --task=push_box --image_size=128 --demos=10 --workers 2
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
+
+import numpy as np
+from numpy.typing import NDArray
+from recording_jobs import STAGES, PlainWriter, Recording, record
+from rich.console import Console
+from rich.table import Table
+
+from lerobot_bimanual.dataset.writer import ViewWriter
+from lerobot_env_bimanual.commands.generate import GenerateConfig
+from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.worker import load_libraries
+
+type View = Literal["frames", "keyframes", "both"]
+
+RUNS: dict[str, tuple[View, type[ViewWriter]]] = {
+    "both views": ("both", ViewWriter),
+    "frames": ("frames", ViewWriter),
+    "frames, plain": ("frames", PlainWriter),
+    "keyframes": ("keyframes", ViewWriter),
+    "keyframes, plain": ("keyframes", PlainWriter),
+}
+"""View and writer of each run."""
+
+WARM_UP = {"episodes": 1, "image_size": "32"}
+"""A recording that does not count: libraries load much of themselves when they are first used."""
+
+
+def settings_of(options: argparse.Namespace, view: View, root: Path, **others: Any) -> GenerationSettings:
+    values = {"task": options.task, "episodes": options.demos, "image_size": options.image_size}
+    return GenerationSettings.parse(GenerateConfig(**values | others, view=view, root=root))
+
+
+def costs_table(recordings: dict[str, Recording], options: argparse.Namespace) -> Table:
+    title = f"{options.task}, {options.image_size} px, per demonstration of {options.demos}: CPU s / wall s"
+    table = Table("", *recordings, title=title)
+    for stage in STAGES:
+        table.add_row(stage, *(cell(each.seconds[stage]) for each in recordings.values()))
+    totals = (np.sum(list(each.seconds.values()), axis=0) for each in recordings.values())
+    table.add_row("total", *map(cell, totals), end_section=True)
+    merging = (cell(each.merging) for each in recordings.values())
+    table.add_row(f"merging all {options.demos}, once", *merging, end_section=True)
+    for what in next(iter(recordings.values())).megabytes:
+        table.add_row(f"{what}, MB", *(f"{each.megabytes[what]:.2f}" for each in recordings.values()))
+    return table
+
+
+def cell(times: Sequence[float] | NDArray) -> str:
+    cpu_s, wall_s = times
+    return f"{cpu_s:.2f} / {wall_s:.2f}" if wall_s else ""
+
+
+def time_generate(options: argparse.Namespace, workers: int, demos: int, root: Path) -> float:
+    """Wall seconds of a whole run, with an equal share of the demonstrations for each worker."""
+    start = time.perf_counter()
+    flags = {
+        "task": options.task,
+        "episodes": demos,
+        "image_size": options.image_size,
+        "workers": workers,
+        "episodes_per_shard": demos // workers,
+        "root": root,
+    }
+    program = Path(sys.executable).with_name("lerobot-bimanual")
+    words = [f"--{name}={value}" for name, value in flags.items()]
+    subprocess.run([program, "generate", *words], check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def rate(options: argparse.Namespace, workers: int, folder: Path) -> dict[str, float]:
+    """Start-up and demonstrations per hour after it, from a run of one per worker and a longer one."""
+    few, many = workers, workers * (1 + options.demos)
+    short_s, long_s = (time_generate(options, workers, demos, folder / str(demos)) for demos in (few, many))
+    demo_s = (long_s - short_s) / (many - few)
+    return {
+        "workers": workers,
+        "demos": many,
+        "seconds": round(long_s, 1),
+        "start_s": round(short_s - few * demo_s, 1),
+        "demos_per_hour": round(3600 / demo_s),
+    }
+
+
+def rates_table(rates: list[dict[str, float]]) -> Table:
+    headings = ("workers", "demonstrations", "run, s", "of it start, s", "then per hour")
+    table = Table(*headings, title="`lerobot-bimanual generate`, both views, by the clock")
+    for each in rates:
+        table.add_row(*map(str, each.values()))
+    return table
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--task", default="lift_ball")
+    parser.add_argument("--demos", type=int, default=3)
+    parser.add_argument("--image_size", default="256", help="side in pixels, or HEIGHTxWIDTH")
+    parser.add_argument("--runs", nargs="*", choices=RUNS, default=list(RUNS))
+    parser.add_argument("--workers", nargs="*", type=int, default=[1, 2], help="of runs of `generate`")
+    options = parser.parse_args()
+    load_libraries()
+    recordings: dict[str, Recording] = {}
+    rates: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        record(settings_of(options, "both", folder, **WARM_UP), ViewWriter, folder / "warm-up")
+        for name in options.runs:
+            view, writer = RUNS[name]
+            recordings[name] = record(settings_of(options, view, folder), writer, folder / name)
+        for workers in options.workers:
+            rates.append(rate(options, workers, folder / f"workers-{workers}"))
+    console = Console(width=160)
+    if recordings:
+        console.print(costs_table(recordings, options))
+    if rates:
+        console.print(rates_table(rates))
+    costs = {name: asdict(recording) for name, recording in recordings.items()}
+    print(json.dumps(vars(options) | {"cores": os.cpu_count(), "per_demo": costs, "generate": rates}))
+
+
+if __name__ == "__main__":
+    main()
