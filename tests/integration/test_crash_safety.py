@@ -17,7 +17,7 @@ KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
 """What appears while the first shard is recorded, after it, and while shards are merged."""
 
 DRILL = Path(__file__).with_name("crash_drill.py")
-KILLS = 24
+KILLS = 20
 SEED = 20
 
 

@@ -16,7 +16,7 @@ TASK_TITLE = b"ray::record_packed"
 
 
 class Killer(threading.Thread):
-    """Kills the first process that has been busy with a shard for a moment."""
+    """Kills the first process of this test's cluster that it sees busy with a shard."""
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -33,13 +33,20 @@ class Killer(threading.Thread):
 
 
 def records_something(process: Path) -> bool:
-    """Whether a process is in the middle of a shard: it runs the task and has a file of an episode open."""
+    """Whether a process of this test is in the middle of a shard: it runs the task and has an episode's file open."""
     try:
         if not (process / "cmdline").read_bytes().startswith(TASK_TITLE):
+            return False
+        if parent_of(parent_of(process)).name != str(os.getpid()):  # this test started its raylet
             return False
         return any("tmp-" in str(file.readlink()) for file in (process / "fd").iterdir())
     except OSError:  # gone meanwhile
         return False
+
+
+def parent_of(process: Path) -> Path:
+    fields_after_name = (process / "stat").read_text().rpartition(")")[2].split()
+    return process.with_name(fields_after_name[1])
 
 
 @pytest.mark.slow

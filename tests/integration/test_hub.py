@@ -166,6 +166,7 @@ def test_a_stranger_trains_on_it_by_name(published, desk) -> None:
     done = desk.run(
         "lerobot-train",
         *TINY_PERACT2,
+        "--policy.cameras=[front,left_wrist]",
         f"--dataset.repo_id={REPO_ID}",
         "--policy.device=cpu",
         "--policy.push_to_hub=false",
