@@ -10,11 +10,10 @@ from typing import Any
 import av
 import av.error
 import numpy as np
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from PIL import Image
 
-from lerobot_bimanual.dataset.reader import INFO_FILE, episode_table
+from lerobot_bimanual.dataset.reader import INFO_FILE, episode_table, read_table
 from lerobot_bimanual.errors import DatasetError
 
 DEPTH_CODES = 2**12
@@ -81,7 +80,7 @@ class ImageReader:
         path = self.root / self._info["data_path"].format(
             chunk_index=entry["data/chunk_index"], file_index=entry["data/file_index"]
         )
-        column = pq.read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
+        column = read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
         for row, cell in enumerate(column):
             content = (cell.as_py() or {}).get("bytes")
             if not content:

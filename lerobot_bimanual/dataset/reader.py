@@ -84,7 +84,7 @@ class RecordedDataset:
         path = self._data_path.format(
             chunk_index=entry["data/chunk_index"], file_index=entry["data/file_index"]
         )
-        table = _read_table(
+        table = read_table(
             self.root / path,
             columns=[*schema.VECTORS, *schema.SCALARS],
             filters=[("episode_index", "=", index)],
@@ -160,11 +160,11 @@ def episode_table(root: Path, columns: list[str]) -> pa.Table:
     files = sorted(root.glob("meta/episodes/*/*.parquet"))
     if not files:
         raise DatasetError(f"{root} has no episodes: meta/episodes is empty or was never finished")
-    table = pa.concat_tables([_read_table(file, columns=columns) for file in files])
+    table = pa.concat_tables([read_table(file, columns=columns) for file in files])
     return table.sort_by("episode_index")
 
 
-def _read_table(path: Path, **options: Any) -> pa.Table:
+def read_table(path: Path, **options: Any) -> pa.Table:
     """A Parquet file.
 
     Raises:

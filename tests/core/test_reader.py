@@ -12,6 +12,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
@@ -53,6 +54,15 @@ def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, tab
     os.truncate(file, file.stat().st_size // 2)
     with pytest.raises(DatasetError, match=f"{re.escape(str(file))} is missing or damaged"):
         list(RecordedDataset(tmp_path / "copy").episodes())
+
+
+def test_damaged_images_are_an_error_that_names_the_file(datasets, tmp_path) -> None:
+    shutil.copytree(datasets["keyframes"], tmp_path / "copy")
+    reader = ImageReader(tmp_path / "copy")
+    file = tmp_path / "copy/data/chunk-000/file-000.parquet"
+    os.truncate(file, file.stat().st_size // 2)
+    with pytest.raises(DatasetError, match=f"{re.escape(str(file))} is missing or damaged"):
+        list(reader.images(0, "observation.images.front"))
 
 
 def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
