@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
