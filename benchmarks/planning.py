@@ -155,7 +155,7 @@ def measure_rehearsals(draws: int, watches: dict[str, Stopwatch]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--problems", type=int, default=200)
     parser.add_argument("--draws", type=int, default=10, help="placements rehearsed per task")
     args = parser.parse_args()

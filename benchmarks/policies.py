@@ -14,6 +14,7 @@ call, so without the weights. Prints a table and, as the last line, the same fig
 """
 
 import argparse
+import ctypes
 import gc
 import json
 import time
@@ -21,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from policy_jobs import STAGES, Job, Setting, network_job, policy_job, stage_job
+from policy_jobs import Job, Setting, network_job, policy_job
+from policy_stages import TITLES, Stages
 from rich.console import Console
 from rich.table import Table
 
@@ -61,6 +63,7 @@ def time_on_cpu(job: Job) -> float:
 
 def start_cpu_memory() -> int:
     """Bytes resident now, from which on the peak is counted anew."""
+    ctypes.CDLL(None).malloc_trim(0)  # else what earlier jobs have freed would serve this one
     Path("/proc/self/clear_refs").write_text("5")
     return cpu_peak_bytes()
 
@@ -125,9 +128,11 @@ def compare(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[
     if refusal:
         Console(stderr=True).print(refusal)
     figures: dict[str, Any] = {}
-    for stage, title in STAGES.items() if options.stages else ():
-        ours = measure(stage_job(stage, False, setting), setting, options.repeats)
-        written = None if refusal else measure(stage_job(stage, True, setting), setting, options.repeats)
+    for stage, title in TITLES.items() if options.stages else ():
+        jobs = getattr(Stages(setting), stage)()
+        ours, written = (
+            measure(job, setting, options.repeats) for job in (jobs[0], None if refusal else jobs[1])
+        )
         figures[stage] = {"ours": ours, "written_out": written}
         table.add_row(*row(title, ours, written))
     table.add_section()
@@ -184,7 +189,7 @@ def main() -> None:
     torch.manual_seed(0)
     setting = Setting(options.voxels, options.batch, options.device, options.backward)
     table, figures = (time_policies if options.policies else compare)(setting, options)
-    Console().print(table)
+    Console(width=120).print(table)
     print(json.dumps(vars(options) | {"torch": torch.__version__, "figures": figures}))
 
 

@@ -1,4 +1,4 @@
-"""What `policies.py` measures: every stage of PerAct2 and the whole of it, each beside its written-out formulation.
+"""What `policies.py` measures as a whole: the network beside its written-out formulation, and whole policies.
 
 A job is made once and called as often as it is timed. It runs forward, and backward too where gradients are on.
 """
@@ -23,26 +23,12 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
 from lerobot_policy_bimanual import PerAct2Config
-from lerobot_policy_bimanual.nn.conv3d import PATCH
 from lerobot_policy_bimanual.nn.dense_head import DenseTranslation
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
-from lerobot_policy_bimanual.nn.pooling import pool
 from lerobot_policy_bimanual.nn.voxel_grid import voxelise
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 WRITTEN_OUT = Path(__file__).parents[1] / "tests" / "policies" / "written_out.py"
-CHANNELS_LAST = torch.channels_last_3d
-
-STAGES = {
-    "voxelise": "points to voxels, five 256 px cameras",
-    "tokens": "stem and patches",
-    "perceiver": "perceiver",
-    "upsample": "upsampling convolution, one arm",
-    "skip": "skip convolution, both arms",
-    "logits": "logits, one arm",
-    "pool": "pooling, one map",
-    "loss": "loss, both arms",
-}
 
 Job = Callable[[], object]
 
@@ -84,93 +70,6 @@ def make_network(setting: Setting, **options: Any) -> tuple[PerAct2Config, PerAc
     """The full-size network, without dropout."""
     config = PerAct2Config(device=setting.device, voxel_size=setting.voxels, **options)
     return config, cast(PerActNetwork, PerAct2Policy(config).network.eval().to(setting.device))
-
-
-def differentiate(function: Callable[..., Tensor], *inputs: Tensor, backward: bool) -> Job:
-    """Forward, and backward to the inputs and all parameters."""
-
-    def job() -> None:
-        output = function(*(x.detach().requires_grad_(backward) for x in inputs))
-        if backward:
-            output.backward(torch.ones_like(output))
-
-    return job
-
-
-def stage_job(stage: str, written: bool, setting: Setting) -> Job | None:
-    """One stage of the full-size network, or its written-out formulation; None where there is none."""
-    B, V, P, device = setting.batch, setting.voxels, setting.voxels // PATCH, setting.device  # noqa: N806
-    reference = load_written_out()
-    if stage == "voxelise":
-        cloud = surfaces(B, 256, device)
-        return None if written else lambda: voxelise(cloud, cloud, workspace=VOXEL_WORKSPACE, voxels=V)
-    config, network = make_network(setting)
-    p = dict(network.named_parameters())
-    dim, channels = config.token_dim, config.channels
-    head: Any = network.translation
-
-    def volume(width: int, size: int) -> Tensor:
-        x = torch.randn(B, width, size, size, size, device=device)
-        return x if written else x.to(memory_format=CHANNELS_LAST)
-
-    def weights(name: str) -> tuple[Tensor, Tensor]:
-        return p[f"{name}.weight"], p[f"{name}.bias"]
-
-    if stage == "tokens":
-        grid = volume(10, V)
-
-        def tokens() -> Tensor:
-            if not written:
-                return network.patchify(network.stem(grid))
-            stem = reference.leaky(reference.conv(grid, *weights("stem.conv")))
-            return reference.leaky(reference.conv(stem, *weights("patchify.conv"), stride=5, padding=2))
-
-        return differentiate(tokens, backward=setting.backward)
-    if stage == "perceiver":
-        words = config.language_tokens
-        x = torch.randn(B, words + P**3, dim, device=device)
-        if written:
-            return differentiate(
-                lambda x: torch.stack(reference.trunk(p, x, 2, config.heads)), x, backward=setting.backward
-            )
-        return differentiate(lambda x: network.perceiver(x, x[:, words:]), x, backward=setting.backward)
-    if stage == "upsample":
-        x = volume(channels, P)
-        if written:
-            name = "translation.upsample.conv"
-            return differentiate(
-                lambda x: reference.upsampled_conv(x, *weights(name)), x, backward=setting.backward
-            )
-        return differentiate(lambda x: head.upsample(x, head.upsample.kernel()), x, backward=setting.backward)
-    if stage == "skip":
-
-        def written_skip(stem: Tensor, *fine: Tensor) -> Tensor:
-            name = weights("translation.join.conv")
-            joined = [reference.leaky(reference.conv(torch.cat([stem, x], dim=1), *name)) for x in fine]
-            return torch.stack(joined)
-
-        def skip(stem: Tensor, *fine: Tensor) -> Tensor:
-            half = head.join.skip_half(stem)
-            return torch.stack([head.join(half, x) for x in fine])
-
-        fine = [volume(channels, V if written else V + 2) for _ in range(2)]  # ours brings its border
-        return differentiate(
-            written_skip if written else skip, volume(channels, V), *fine, backward=setting.backward
-        )
-    if stage == "logits":
-        name = weights("translation.logits.0")
-        function = (lambda x: reference.conv(x, *name)) if written else head.logits[0]
-        return differentiate(function, volume(channels, V), backward=setting.backward)
-    if stage == "pool":
-        return differentiate(
-            reference.pool if written else pool, volume(channels, V), backward=setting.backward
-        )
-    voxel = torch.full((B, 2, 3), V // 2, device=device)
-    classes = torch.ones(B, 2, 5, dtype=torch.long, device=device)
-    pose = torch.randn(B, 2, 220, device=device)
-    logits = torch.randn(B, 2, V, V, V, device=device)
-    function = reference.one_hot_loss if written else index_loss
-    return differentiate(lambda x, y: function(x, y, voxel, classes), logits, pose, backward=setting.backward)
 
 
 def index_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ import statistics
 import time
 from collections.abc import Callable
 
+from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
@@ -75,9 +76,9 @@ def measure_episodes(env: BimanualEnv, seeds: range) -> tuple[float, float]:
     scene, seconds = env.scene, []
     tick = scene.tick
 
-    def timed_tick(action) -> None:
+    def timed_tick(joint_action: ArrayLike) -> None:
         start = time.process_time()
-        tick(action)
+        tick(joint_action)
         seconds.append(time.process_time() - start)
 
     scene.tick = timed_tick
