@@ -16,16 +16,14 @@ from rich.console import Console
 from rich.table import Table
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion.goals import goal_postures
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
-from lerobot_env_bimanual.motion.lines import straight_lines
+from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.motion.rehearsal import Rehearsal
 from lerobot_env_bimanual.registry import get_task, list_tasks
 from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Task, Variation
@@ -99,10 +97,8 @@ def best_posture(kinematics: ArmKinematics, start: np.ndarray, pose: Pose) -> np
 
 def rehearse_both(scene: Scene, task: Task, variation: Variation) -> bool | None:
     """The check of a placement: the script with exact and with rounded keyposes."""
-    for codec in (None, KeyposeCodec()):
-        if Rehearsal(scene).objection(lambda view: task.script(view, variation), codec) is not None:
-            return None
-    return True
+    objection = task.rehearsal(scene).objection(lambda view: task.script(view, variation))
+    return True if objection is None else None
 
 
 def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
@@ -118,7 +114,7 @@ def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
         way = rng.normal(size=3)
         target = pose.translated(LINE_M * way / np.linalg.norm(way)).matrix
         if posture is not None and len(arms[arm].ik(target)):
-            watches["line of 0.4 m"].time(straight_lines, arms, {arm: posture}, {arm: target})
+            watches["line of 0.4 m"].time(straight_lines, [LineRequest(arms[arm], posture, target)])
 
 
 def measure_plans(problems: int, watches: dict[str, Stopwatch]) -> None:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from lerobot_env_bimanual.task import Task, Variation
 
 MAX_DRAWS = 200
-EXACT_AND_DISCRETISED = (None, KeyposeCodec())
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,7 @@ def place_and_rehearse(task: Task, scene: Scene, variation: Variation, rng: np.r
     Raises:
         PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
     """
-    from lerobot_env_bimanual.motion.rehearsal import Rehearsal  # MuJoCo: not for those who only list tasks
-
-    rehearsal = Rehearsal(scene)
+    rehearsal = task.rehearsal(scene)
     reasons: Counter[str] = Counter()
     for draw in range(1, MAX_DRAWS + 1):
         scene.reset()
@@ -76,8 +72,4 @@ def _place_once(
     """Draw one placement; returns why it will not do, or None."""
     if not task.place(scene, variation, rng):
         return "illegal placement"
-    for codec in EXACT_AND_DISCRETISED:
-        objection = rehearsal.objection(lambda view: task.script(view, variation), codec)
-        if objection is not None:
-            return objection
-    return None
+    return rehearsal.objection(lambda view: task.script(view, variation))

@@ -21,8 +21,8 @@ from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 TICK_S = 1 / CONTROL_HZ
 STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)
-SETTLE_TICKS = 8
-"""Control ticks after placing the props, before the episode starts: 0.4 s, in which props come to rest."""
+MAX_SETTLE_TICKS = 8
+"""Control ticks after placing the props, before the episode starts: at most 0.4 s, in which props come to rest."""
 
 ACTION_DIM = 2 * (JOINTS_PER_ARM + 1)
 CTRL_BYTES = ACTION_DIM * np.dtype(np.float64).itemsize
@@ -144,10 +144,15 @@ class Scene:
         """Colour a geom until the next reset."""
         self.model.geom(geom).rgba = rgba
 
-    def settle(self, ticks: int = SETTLE_TICKS) -> None:
-        """Let the props come to rest while the arms hold still, and start the episode's clock."""
-        for _ in range(ticks):
+    def settle(self, max_ticks: int = MAX_SETTLE_TICKS) -> None:
+        """Let the props come to rest while the arms hold still, and start the episode's clock.
+
+        It takes until everything but the arms sleeps, for most tasks one or two ticks.
+        """
+        for _ in range(max_ticks):
             self.tick(self._commanded)
+            if self.data.ntree_awake <= len(ARMS):
+                break
         self.ticks = 0
 
     def tick(self, joint_action: ArrayLike) -> None:

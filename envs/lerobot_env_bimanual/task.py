@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.placement import place_and_rehearse
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.conditions import Condition
+    from lerobot_env_bimanual.motion.rehearsal import Rehearsal
     from lerobot_env_bimanual.props.prop import Prop
     from lerobot_env_bimanual.scene import Scene
 
@@ -156,6 +158,7 @@ class Task(ABC):
 
     spec: ClassVar[TaskSpec]
     draws: int = 0
+    _rehearsal: Rehearsal | None = None
 
     @abstractmethod
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -185,6 +188,18 @@ class Task(ABC):
     def check(self, scene: Scene, variation: Variation) -> dict[str, bool]:
         """Each condition's name and whether it is met now."""
         return {condition.name: condition(scene) for condition in self.conditions(variation)}
+
+    def rehearsal(self, scene: Scene) -> Rehearsal:
+        """For going through scripts in a scene without physics, with keyposes exact and rounded.
+
+        It is kept for the next reset of the same scene.
+        """
+        # Here, as it needs MuJoCo, which those who only list tasks do without.
+        from lerobot_env_bimanual.motion.rehearsal import Rehearsal
+
+        if self._rehearsal is None or self._rehearsal.scene is not scene:
+            self._rehearsal = Rehearsal(scene, codecs=(None, KeyposeCodec()))
+        return self._rehearsal
 
     def reset(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> None:
         """Reset the scene, place the props where a rehearsal of the script succeeds, and let them settle.

@@ -97,11 +97,18 @@ def quat_wxyz_to_euler_xyz(quat_wxyz: ArrayLike) -> Array:
 def euler_xyz_to_quat_wxyz(euler_rad: ArrayLike) -> Array:
     """Canonical quaternions (..., 4) of extrinsic xyz Euler angles (..., 3) in radians."""
     half = np.asarray(euler_rad, dtype=np.float64) / 2
-    cosine, sine, zero = np.cos(half), np.sin(half), np.zeros_like(half[..., 0])
-    about_x = np.stack([cosine[..., 0], sine[..., 0], zero, zero], axis=-1)
-    about_y = np.stack([cosine[..., 1], zero, sine[..., 1], zero], axis=-1)
-    about_z = np.stack([cosine[..., 2], zero, zero, sine[..., 2]], axis=-1)
-    return quat_wxyz_canonical(quat_wxyz_multiply(about_z, quat_wxyz_multiply(about_y, about_x)))
+    (cx, cy, cz), (sx, sy, sz) = _components(np.cos(half)), _components(np.sin(half))
+    # (cz + sz k) (cy + sy j) (cx + sx i), written out.
+    return quat_wxyz_canonical(
+        _joined(
+            (
+                cx * cy * cz + sx * sy * sz,
+                sx * cy * cz - cx * sy * sz,
+                cx * sy * cz + sx * cy * sz,
+                cx * cy * sz - sx * sy * cz,
+            )
+        )
+    )
 
 
 def quat_wxyz_from_axis_angle(axis: ArrayLike, angle_rad: ArrayLike) -> Array:

@@ -88,12 +88,15 @@ def quat_wxyz_to_euler_xyz(quat_wxyz: Tensor) -> Tensor:
 
 def euler_xyz_to_quat_wxyz(euler_rad: Tensor) -> Tensor:
     """Canonical quaternions (..., 4) of extrinsic xyz Euler angles (..., 3) in radians."""
-    half = euler_rad / 2
-    cosine, sine, zero = half.cos(), half.sin(), torch.zeros_like(half[..., 0])
-    about_x = torch.stack([cosine[..., 0], sine[..., 0], zero, zero], dim=-1)
-    about_y = torch.stack([cosine[..., 1], zero, sine[..., 1], zero], dim=-1)
-    about_z = torch.stack([cosine[..., 2], zero, zero, sine[..., 2]], dim=-1)
-    return quat_wxyz_canonical(quat_wxyz_multiply(about_z, quat_wxyz_multiply(about_y, about_x)))
+    (cx, cy, cz), (sx, sy, sz) = (euler_rad / 2).cos().unbind(-1), (euler_rad / 2).sin().unbind(-1)
+    # (cz + sz k) (cy + sy j) (cx + sx i), written out.
+    parts = (
+        cx * cy * cz + sx * sy * sz,
+        sx * cy * cz - cx * sy * sz,
+        cx * sy * cz + sx * cy * sz,
+        cx * cy * sz - sx * sy * cz,
+    )
+    return quat_wxyz_canonical(torch.stack(parts, dim=-1))
 
 
 def rotation_angle_rad(a: Tensor, b: Tensor) -> Tensor:

@@ -47,6 +47,10 @@ HASH_DIGITS = 16
 """Of each state hash, as many as tell all episodes apart."""
 
 
+LOG_WIDTH = 110
+"""Columns of the printed table where no terminal says how many there are."""
+
+
 @dataclass(frozen=True)
 class Certificate:
     """Outcomes of one control.
@@ -117,6 +121,8 @@ class Certificate:
     def print(self) -> None:
         """Print a table, the failures of an expert, and the complaints."""
         console = Console()
+        if not console.is_terminal:
+            console.width = LOG_WIDTH
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
         table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
         for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):

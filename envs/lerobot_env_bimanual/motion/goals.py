@@ -28,17 +28,16 @@ STAY_RAD = 1e-3
 
 def stays(kinematics: ArmKinematics, joints: Array, target: Array) -> bool:
     """Whether joints (7,) already are at the target pose (4, 4), so that the arm must not move at all."""
-    difference = kinematics.fk(joints) - target
+    difference = np.square(kinematics.fk(joints) - target)
     # Two rotation matrices that are a small angle apart differ by sqrt(2) times that angle.
-    angle_rad = np.linalg.norm(difference[:3, :3]) / np.sqrt(2)
-    return bool(np.linalg.norm(difference[:3, 3]) < STAY_M and angle_rad < STAY_RAD)
+    return bool(difference[:3, 3].sum() < STAY_M**2 and difference[:3, :3].sum() < 2 * STAY_RAD**2)
 
 
 def goal_postures(kinematics: ArmKinematics, start: Array, target: Array) -> list[Array]:
     """Up to six clearly different postures (7,) at a pose (4, 4), cheapest first; empty if out of reach."""
     solutions = kinematics.ik(target)
     order = np.argsort(kinematics.posture_cost(solutions, start, GOAL_MARGIN_WEIGHT), kind="stable")
-    return kinematics.distinct(solutions[order], target, DISTINCT_RAD, MAX_CANDIDATES)
+    return list(itertools.islice(kinematics.distinct(solutions[order], target, DISTINCT_RAD), MAX_CANDIDATES))
 
 
 def ranked_combinations(candidates: Mapping[Arm, list[Array]]) -> list[dict[Arm, Array]]:

@@ -6,6 +6,7 @@ starting values, iterations or random restarts.
 """
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -120,13 +121,12 @@ class ArmKinematics:
         """How unwelcome postures (n, 7) are: squared joint travel from `start` (7,), plus closeness to limits."""
         return ((joints - start) ** 2).sum(axis=-1) + margin_weight * self.limit_closeness(joints)
 
-    def distinct(self, ranked: Array, target: Array, difference_rad: float, count: int) -> list[Array]:
-        """The first few of ranked solutions (n, 7) of a pose (4, 4) that are exact and clearly different."""
-        chosen: list[Array] = []
-        for solution in ranked:
-            is_new = all(np.abs(solution - other).max() > difference_rad for other in chosen)
-            if is_new and self.reaches(solution, target):
-                chosen.append(solution)
-                if len(chosen) == count:
-                    break
-        return chosen
+    def distinct(self, ranked: Array, target: Array, difference_rad: float) -> Iterator[Array]:
+        """Those of ranked solutions (n, 7) of a pose (4, 4) that are exact and clearly differ from all before."""
+        eligible = np.ones(len(ranked), dtype=bool)
+        while eligible.any():
+            best = eligible.argmax()
+            eligible[best] = False
+            if self.reaches(ranked[best], target):
+                yield ranked[best]
+                eligible &= np.abs(ranked - ranked[best]).max(axis=1) > difference_rad

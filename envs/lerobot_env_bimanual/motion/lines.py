@@ -7,15 +7,16 @@ smooth and stays near the shortest joint path. Where the projection fails, dynam
 solutions at all knots; where that fails too, the line is infeasible.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.rotations import rotation_vector
 from lerobot_env_bimanual.motion.jacobian import hand_frames
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.kinematics import NEAR_GRID_SPAN_DEG, ArmKinematics
 
 Array = NDArray[np.floating]
 
@@ -30,43 +31,59 @@ END_MARGIN_WEIGHT = 0.03
 KNOT_MARGIN_WEIGHT = 0.0005
 """The same for every knot of the search by dynamic programming."""
 MAX_ENDS = 3
-"""Postures at the end that are tried before the complete search."""
+"""Postures at the end, of those with all values of the last joint, that are tried before the complete search."""
+NEAR_M = 0.15
+NEAR_RAD = np.deg2rad(NEAR_GRID_SPAN_DEG / 2)
+"""Shortest travel and turn of a hand for which they are looked for far from the last joint's present angle."""
 DISTINCT_RAD = 0.2
 """Two of them differ in some joint by at least this much."""
 
 MAX_NEWTON_STEPS = 12
-NEWTON_TOLERANCE = 1e-5
-"""Error of a knot between the ends, m and rad; the ends are exact."""
+LAST_STEP_ERROR = 5e-4
+LAST_STEP_RAD = 5e-3
+"""Error of a knot, m and rad, and joint step against it, with which Newton's method ends. What the step leaves is
+about its own square: 1e-9 in the median and 2e-5 at most. The ends of a line are exact."""
 NEWTON_DAMPING = 1e-6
 MAX_NEWTON_STEP_RAD = 0.6
 
 
-def straight_lines(
-    kinematics: Mapping[Arm, ArmKinematics], starts: Mapping[Arm, Array], targets: Mapping[Arm, Array]
-) -> dict[Arm, Array | None]:
-    """Joint paths along straight lines of the hands.
+@dataclass(frozen=True, eq=False)
+class LineRequest:
+    """A straight line that a hand is to follow.
 
-    Args:
-        kinematics: Of both arms.
-        starts: (7,) rad, commanded joints at the start; the first knot.
-        targets: (4, 4) world pose of the tool centre point at the end, of the arms that move. Both are computed
-            together, which takes hardly longer than one; neither result depends on the other.
+    Attributes:
+        kinematics: of the arm.
+        start: (7,) rad, commanded joints at the start; the first knot.
+        target: (4, 4) world pose of the tool centre point at the end.
+    """
+
+    kinematics: ArmKinematics
+    start: Array
+    target: Array
+
+
+def straight_lines(requests: Sequence[LineRequest]) -> list[Array | None]:
+    """Joint paths along straight lines of hands.
+
+    All are computed together, which takes hardly longer than one; no result depends on the others.
 
     Returns:
-        For each arm of `targets` its knots (n, 7) in rad at equal fractions of the line, or None if the line leaves
-        the arm's reach.
+        For each request its knots (n, 7) in rad at equal fractions of the line, or None if the line leaves the
+        arm's reach.
     """
-    poses = {arm: line_poses(kinematics[arm].fk(starts[arm]), target) for arm, target in targets.items()}
-    ends = {arm: _end_postures(kinematics[arm], starts[arm], target) for arm, target in targets.items()}
-    lines: dict[Arm, Array | None] = dict.fromkeys(targets)
-    for rank in range(MAX_ENDS):
-        tried = {arm: ends[arm][rank] for arm in targets if lines[arm] is None and rank < len(ends[arm])}
-        if tried:
-            lines |= _project(kinematics, starts, tried, poses)
-    for arm, line in lines.items():
-        if line is None:
-            lines[arm] = _search(kinematics[arm], starts[arm], poses[arm])
-    return lines
+    presents = [request.kinematics.fk(request.start) for request in requests]
+    poses = [line_poses(present, request.target) for present, request in zip(presents, requests, strict=True)]
+    ends = [_end_postures(request, present) for request, present in zip(requests, presents, strict=True)]
+    lines: list[Array | None] = [None] * len(requests)
+    while tried := {
+        index: end for index, line in enumerate(lines) if line is None for end in islice(ends[index], 1)
+    }:
+        for index, line in _project(requests, tried, poses).items():
+            lines[index] = line
+    return [
+        _search(request, request_poses) if line is None else line
+        for line, request, request_poses in zip(lines, requests, poses, strict=True)
+    ]
 
 
 def line_poses(start: Array, target: Array) -> Array:
@@ -90,37 +107,51 @@ def line_poses(start: Array, target: Array) -> Array:
     return poses
 
 
-def _end_postures(kinematics: ArmKinematics, start: Array, target: Array) -> list[Array]:
-    """The few best postures (7,) at a pose (4, 4): near the start's, and away from joint limits."""
-    solutions = np.concatenate([kinematics.ik(target, near_q7=start[-1]), kinematics.ik(target)])
-    order = np.argsort(kinematics.posture_cost(solutions, start, END_MARGIN_WEIGHT), kind="stable")
-    return kinematics.distinct(solutions[order], target, DISTINCT_RAD, MAX_ENDS)
+def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
+    """Postures (7,) at the end of a line to be tried, best first: near the start's, and away from joint limits.
+
+    The last joint follows the hand, so the whole of its range is searched only for a hand that goes further than
+    `NEAR_M` or turns more than `NEAR_RAD`, or where the best posture near the start's has not led to a line.
+
+    Args:
+        request: The line.
+        present: (4, 4) pose of the hand at its start.
+    """
+    kinematics, start, target = request.kinematics, request.start, request.target
+
+    def ranked(solutions: Array) -> Iterator[Array]:
+        order = np.argsort(kinematics.posture_cost(solutions, start, END_MARGIN_WEIGHT), kind="stable")
+        return kinematics.distinct(solutions[order], target, DISTINCT_RAD)
+
+    near = kinematics.ik(target, near_q7=start[-1])
+    is_short = np.linalg.norm(target[:3, 3] - present[:3, 3]) < NEAR_M
+    # The trace of one rotation times the inverse of another is 1 + 2 cos(angle between them).
+    if is_short and np.vdot(present[:3, :3], target[:3, :3]) > 1.0 + 2.0 * np.cos(NEAR_RAD):
+        yield from islice(ranked(near), 1)
+    yield from islice(ranked(np.concatenate([near, kinematics.ik(target)])), MAX_ENDS)
 
 
 def _project(
-    kinematics: Mapping[Arm, ArmKinematics],
-    starts: Mapping[Arm, Array],
-    ends: Mapping[Arm, Array],
-    poses: Mapping[Arm, Array],
-) -> dict[Arm, Array | None]:
-    """The joint paths from `starts` to `ends` that are straight but for what the poses (n, 4, 4) demand.
+    requests: Sequence[LineRequest], ends: Mapping[int, Array], poses: Sequence[Array]
+) -> dict[int, Array | None]:
+    """The joint paths from the starts to `ends` that are straight but for what the poses (n, 4, 4) demand.
 
-    Each knot is found by itself, from its place on the straight way. None for an arm whose knots are not all
-    found, or whose path jumps or leaves the joint limits.
+    Each knot is found by itself, from its place on the straight way. None for a line whose knots are not all
+    found, or whose path jumps or leaves the joint limits. Ends and paths are by the index of the request.
     """
-    straight = [
-        starts[arm] + (end - starts[arm]) * (np.arange(1, len(poses[arm]) + 1) / len(poses[arm]))[:, None]
-        for arm, end in ends.items()
-    ]
-    in_base = [kinematics[arm].in_base(poses[arm]) for arm in ends]
+    straight, in_base = [], []
+    for index, end in ends.items():
+        start, count = requests[index].start, len(poses[index])
+        straight.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
+        in_base.append(requests[index].kinematics.in_base(poses[index]))
     joints, found = _nearest_solutions(np.concatenate(straight), np.concatenate(in_base))
     borders = np.cumsum([len(part) for part in straight])[:-1]
-    paths: dict[Arm, Array | None] = {}
-    for arm, knots, reached in zip(ends, np.split(joints, borders), np.split(found, borders), strict=True):
-        path = np.concatenate([starts[arm][None], knots])
+    paths: dict[int, Array | None] = {}
+    for index, knots, reached in zip(ends, np.split(joints, borders), np.split(found, borders), strict=True):
+        path = np.concatenate([requests[index].start[None], knots])
         smooth = np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
-        feasible = smooth and reached.all() and kinematics[arm].within_limits(knots).all()
-        paths[arm] = path if feasible else None
+        feasible = smooth and reached.all() and requests[index].kinematics.within_limits(knots).all()
+        paths[index] = path if feasible else None
     return paths
 
 
@@ -130,29 +161,35 @@ def _nearest_solutions(joints: Array, targets: Array) -> tuple[Array, NDArray[np
     Returns:
         Joints (n, 7), and (n,) whether they are a solution.
     """
+    joints = joints.copy()
     damping = NEWTON_DAMPING * np.eye(6)
-    error = np.empty((len(joints), 6))
-    found = np.zeros(len(joints), dtype=bool)
+    open_knots = np.arange(len(joints))
     for _ in range(MAX_NEWTON_STEPS):
-        poses, jacobian = hand_frames(joints)
-        error[:, :3] = targets[:, :3, 3] - poses[:, :3, 3]
-        turn = targets[:, :3, :3] @ poses[:, :3, :3].transpose(0, 2, 1)
+        poses, jacobian = hand_frames(joints[open_knots])
+        goals = targets[open_knots]
+        error = np.empty((len(open_knots), 6))
+        error[:, :3] = goals[:, :3, 3] - poses[:, :3, 3]
+        turn = goals[:, :3, :3] @ poses[:, :3, :3].transpose(0, 2, 1)
         # Its skew part is the axis of the turn, times the sine of the angle.
         error[:, 3:] = 0.5 * (turn[:, (2, 0, 1), (1, 2, 0)] - turn[:, (1, 2, 0), (2, 0, 1)])
-        # It also vanishes at half a turn, where the trace is -1.
-        found = (np.abs(error).max(axis=1) < NEWTON_TOLERANCE) & (np.trace(turn, axis1=1, axis2=2) > 0)
-        if found.all():
-            break
         transposed = jacobian.transpose(0, 2, 1)
         step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[..., None]))[..., 0]
-        joints = joints + step * np.minimum(
-            1.0, MAX_NEWTON_STEP_RAD / np.abs(step).max(axis=1, keepdims=True)
-        )
+        step_rad = np.abs(step).max(axis=1)
+        joints[open_knots] += step / np.maximum(1.0, step_rad / MAX_NEWTON_STEP_RAD)[:, None]
+        is_last = (np.abs(error).max(axis=1) < LAST_STEP_ERROR) & (step_rad < LAST_STEP_RAD)
+        # The error also vanishes at half a turn, where the trace is -1.
+        is_last &= np.trace(turn, axis1=1, axis2=2) > 0
+        open_knots = open_knots[~is_last]
+        if not len(open_knots):
+            break
+    found = np.ones(len(joints), dtype=bool)
+    found[open_knots] = False
     return joints, found
 
 
-def _search(kinematics: ArmKinematics, start: Array, poses: Array) -> Array | None:
+def _search(request: LineRequest, poses: Array) -> Array | None:
     """Path of least squared steps through all solutions at all poses (n, 4, 4), or None."""
+    kinematics, start = request.kinematics, request.start
     layers, parents, cost = [start[None]], [], np.zeros(1)
     for pose in poses:
         solutions = kinematics.ik(pose)

@@ -15,7 +15,7 @@ from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
 from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
-from lerobot_env_bimanual.motion.lines import straight_lines
+from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import (
     CONTACT_SPEED,
@@ -123,10 +123,13 @@ class KeyposePlanner:
     # -- kinds of motion ----------------------------------------------------------------------------------
 
     def _add_straight(self, motion: _Motion, targets: dict[Arm, Pose]) -> None:
-        matrices = {arm: target.matrix for arm, target in targets.items()}
-        for arm, line in straight_lines(self._kinematics, motion.start, matrices).items():
-            start = motion.start[arm]
+        requests = [
+            LineRequest(self._kinematics[arm], motion.start[arm], target.matrix)
+            for arm, target in targets.items()
+        ]
+        for arm, line in zip(targets, straight_lines(requests), strict=True):
             if line is None:
+                start = motion.start[arm]
                 line = np.stack([start, self._goals(arm, start, targets[arm])[0]])
                 motion.line_fallbacks += 1
             motion.add(arm, JointPath.even(line), CONTACT_SPEED)

@@ -4,7 +4,8 @@ Scripts read the scene while they run, so a rehearsal hands them a `RehearsalSce
 in which arms are moved by kinematics and grasped props move rigidly with the hand.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,14 @@ from lerobot_env_bimanual.motion.carrying import Carried
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
-from lerobot_env_bimanual.motion.lines import straight_lines
+from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Stage
 
 Array = NDArray[np.floating]
 Script = Callable[[Scene], Iterable[Stage]]
 Postures = dict[Arm, Array]
+type Steps = Generator[list[LineRequest], list[Array | None], str | None]
 
 MIN_MARGIN = 0.04
 """Least distance of a joint to its limits at the end of a stage, as a fraction of its range (design study)."""
@@ -37,32 +39,64 @@ class Rehearsal:
 
     Args:
         scene: The world in which the scripts are to be played. It is read, never changed.
+        codecs: A script is gone through once for each, with its keyposes rounded to these voxels and bins; None
+            stands for the exact keyposes.
     """
 
-    def __init__(self, scene: Scene):
-        self._scene = scene
-        self._view = RehearsalScene(scene)
-        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
-        self._checker = CollisionChecker(self._view)
-        self._joints: Postures = {}
-        self._min_margin = MIN_MARGIN
+    def __init__(self, scene: Scene, codecs: Sequence[KeyposeCodec | None] = (None,)):
+        self.scene = scene
+        self._walks = [_Walk(scene, codec) for codec in codecs]
 
-    def objection(self, script: Script, codec: KeyposeCodec | None = None) -> str | None:
+    def objection(self, script: Script) -> str | None:
         """What keeps both arms from going through a script from the scene's present state.
 
         Checked at every stage: targets inside the workspace, a collision-free goal for planned stages and feasible
-        straight lines for the others, joint margins, no arm in itself, the table or the other arm.
+        straight lines for the others, joint margins, no arm in itself, the table or the other arm. All codecs are
+        gone through in step, as all their lines can be computed together.
 
         Args:
             script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
-                It is called with the rehearsal's own scene, where earlier stages have had their effect.
-            codec: Rehearse the keyposes rounded to these voxels and bins instead of the exact ones.
+                It is called with the rehearsal's own scenes, where earlier stages have had their effect.
 
         Returns:
             None if the script is feasible, else a short reason.
         """
-        self._view.copy_from(self._scene)
+        walks = [walk.through(script) for walk in self._walks]
+        answers: Sequence[list[Array | None] | None] = [None] * len(walks)
+        while walks:
+            going, requests = [], []
+            for walk, lines in zip(walks, answers, strict=True):
+                try:
+                    requests.append(next(walk) if lines is None else walk.send(lines))
+                    going.append(walk)
+                except StopIteration as end:
+                    if end.value is not None:
+                        return end.value
+            found = iter(straight_lines(list(chain.from_iterable(requests))))
+            walks, answers = going, [list(islice(found, len(asked))) for asked in requests]
+        return None
+
+
+class _Walk:
+    """One going through of a script, with the keyposes of one codec.
+
+    Args:
+        scene: The world, read only.
+        codec: What keyposes are rounded to; None leaves them exact.
+    """
+
+    def __init__(self, scene: Scene, codec: KeyposeCodec | None):
+        self._scene = scene
+        self._codec = codec
         self._min_margin = MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED
+        self._view = RehearsalScene(scene)
+        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+        self._checker = CollisionChecker(self._view)
+        self._joints: Postures = {}
+
+    def through(self, script: Script) -> Steps:
+        """Goes from stage to stage; at each it yields requests for lines, is sent them, and returns an objection."""
+        self._view.copy_from(self._scene)
         commanded = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
         self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
         keypose = self._present_keypose()
@@ -70,7 +104,9 @@ class Rehearsal:
             keypose = stage.keypose(keypose)
             if not all(VOXEL_WORKSPACE.contains(keypose[arm].pose.position) for arm in ARMS):
                 return f"{stage.name}: target outside the workspace"
-            reason = self._execute(stage, keypose if codec is None else codec.discretise(keypose))
+            reason = yield from self._execute(
+                stage, keypose if self._codec is None else self._codec.discretise(keypose)
+            )
             if reason is not None:
                 return f"{stage.name}: {reason}"
         return None
@@ -84,15 +120,15 @@ class Rehearsal:
         ]
         return BimanualKeypose(*targets)
 
-    def _execute(self, stage: Stage, keypose: BimanualKeypose) -> str | None:
-        """Go to a keypose, or say why not."""
+    def _execute(self, stage: Stage, keypose: BimanualKeypose) -> Steps:
+        """Go to a keypose, or return why not."""
         targets = {arm: keypose[arm].pose.matrix for arm in ARMS}
         moving = {
             arm: target
             for arm, target in targets.items()
             if not stays(self._kinematics[arm], self._joints[arm], target)
         }
-        goals = self._free_goals(moving) if stage.planned else self._line_ends(moving)
+        goals = self._free_goals(moving) if stage.planned else (yield from self._line_ends(moving))
         if isinstance(goals, str):
             return goals
         for arm, joints in goals.items():
@@ -123,9 +159,14 @@ class Rehearsal:
                 return goals
         return "no collision-free posture"
 
-    def _line_ends(self, targets: Mapping[Arm, Array]) -> Postures | str:
+    def _line_ends(
+        self, targets: Mapping[Arm, Array]
+    ) -> Generator[list[LineRequest], list[Array | None], Postures | str]:
+        lines = yield [
+            LineRequest(self._kinematics[arm], self._joints[arm], target) for arm, target in targets.items()
+        ]
         ends = {}
-        for arm, line in straight_lines(self._kinematics, self._joints, targets).items():
+        for arm, line in zip(targets, lines, strict=True):
             if line is None:
                 return f"{arm} arm cannot follow its line"
             ends[arm] = line[-1]
@@ -167,16 +208,19 @@ class RehearsalScene(Scene):
         for arm, posture in joints.items():
             self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
             action[arm.ordinal, :-1] = posture
-        mujoco.mj_kinematics(self.model, self.data)
-        for carried in self._carried.values():
-            carried.follow(self.data)
         self._refresh()
+        if self._carried:
+            for carried in self._carried.values():
+                carried.follow(self.data)
+            self._refresh()
 
     def set_gripper(self, arm: Arm, is_open: bool, holds: str | None) -> None:
         """Open or close a hand; an open one carries nothing, a closing one takes `holds` along from now on."""
-        self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m * is_open
+        fingers, travel_m = self._finger_qpos[arm.ordinal], self.arm_pair.finger_travel_m * is_open
+        if (self.data.qpos[fingers] != travel_m).any():
+            self.data.qpos[fingers] = travel_m
+            self._refresh()
         self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.ordinal, -1] = is_open
-        self._refresh()
         if is_open:
             self._carried.pop(arm, None)
             self._carried_names.pop(arm, None)

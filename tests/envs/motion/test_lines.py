@@ -8,15 +8,16 @@ from lerobot_env_bimanual.motion.goals import goal_postures
 from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import (
     MAX_JOINT_STEP_RAD,
-    NEWTON_TOLERANCE,
     STEP_M,
     STEP_RAD,
+    LineRequest,
     line_poses,
     straight_lines,
 )
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints
+KNOT_ERROR_M = 2e-5
 
 
 def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
@@ -24,7 +25,7 @@ def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
 
 
 def _line(kinematics: ArmKinematics, start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
-    (line,) = straight_lines({Arm.LEFT: kinematics}, {Arm.LEFT: start}, {Arm.LEFT: target}).values()
+    (line,) = straight_lines([LineRequest(kinematics, start, target)])
     return line
 
 
@@ -55,7 +56,7 @@ def test_all_knots_lie_on_the_line_and_the_way_between_them_nearly(kinematics):
     for start, target, path in _lines(kinematics, 10):
         origin = kinematics.fk(start)[:3, 3]
         way = target[:3, 3] - origin
-        for joints, limit in [(path, 2 * NEWTON_TOLERANCE), ((path[1:] + path[:-1]) / 2, 1e-3)]:
+        for joints, limit in [(path, KNOT_ERROR_M), ((path[1:] + path[:-1]) / 2, 1e-3)]:
             points = np.array([kinematics.fk(posture)[:3, 3] for posture in joints]) - origin
             along = points @ way / (way @ way)
             assert np.linalg.norm(points - along[:, None] * way, axis=1).max() < limit
@@ -87,7 +88,7 @@ def test_the_shoulder_passes_its_upright_posture_smoothly():
 
 def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeypatch):
     feasible = list(_lines(kinematics, 10))
-    monkeypatch.setattr(lines, "_project", lambda kinematics, starts, ends, poses: dict.fromkeys(ends))
+    monkeypatch.setattr(lines, "_project", lambda requests, ends, poses: dict.fromkeys(ends))
     found = [(target, _line(kinematics, start, target)) for start, target, _ in feasible]
     paths = [(target, path) for target, path in found if path is not None]
     assert len(paths) >= 5
@@ -105,22 +106,19 @@ def test_a_line_out_of_reach_is_infeasible(kinematics, shift):
 
 
 def test_two_lines_at_once_are_those_of_each_alone():
-    arms = {arm: ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS}
-    feasible = [next(_lines(kinematics, 1)) for kinematics in arms.values()]
-    starts = {arm: start for arm, (start, _, _) in zip(ARMS, feasible, strict=True)}
-    targets = {arm: target for arm, (_, target, _) in zip(ARMS, feasible, strict=True)}
-    together = straight_lines(arms, starts, targets)
-    for arm, (_, _, alone) in zip(ARMS, feasible, strict=True):
-        both = together[arm]
+    arms = [ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS]
+    feasible = [next(_lines(kinematics, 1)) for kinematics in arms]
+    requests = [LineRequest(kinematics, *line[:2]) for kinematics, line in zip(arms, feasible, strict=True)]
+    for both, (_, _, alone) in zip(straight_lines(requests), feasible, strict=True):
         assert both is not None
-        assert np.allclose(both, alone, atol=10 * NEWTON_TOLERANCE)
+        assert np.allclose(both, alone, rtol=0, atol=1e-12)
 
 
 def test_an_arm_out_of_reach_leaves_the_other_its_line():
-    arms = {arm: ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS}
-    ((start, target, _),) = _lines(arms[Arm.LEFT], 1)
-    far = arms[Arm.RIGHT].fk(HOME)
+    left, right = (ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS)
+    ((start, target, _),) = _lines(left, 1)
+    far = right.fk(HOME)
     far[2, 3] += 1.5
-    found = straight_lines(arms, {Arm.LEFT: start, Arm.RIGHT: HOME}, {Arm.LEFT: target, Arm.RIGHT: far})
-    assert found[Arm.LEFT] is not None
-    assert found[Arm.RIGHT] is None
+    found = straight_lines([LineRequest(left, start, target), LineRequest(right, HOME, far)])
+    assert found[0] is not None
+    assert found[1] is None

@@ -171,9 +171,7 @@ def test_a_goal_inside_an_obstacle_is_refused_with_its_name(furnished_scene):
 
 
 def test_an_infeasible_line_falls_back_to_joint_space(scene, monkeypatch):
-    monkeypatch.setattr(
-        planner_module, "straight_lines", lambda arms, starts, targets: dict.fromkeys(targets)
-    )
+    monkeypatch.setattr(planner_module, "straight_lines", lambda requests: [None] * len(requests))
     keypose = _keypose(LEFT_DOWN, RIGHT_DOWN, straight=(True, True))
     plan = _plan(scene, keypose)
     assert plan.line_fallbacks == 2

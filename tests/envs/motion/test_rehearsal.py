@@ -31,7 +31,7 @@ def _pick_up(view: Scene, above: Pose = GRASP):
 @CODECS
 def test_a_feasible_script_passes_and_leaves_the_scene_alone(table_scene, codec):
     before = table_scene.state_hash()
-    assert Rehearsal(table_scene).objection(_pick_up, codec) is None
+    assert Rehearsal(table_scene, [codec]).objection(_pick_up) is None
     assert table_scene.state_hash() == before
 
 
@@ -47,7 +47,7 @@ def test_a_grasped_prop_moves_with_the_hand_until_it_is_released(table_scene, co
         yield Stage("away", left=GRASP.translated((0, 0, 0.3)))
         heights.append(view.pose("block").position[2])
 
-    assert Rehearsal(table_scene).objection(script, codec) is None
+    assert Rehearsal(table_scene, [codec]).objection(script) is None
     assert heights == pytest.approx([0.79, 0.79, 0.99, 0.99], abs=0.006)
 
 
@@ -77,7 +77,7 @@ def test_a_script_reads_where_the_rehearsed_arms_are(table_scene):
     ],
 )
 def test_placements_out_of_reach_are_rejected_with_a_reason(table_scene, offset, reason, codec):
-    result = Rehearsal(table_scene).objection(lambda view: _pick_up(view, GRASP.translated(offset)), codec)
+    result = Rehearsal(table_scene, [codec]).objection(lambda view: _pick_up(view, GRASP.translated(offset)))
     assert result is None if reason is None else re.match(reason, result or "")
 
 
@@ -104,3 +104,30 @@ def test_postures_near_joint_limits_are_rejected(table_scene):
         verdicts.append(Rehearsal(table_scene).objection(script))
     assert verdicts[0] is None
     assert any(verdict is not None for verdict in verdicts)
+
+
+def test_one_objection_among_several_codecs_is_enough(table_scene):
+    placed = [
+        Pose.upright((0.2, 0.2, 0.79)),
+        Pose.upright((0.45, 0.25, 0.79)),
+        Pose.upright((0.6, 0.4, 0.79)),
+    ]
+    for block in placed:
+        table_scene.place("block", block)
+        grasp = Pose.looking(block.position, approach=(0, 0, -1), opening=(1, 0, 0)).translated((0, 0, 0.025))
+
+        def script(view, grasp=grasp):
+            yield from _pick_up(view, grasp)
+
+        alone = [Rehearsal(table_scene, [codec]).objection(script) for codec in (None, KeyposeCodec())]
+        together = Rehearsal(table_scene, [None, KeyposeCodec()]).objection(script)
+        assert (together is None) == (alone == [None, None])
+        assert together in alone
+
+
+def test_a_rehearsal_forgets_the_one_before(table_scene):
+    rehearsal = Rehearsal(table_scene, [None, KeyposeCodec()])
+    far = Pose.looking((0.6, 0.45, 0.815), approach=(0, 0, -1), opening=(1, 0, 0))
+    verdicts = [rehearsal.objection(lambda view, at=at: _pick_up(view, at)) for at in (GRASP, far, GRASP)]
+    assert verdicts[0] is verdicts[2] is None
+    assert verdicts[1] is not None
