@@ -22,6 +22,7 @@ from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation import shards
 from lerobot_env_bimanual.generation.candidates import next_round
+from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.sealing import read_sealed
 from lerobot_env_bimanual.generation.settings import GenerationSettings
@@ -159,7 +160,8 @@ def record(settings: GenerationSettings, writer: type[ViewWriter], folder: Path)
                     reports.append(read_sealed(target, settings, shard))
                 finished.append((target, reports[-1]))
     with watch.stage(MERGING):
-        merge_shards(settings, "", finished, folder / "merged", folder / "cache")
+        for view in settings.views:
+            merge_shards(MergeJob(settings, view, "", finished, folder / "merged", folder / "cache"))
     recorder.close()
     demos = settings.total_episodes
     pixels = watch.calls[RENDERING] * len(settings.cameras) * settings.height * settings.width

@@ -15,6 +15,7 @@ from lerobot_env_bimanual.commands.generate import generate, regeneration_comman
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
+from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
@@ -114,7 +115,8 @@ def test_any_process_with_any_history_writes_the_same_bytes(
             shards.insert(0, (staging.shard_folder(shard.name), staging.report(shard)))
         recorder.close()
         command = regeneration_command(settings, config.root)
-        merge_shards(settings, command, shards, tmp_path / "merged", tmp_path / "cache")
+        for view in settings.views:
+            merge_shards(MergeJob(settings, view, command, shards, tmp_path / "merged", tmp_path / "cache"))
         staging.publish(tmp_path / "merged")
     assert tree_hashes(config.root) == tree_hashes(generated)
 

@@ -41,9 +41,10 @@ class Here:
             self.successes += len(shard.candidates)
             yield
 
-    def merge(self, *job):
-        merge_shards(*job)
-        yield
+    def merge(self, jobs):
+        for job in jobs:
+            merge_shards(job)
+            yield
 
 
 def record_here(settings: GenerationSettings, shard: Shard, folder: Path) -> None:

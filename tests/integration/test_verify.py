@@ -2,10 +2,12 @@
 
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -15,6 +17,7 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import content_hash
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
 from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
@@ -96,6 +99,36 @@ def test_the_video_of_another_camera_is_found(copy) -> None:
     found = faults_of(root, simulate=True)
     assert found.keys() == {"rendered RGB", "rendered depth"}
     assert f"0: {FRONT} is unlike a new image" in found["rendered RGB"]
+
+
+def encode_again(file: Path, change: Callable[[list[np.ndarray]], list[np.ndarray]]) -> None:
+    """Decode a video of colours, change its frames, and encode them as before."""
+    with av.open(str(file)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    with av.open(str(file), "w") as container:
+        stream = container.add_stream("libx264", rate=CONTROL_HZ, options={"crf": "18"})
+        stream.height, stream.width, stream.pix_fmt = *frames[0].shape[:2], "yuv420p"
+        for pixels in change(frames):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), "rgb24")))
+        container.mux(stream.encode())
+
+
+@pytest.mark.parametrize(
+    ("change", "shown"),
+    [
+        (lambda frames: frames, None),
+        (lambda frames: [frames[0], *frames[:-1]], "the tick before"),
+        (lambda frames: [*frames[1:], frames[-1]], "the tick after"),
+        (lambda frames: [frame[..., ::-1] for frame in frames], "exchanged red and blue|unlike a new image"),
+    ],
+    ids=["only encoded again", "late", "early", "BGR"],
+)
+def test_a_video_out_of_step_or_in_wrong_colours_is_found(copy, change, shown) -> None:
+    root = copy("frames")
+    encode_again(root / "videos" / FRONT / "chunk-000" / "file-000.mp4", change)
+    found = faults_of(root, simulate=True)
+    assert list(found) == ([] if shown is None else ["rendered RGB"])
+    assert shown is None or re.search(shown, found["rendered RGB"])
 
 
 def test_an_image_that_is_missing_is_found(copy) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tqdm import tqdm
 
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
-from lerobot_env_bimanual.generation.executor import Executor
+from lerobot_env_bimanual.generation.executor import Executor, MergeJob
 from lerobot_env_bimanual.generation.progress import Progress
 from lerobot_env_bimanual.generation.sealing import BrokenSeal
 from lerobot_env_bimanual.generation.settings import GenerationSettings
@@ -36,8 +36,13 @@ def build_dataset(
     folders = [(staging.shard_folder(shard.name), report) for shard, report in shards]
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
-        for _ in executor.merge(settings, command, folders, merged, temporary / "cache"):
-            pass
+        jobs = [
+            MergeJob(settings, view, command, folders, merged, temporary / f"cache of {view}")
+            for view in settings.views
+        ]
+        with tqdm(bar_format=f"merging {len(folders)} shards, {{elapsed}}") as bar:
+            for _ in executor.merge(jobs):
+                bar.refresh()
         staging.publish(merged)
     return [report for _, report in shards]
 

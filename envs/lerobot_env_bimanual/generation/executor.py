@@ -3,15 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
+from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 POLL_S = 0.5
 """How often an executor lets its caller look at the progress."""
+
+
+@dataclass(frozen=True)
+class MergeJob:
+    """A view to be merged from its shards.
+
+    Attributes:
+        settings: what was recorded.
+        view: which of the views.
+        command: the command line that made it.
+        shards: folder and report of each shard, in the order of the episodes.
+        root: new folder; holds the view, or a folder per view.
+        cache: folder of this job alone, for the copies that reading a table leaves behind.
+    """
+
+    settings: GenerationSettings
+    view: View
+    command: str
+    shards: Sequence[tuple[Path, ShardReport]]
+    root: Path
+    cache: Path
 
 
 class Executor(Protocol):
@@ -43,13 +66,6 @@ class Executor(Protocol):
         """
         ...
 
-    def merge(
-        self,
-        settings: GenerationSettings,
-        command: str,
-        shards: Sequence[tuple[Path, ShardReport]],
-        root: Path,
-        cache: Path,
-    ) -> Iterator[None]:
-        """Merge shards, see `merging.merge_shards`; yields now and then while that is under way."""
+    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
+        """Merge views, see `merging.merge_shards`; yields now and then while that is under way."""
         ...

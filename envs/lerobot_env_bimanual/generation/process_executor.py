@@ -14,8 +14,8 @@ from typing import Self
 
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.generation import worker
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
-from lerobot_env_bimanual.generation.executor import POLL_S
+from lerobot_env_bimanual.generation.candidates import Shard
+from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
 
@@ -67,16 +67,9 @@ class ProcessExecutor:
             [self._pool.submit(_record, settings, shard, folder(shard.name)) for shard in shards]
         )
 
-    def merge(
-        self,
-        settings: GenerationSettings,
-        command: str,
-        shards: Sequence[tuple[Path, ShardReport]],
-        root: Path,
-        cache: Path,
-    ) -> Iterator[None]:
+    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""
-        yield from self._watch([self._pool.submit(_merge, settings, command, shards, root, cache)])
+        yield from self._watch([self._pool.submit(_merge, job) for job in jobs])
 
     def _watch(self, futures: Sequence[Future]) -> Iterator[None]:
         waiting = set(futures)
@@ -113,15 +106,9 @@ def _record(settings: GenerationSettings, shard: Shard, target: Path) -> None:
     worker.record(settings, shard, target, _count_success)
 
 
-def _merge(
-    settings: GenerationSettings,
-    command: str,
-    shards: Sequence[tuple[Path, ShardReport]],
-    root: Path,
-    cache: Path,
-) -> None:
+def _merge(job: MergeJob) -> None:
     from lerobot_env_bimanual.generation.merging import merge_shards
     from lerobot_env_bimanual.generation.staging import plain_write_errors
 
-    with plain_write_errors(root):
-        merge_shards(settings, command, shards, root, cache)
+    with plain_write_errors(job.root):
+        merge_shards(job)

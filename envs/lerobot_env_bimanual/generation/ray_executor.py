@@ -21,8 +21,8 @@ from typing import Any, Self
 from lerobot_bimanual.dataset.provenance import installed_versions
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.generation import worker
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
-from lerobot_env_bimanual.generation.executor import POLL_S
+from lerobot_env_bimanual.generation.candidates import Shard
+from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
@@ -104,17 +104,10 @@ class RayExecutor:
                 self._successes += successes
             yield
 
-    def merge(
-        self,
-        settings: GenerationSettings,
-        command: str,
-        shards: Sequence[tuple[Path, ShardReport]],
-        root: Path,
-        cache: Path,
-    ) -> Iterator[None]:
+    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`; on this machine, where the shards are."""
-        with ProcessExecutor(1) as local:
-            yield from local.merge(settings, command, shards, root, cache)
+        with ProcessExecutor(len(jobs)) as local:
+            yield from local.merge(jobs)
 
 
 def record_packed(

@@ -15,6 +15,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.generation.faults import Fault
 from lerobot_env_bimanual.generation.replaying import Replayer, ReplayMode, ReplayResult
+from lerobot_env_bimanual.generation.verifying_video import VideoComparison
 from lerobot_env_bimanual.observations import PIXELS, env_key, observe_images
 from lerobot_env_bimanual.rendering import Renderer
 
@@ -30,15 +31,6 @@ OBSERVED = (
 )
 """Vectors that the simulated state alone decides."""
 
-VIDEO_PSNR_DB = 20.0
-"""Least likeness of a decoded frame of H.264 video to a new image.
-
-Measured over twelve episodes of five tasks and all cameras: at least 23.6 dB at 64 pixels, 27.1 at 128 and 31.2 at
-256 (there the first 60 ticks only), least where a wrist camera sees little but saturated colours, whose resolution
-4:2:0 halves. Over an episode of each task, the video of another camera has frames below 12 dB, and one with red and
-blue exchanged frames of 18 to 20 dB. Neighbouring ticks are too much alike for any bound: they reach 33 dB.
-"""
-
 
 class SimulationChecks:
     """Plays episodes of one view again; keeps environment and renderer for the next one.
@@ -52,8 +44,8 @@ class SimulationChecks:
         height, width, _ = next(iter(reader.shapes.values()))
         self._dataset = dataset
         self._reader = reader
-        self._is_video = dataset.view == "frames"
-        self._modes: tuple[ReplayMode, ...] = ("joint", "keypose") if self._is_video else ("keypose",)
+        self.is_video = dataset.view == "frames"
+        self._modes: tuple[ReplayMode, ...] = ("joint", "keypose") if self.is_video else ("keypose",)
         self._replayers = {mode: Replayer(dataset.root, mode, (height, width)) for mode in self._modes}
         self._size = height, width
         self._renderer: Renderer | None = None
@@ -63,7 +55,7 @@ class SimulationChecks:
         """Faults of one episode by check; with `render` its images are compared too."""
         comparison = _Comparison(self, episode, render)
         faults = {STATES: comparison.play(self._replayers[self._modes[0]])}
-        if self._is_video:
+        if self.is_video:
             faults[KEYPOSES] = _play(self._replayers["keypose"], episode.index)
         return faults | comparison.faults
 
@@ -96,30 +88,20 @@ class SimulationChecks:
     def image_faults(
         self, stored: dict[str, NDArray], new: dict[str, NDArray], row: int
     ) -> Iterator[tuple[str, Fault]]:
-        """(check, fault) of every image of a row that is not like the new one."""
+        """(check, fault) of every image of a row that is not exactly the new one; of videos, depth alone."""
         for key, image in stored.items():
             if self._reader.is_depth(key):
                 error_mm = np.abs(image.astype(np.int32) - new[key]).max()
                 if error_mm > 0:
                     yield DEPTH, Fault(f"{key} is wrong by up to {error_mm} mm", row)
-            elif self._is_video:
-                likeness_db = psnr_db(image, new[key])
-                if likeness_db < VIDEO_PSNR_DB:
-                    yield (
-                        RGB,
-                        Fault(
-                            f"{key} is unlike a new image: {likeness_db:.1f} dB, least {VIDEO_PSNR_DB} dB",
-                            row,
-                        ),
-                    )
-            elif not np.array_equal(image, new[key]):
-                yield (
-                    RGB,
-                    Fault(
-                        f"{key} differs from a new image in {(image != new[key]).any(axis=-1).sum()} pixels",
-                        row,
-                    ),
-                )
+            elif not self.is_video and not np.array_equal(image, new[key]):
+                pixels = (image != new[key]).any(axis=-1).sum()
+                yield RGB, Fault(f"{key} differs from a new image in {pixels} pixels", row)
+
+    def video_comparisons(self) -> dict[str, VideoComparison]:
+        """A new comparison for every video of colours, by key."""
+        keys = [key for key in self._reader.shapes if self.is_video and not self._reader.is_depth(key)]
+        return {key: VideoComparison(key) for key in keys}
 
 
 class _Comparison:
@@ -130,18 +112,21 @@ class _Comparison:
         self._episode = episode
         self._rows = {int(tick): row for row, tick in enumerate(episode.columns[schema.TICK])}
         self._images = checks.stored_images(episode.index) if render else None
+        self._videos = checks.video_comparisons() if render else {}
         self._diverged: Fault | None = None
         names = (OBSERVATIONS, RGB, DEPTH) if render else (OBSERVATIONS,)
         self._found: dict[str, list[Fault]] = {name: [] for name in names}
 
     @property
     def faults(self) -> dict[str, tuple[Fault, ...]]:
-        """What differs from the simulated episode, by check; of each check the first row only."""
+        """What differs from the simulated episode, by check; of each check the first fault only."""
         return {name: tuple(found[:1]) for name, found in self._found.items()}
 
     def play(self, replayer: Replayer) -> tuple[Fault, ...]:
         """Play the episode and compare; returns the faults of the states."""
         faults = _play(replayer, self._episode.index, self._visit)
+        for video in self._videos.values():
+            self._found[RGB].extend(video.faults())
         return (self._diverged,) if self._diverged is not None else faults
 
     def _visit(self, env: BimanualEnv) -> None:
@@ -167,12 +152,8 @@ class _Comparison:
             stored, new = next(self._images), self._checks.new_images(env)
             for check, fault in self._checks.image_faults(stored, new, row):
                 self._found[check].append(fault)
-
-
-def psnr_db(image: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Peak signal-to-noise ratio of two images; infinite if they are equal."""
-    error = np.mean((image.astype(np.float64) - other) ** 2)
-    return float("inf") if error == 0 else float(10 * np.log10(255**2 / error))
+            for key, video in self._videos.items():
+                self._found[RGB].extend(video.frame_faults(stored[key], new[key], row))
 
 
 def _play(replayer: Replayer, index: int, visit=None) -> tuple[Fault, ...]:
