@@ -78,9 +78,9 @@ def run(command: str, *flags: str, folder: Path) -> None:
     assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
 
 
-def train(*flags: str, folder: Path) -> None:
+def train(*flags: str, folder: Path, command: str = "lerobot-train") -> None:
     run(
-        "lerobot-train",
+        command,
         *flags,
         "--policy.device=cpu",
         "--policy.push_to_hub=false",
@@ -148,6 +148,20 @@ def test_training_resumes_exactly(room):
     straight, resumed = weights(room / "straight"), weights(room / "resumed")
     assert straight.keys() == resumed.keys()
     assert all(straight[name].equal(resumed[name]) for name in straight)
+
+
+@pytest.mark.parametrize(("view", "policy"), [("keyframes", "peract2"), ("frames", "act")])
+def test_training_from_memory_gives_the_same_weights(room, view, policy):
+    data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / view}")
+    kind = TINY_ACT if policy == "act" else ["--policy.type=peract2", *TINY["peract2"]]
+    for command in ("lerobot-train", "lerobot-bimanual-train"):
+        output = f"--output_dir={command}-{policy}"
+        train(*kind, *data, output, "--steps=3", "--save_freq=3", folder=room, command=command)
+    stock, resident = (
+        weights(room / f"{name}-{policy}") for name in ("lerobot-train", "lerobot-bimanual-train")
+    )
+    assert stock.keys() == resident.keys()
+    assert all(stock[name].equal(resident[name]) for name in stock)
 
 
 def test_act_trains_on_named_cameras_and_is_evaluated(room):
