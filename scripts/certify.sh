@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-seeds="${SEEDS:-40000:40100}"
+seeds="${SEEDS:-50000:50100}"
 few="${seeds%%:*}:$((${seeds%%:*} + 50))"
 folder="${FOLDER:-results/certificates}"
 two_armed=push_box,lift_ball,dual_push_buttons,put_bottle_in_fridge,lift_tray

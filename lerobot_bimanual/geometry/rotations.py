@@ -71,11 +71,12 @@ def matrix_to_quat_wxyz(matrix: ArrayLike) -> Array:
     ww, xx, yy, zz = 1 + m00 + m11 + m22, 1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22
     wx, wy, wz = m21 - m12, m02 - m20, m10 - m01
     xy, xz, yz = m01 + m10, m02 + m20, m12 + m21
-    products = _joined((*(ww, wx, wy, wz), *(wx, xx, xy, xz), *(wy, xy, yy, yz), *(wz, xz, yz, zz)))
-    products = products.reshape(*m.shape[:-2], 4, 4)
-    largest = np.argmax(_joined((ww, xx, yy, zz)), axis=-1)
+    squares = (ww, xx, yy, zz)
+    rows = ((ww, wx, wy, wz), (wx, xx, xy, xz), (wy, xy, yy, yz), (wz, xz, yz, zz))
     if m.ndim == 2:
-        return quat_wxyz_canonical(products[largest])
+        return quat_wxyz_canonical(rows[squares.index(max(squares))])
+    products = _joined([number for row in rows for number in row]).reshape(*m.shape[:-2], 4, 4)
+    largest = np.argmax(_joined(squares), axis=-1)
     return quat_wxyz_canonical(np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :])
 
 
@@ -114,6 +115,11 @@ def euler_xyz_to_quat_wxyz(euler_rad: ArrayLike) -> Array:
 def quat_wxyz_from_axis_angle(axis: ArrayLike, angle_rad: ArrayLike) -> Array:
     """Quaternions (..., 4) turning by `angle_rad` (...,) about `axis` (..., 3), of any length but zero."""
     direction = np.asarray(axis, dtype=np.float64)
+    if direction.ndim == 1 and np.ndim(angle_rad) == 0:
+        half_rad = float(angle_rad) / 2  # pyright: ignore[reportArgumentType]
+        x, y, z = direction.tolist()
+        scale = math.sin(half_rad) / math.sqrt(x * x + y * y + z * z)
+        return np.array((math.cos(half_rad), scale * x, scale * y, scale * z))
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     half: Array = np.asarray(angle_rad, dtype=np.float64)[..., None] / 2
     vector = np.sin(half) * direction
@@ -124,6 +130,11 @@ def quat_wxyz_from_axis_angle(axis: ArrayLike, angle_rad: ArrayLike) -> Array:
 def quat_wxyz_to_rotation_vector(quat_wxyz: ArrayLike) -> Array:
     """Axis times angle (..., 3) in radians, angle in [0, pi]."""
     q = quat_wxyz_canonical(quat_wxyz)
+    if q.ndim == 1:
+        w, x, y, z = q.tolist()
+        length = math.sqrt(x * x + y * y + z * z)
+        scale = 2 * math.atan2(length, w) / length if length > 1e-12 else 2.0
+        return np.array((scale * x, scale * y, scale * z))
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])
     # angle / sine tends to 2 as the rotation vanishes.

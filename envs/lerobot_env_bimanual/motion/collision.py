@@ -25,7 +25,7 @@ NEVER = -np.inf
 class CollisionChecker:
     """Answers whether two postures are free of collisions under the rules of the motion at hand.
 
-    Start a motion with `begin_free_motion` or `begin_contact_motion`, then ask `free` any number of times.
+    Begin with `begin_free_motion`, `begin_contact_motion` or `begin_standing`, then ask any number of times.
 
     Args:
         scene: The world; its positions are read at the start of each motion.
@@ -49,6 +49,7 @@ class CollisionChecker:
         for arm in ARMS:
             self._is_finger[[self._model.body(name).id for name in scene.arm_pair.finger_names(arm)]] = True
         self._contact_rules = self._make_contact_rules()
+        self._standing_rules = self._make_standing_rules()
 
     def begin_free_motion(
         self, checked: Iterable[Arm], carried: Iterable[tuple[Arm, str]], left: Array, right: Array
@@ -91,6 +92,12 @@ class CollisionChecker:
         self._carried = []
         self._least_distance[:] = self._contact_rules
 
+    def begin_standing(self) -> None:
+        """Rules for arms that stand still: clearance from all props, as a motion cannot begin within them."""
+        self._copy_state()
+        self._carried = []
+        self._least_distance[:] = self._standing_rules
+
     def free(self, left: Array, right: Array) -> bool:
         """Whether the two postures, (7,) rad each, keep the rules."""
         self._move(left, right)
@@ -113,6 +120,14 @@ class CollisionChecker:
         self._require(left & ~self._is_finger, right & ~self._is_finger, 0.0)
         world = np.arange(self._model.nbody) == 0
         self._require(left | right, world, 0.0)
+        return self._least_distance.copy()
+
+    def _make_standing_rules(self) -> Array:
+        """Least distance of each pair of bodies while the arms stand still, (nbody, nbody)."""
+        self._least_distance[:] = NEVER
+        is_arm = self._owner >= 0
+        is_prop = ~is_arm & (np.arange(self._model.nbody) > 0)
+        self._require(is_arm, is_prop, CLEARANCE_M)
         return self._least_distance.copy()
 
     def _copy_state(self) -> None:

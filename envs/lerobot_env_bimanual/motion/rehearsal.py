@@ -50,9 +50,10 @@ class Rehearsal:
     def objection(self, script: Script) -> str | None:
         """What keeps both arms from going through a script from the scene's present state.
 
-        Checked at every stage: targets inside the workspace, a collision-free goal for planned stages and feasible
-        straight lines for the others, joint margins, no arm in itself, the table or the other arm. All codecs are
-        gone through in step, as all their lines can be computed together.
+        Checked at first: no prop in an arm or right beside it. Checked at every stage: targets inside the workspace,
+        a collision-free goal for planned stages and feasible straight lines for the others, joint margins, no arm in
+        itself, the table or the other arm. All codecs are gone through in step, as all their lines can be computed
+        together.
 
         Args:
             script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
@@ -99,6 +100,9 @@ class _Walk:
         self._view.copy_from(self._scene)
         commanded = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
         self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
+        self._checker.begin_standing()
+        if obstacle := self._checker.obstacle(self._joints[Arm.LEFT], self._joints[Arm.RIGHT]):
+            return f"too close: {obstacle}"
         keypose = self._present_keypose()
         for stage in script(self._view):
             keypose = stage.keypose(keypose)

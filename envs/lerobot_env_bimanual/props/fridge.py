@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
@@ -76,8 +75,9 @@ class Fridge:
 
     def handle(self, door_rad: float, height_m: float) -> NDArray[np.float64]:
         """(3,) point of the upper door's bar when the door is open by `door_rad`, in the fridge's frame, m."""
-        hinge = Pose.upright((*_HINGE_M, height_m), door_rad)
-        return hinge.apply((_HANDLE_X_M, HANDLE_FROM_HINGE_M, 0.0))
+        (x, y), cos, sin = _HINGE_M, np.cos(door_rad), np.sin(door_rad)
+        ahead, aside = _HANDLE_X_M, HANDLE_FROM_HINGE_M
+        return np.array((x + cos * ahead - sin * aside, y + sin * ahead + cos * aside, height_m))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the shell with its closed lower door, and the upper door."""

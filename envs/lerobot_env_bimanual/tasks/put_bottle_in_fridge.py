@@ -119,13 +119,14 @@ class PutBottleInFridge(Task):
 
         yield Stage("fold", left=_hand(FOLD_M, BRING_YAW_RAD), planned=True)
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
-        yield Stage("approach", above, pull(0).advanced(-BEFORE_HANDLE_M), planned=True)
-        yield Stage("grasp", grasp, pull(0), left_open=False, right_open=False, left_holds="bottle")
+        closed, opened = pull(0), pull(DOOR_RAD[-1])
+        yield Stage("approach", above, closed.advanced(-BEFORE_HANDLE_M), planned=True)
+        yield Stage("grasp", grasp, closed, left_open=False, right_open=False, left_holds="bottle")
         yield Stage("open", grasp.translated((0, 0, LIFT_M)), pull(DOOR_RAD[0]))
         for door_rad in DOOR_RAD[1:-1]:
             yield Stage("open", right=pull(door_rad))
-        yield Stage("open", right=pull(DOOR_RAD[-1]), right_open=True)
-        yield Stage("make way", via, pull(DOOR_RAD[-1]).advanced(-AWAY_M))
+        yield Stage("open", right=opened, right_open=True)
+        yield Stage("make way", via, opened.advanced(-AWAY_M))
         yield Stage("bring", left=before_fridge)
         yield Stage("insert", left=release, left_open=True)
         yield Stage("withdraw", left=before_fridge)

@@ -131,3 +131,11 @@ def test_a_rehearsal_forgets_the_one_before(table_scene):
     verdicts = [rehearsal.objection(lambda view, at=at: _pick_up(view, at)) for at in (GRASP, far, GRASP)]
     assert verdicts[0] is verdicts[2] is None
     assert verdicts[1] is not None
+
+
+def test_a_prop_in_an_arm_or_right_beside_it_is_rejected(table_scene):
+    link = table_scene.data.body("left_link5").xpos
+    for outward_m, expected in ((0.0, "too close"), (0.6, "None")):
+        table_scene.place("wall", Pose.upright(np.add(link, (0, outward_m, 0))))
+        objection = Rehearsal(table_scene).objection(lambda view: iter(()))
+        assert str(objection).startswith(expected)
