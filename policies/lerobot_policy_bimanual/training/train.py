@@ -12,8 +12,8 @@ from typing import Any
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.scripts import lerobot_train
 
-from lerobot_bimanual.dataset.resident import ResidentDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 
 def main() -> int:

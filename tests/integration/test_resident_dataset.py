@@ -4,9 +4,10 @@ import pytest
 import torch
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-from lerobot_bimanual.dataset import resident, schema
-from lerobot_bimanual.dataset.resident import ResidentDataset
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual.training import resident_dataset
+from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 
 @pytest.fixture(params=schema.VIEWS)
@@ -35,6 +36,6 @@ def test_every_row_is_the_stored_one_but_for_the_type_of_colours(stored):
 
 
 def test_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):
-    monkeypatch.setattr(resident, "MAX_SHARE", 1e-9)
+    monkeypatch.setattr(resident_dataset, "MAX_SHARE", 1e-9)
     with pytest.raises(DatasetError, match=r"rows of this dataset take .* GB of memory"):
         ResidentDataset(stored)

@@ -1,0 +1,1 @@
+"""LeRobot's training on a dataset that is held in memory."""
