@@ -1,4 +1,4 @@
-"""A small generated dataset, shared by the tests of generation and replay."""
+"""A small generated dataset and flags of small policies, shared by the tests."""
 
 import hashlib
 from pathlib import Path
@@ -6,6 +6,39 @@ from pathlib import Path
 import pytest
 
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+
+TINY_PERACT = (
+    "--policy.voxel_size=10",
+    "--policy.channels=8",
+    "--policy.token_dim=16",
+    "--policy.num_latents=16",
+    "--policy.latent_dim=32",
+    "--policy.depth=1",
+    "--policy.heads=2",
+    "--policy.language_tokens=4",
+    "--policy.language_dim=16",
+)
+TINY_RVT = (
+    "--policy.voxel_size=15",
+    "--policy.patch=3",
+    "--policy.channels=8",
+    "--policy.token_dim=16",
+    "--policy.attention_dim=32",
+    "--policy.depth=2",
+    "--policy.heads=2",
+    "--policy.language_tokens=4",
+    "--policy.language_dim=16",
+)
+
+
+@pytest.fixture(scope="session")
+def tiny_flags() -> dict[str, tuple[str, ...]]:
+    """By type of keypose policy, flags of LeRobot's commands for a network as small as can be."""
+    peract = dict.fromkeys(("peract2", "peract_independent", "peract_lf"), TINY_PERACT)
+    return {
+        policy: (f"--policy.type={policy}", *flags)
+        for policy, flags in (peract | {"rvt_lf": TINY_RVT}).items()
+    }
 
 
 def generation(root: Path, **options) -> GenerateConfig:

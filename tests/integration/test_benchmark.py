@@ -14,14 +14,10 @@ from lerobot_bimanual.results import ResultRow
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
-TINY = (
-    "--policy.voxel_size=10 --policy.channels=8 --policy.token_dim=16 --policy.num_latents=16 "
-    "--policy.latent_dim=32 --policy.depth=1 --policy.heads=2 --policy.language_tokens=4 "
-    "--policy.language_dim=16 --num_workers=0"
-)
 
-
-def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path: Path, monkeypatch):
+def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(
+    tmp_path: Path, monkeypatch, tiny_flags
+):
     config = BenchmarkConfig(
         demos=2,
         image_size=32,
@@ -30,7 +26,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
         batch_size=2,
         val_episodes=2,
         test_episodes=2,
-        train_flags=TINY,
+        train_flags=" ".join([*tiny_flags["peract2"][1:], "--num_workers=0"]),
         eval_flags="--eval.batch_size=1",
         device="cpu",
         workers=1,

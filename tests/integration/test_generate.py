@@ -1,6 +1,7 @@
 """Generated datasets are complete, reproducible, true to the environment, and survive crashes."""
 
 import os
+import re
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -121,9 +122,12 @@ def test_any_process_with_any_history_writes_the_same_bytes(
     assert tree_hashes(config.root) == tree_hashes(generated)
 
 
-def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_path) -> None:
+def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_path, capsys) -> None:
     config = small_generation(tmp_path / "one", view="keyframes", episodes=1, discretise=100)
     generate(config)
+    summary = re.search(r"([\d.]+) minutes, ([\d.]+) of CPU time; ([\d.]+) MB", capsys.readouterr().out)
+    assert summary is not None
+    assert all(float(number) > 0 for number in summary.groups())
     one, small = RecordedDataset(config.root).episode(0), RecordedDataset(generated / "keyframes").episode(0)
     assert one.meta == small.meta
     positions = one.columns[schema.NEXT_KEYPOSE][:, :3]

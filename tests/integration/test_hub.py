@@ -34,18 +34,6 @@ depth = dataset[0]["observation.images.front_depth"]
 np.save("labels.npy", np.stack([item["observation.next_keypose"] for item in dataset]))
 print(json.dumps([len(dataset), list(depth.shape), str(depth.dtype), str(dataset.root)]))
 """
-TINY_PERACT2 = (
-    "--policy.type=peract2",
-    "--policy.voxel_size=10",
-    "--policy.channels=8",
-    "--policy.token_dim=16",
-    "--policy.num_latents=16",
-    "--policy.latent_dim=32",
-    "--policy.depth=1",
-    "--policy.heads=2",
-    "--policy.language_tokens=4",
-    "--policy.language_dim=16",
-)
 
 
 def load_loopback_hub() -> ModuleType:
@@ -162,10 +150,10 @@ def test_a_stranger_with_an_empty_cache_loads_it_by_name(published, dataset, des
     assert RecordedDataset(root).provenance == RecordedDataset(dataset).provenance
 
 
-def test_a_stranger_trains_on_it_by_name(published, desk) -> None:
+def test_a_stranger_trains_on_it_by_name(published, desk, tiny_flags) -> None:
     done = desk.run(
         "lerobot-train",
-        *TINY_PERACT2,
+        *tiny_flags["peract2"],
         "--policy.cameras=[front,left_wrist]",
         f"--dataset.repo_id={REPO_ID}",
         "--policy.device=cpu",

@@ -14,36 +14,6 @@ from safetensors.torch import load_file
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 SIZE = 32
-TINY_PERACT = [
-    "--policy.voxel_size=10",
-    "--policy.channels=8",
-    "--policy.token_dim=16",
-    "--policy.num_latents=16",
-    "--policy.latent_dim=32",
-    "--policy.depth=1",
-    "--policy.heads=2",
-    "--policy.language_tokens=4",
-    "--policy.language_dim=16",
-]
-TINY_RVT = [
-    "--policy.voxel_size=15",
-    "--policy.patch=3",
-    "--policy.channels=8",
-    "--policy.token_dim=16",
-    "--policy.attention_dim=32",
-    "--policy.depth=2",
-    "--policy.heads=2",
-    "--policy.language_tokens=4",
-    "--policy.language_dim=16",
-]
-TINY = {
-    "peract2": TINY_PERACT,
-    "peract_independent": TINY_PERACT,
-    "peract_lf": TINY_PERACT,
-    "rvt_lf": TINY_RVT,
-}
-"""By policy type, flags of a network as small as can be."""
-
 # So that 2 steps and 2 more are the same as 4. With dropout and augmentation on, the weights differ after a
 # resume: their random numbers go on differently, most likely because LeRobot's loader draws some in between.
 REPEATABLE = ["--policy.lr_schedule=constant", "--policy.attention_dropout=0", "--policy.augmentation=false"]
@@ -131,16 +101,16 @@ def keypose_policy_types() -> list[str]:
 
 
 @pytest.mark.parametrize("policy", keypose_policy_types())
-def test_keypose_policy_trains_and_is_evaluated(room, policy):
+def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
-    flags = (f"--policy.type={policy}", *TINY[policy], *data, f"--output_dir={policy}")
+    flags = (*tiny_flags[policy], *data, f"--output_dir={policy}")
     train(*flags, "--steps=20", "--save_freq=20", folder=room)
     assert evaluate(policy, room)["n_episodes"] == 1
 
 
-def test_training_resumes_exactly(room):
+def test_training_resumes_exactly(room, tiny_flags):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
-    flags = ("--policy.type=peract2", *TINY["peract2"], *REPEATABLE, *data)
+    flags = (*tiny_flags["peract2"], *REPEATABLE, *data)
     train(*flags, "--output_dir=straight", "--steps=4", "--save_freq=4", folder=room)
     train(*flags, "--output_dir=resumed", "--steps=2", "--save_freq=2", folder=room)
     config = room / "resumed" / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
@@ -151,9 +121,9 @@ def test_training_resumes_exactly(room):
 
 
 @pytest.mark.parametrize(("view", "policy"), [("keyframes", "peract2"), ("frames", "act")])
-def test_training_from_memory_gives_the_same_weights(room, view, policy):
+def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, policy):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / view}")
-    kind = TINY_ACT if policy == "act" else ["--policy.type=peract2", *TINY["peract2"]]
+    kind = TINY_ACT if policy == "act" else tiny_flags[policy]
     for command in ("lerobot-train", "lerobot-bimanual-train"):
         output = f"--output_dir={command}-{policy}"
         train(*kind, *data, output, "--steps=3", "--save_freq=3", folder=room, command=command)

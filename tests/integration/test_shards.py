@@ -27,6 +27,7 @@ class Here:
     def __init__(self):
         self.recorded: list[str] = []
         self.successes = 0
+        self.cpu_seconds = 0.0
 
     def __enter__(self):
         return self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -75,15 +76,23 @@ def generate(config: GenerateConfig) -> None:
             staging.remove()
             print(f"{config.root} is already complete: {settings.total_episodes} episodes")
         else:
+            start_s = time.monotonic()
             with make_executor(config) as executor:
                 command = regeneration_command(settings, config.root)
                 reports = build_dataset(settings, command, staging, executor)
+                cpu_minutes = executor.cpu_seconds / 60
+            minutes = (time.monotonic() - start_s) / 60
             skipped = [seed for report in reports for seed in report.skipped]
             print(f"{config.root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
+            print(f"{minutes:.2f} minutes, {cpu_minutes:.2f} of CPU time; {_megabytes(config.root):.1f} MB")
             for seed in skipped:
                 print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
     if config.push_to_hub:
         push(PushConfig(root=config.root, repo_id=settings.repo_id))
+
+
+def _megabytes(folder: Path) -> float:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
 
 
 def make_executor(config: GenerateConfig) -> Executor:

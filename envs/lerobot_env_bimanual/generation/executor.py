@@ -51,6 +51,11 @@ class Executor(Protocol):
         """Episodes recorded so far."""
         ...
 
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time that finished shards and views have taken, of all workers together."""
+        ...
+
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
     ) -> Iterator[None]:

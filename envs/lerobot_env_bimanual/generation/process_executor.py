@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +28,19 @@ PRELOADED = ("lerobot_bimanual.dataset.writer",)
 an OpenGL driver does not survive a fork."""
 
 
+@dataclass(frozen=True)
+class _Tally:
+    """What all workers count together.
+
+    Attributes:
+        successes: episodes recorded.
+        cpu_seconds: CPU time of finished work.
+    """
+
+    successes: Synchronized[int]
+    cpu_seconds: Synchronized[float]
+
+
 class ProcessExecutor:
     """A pool of processes on this machine; an `Executor`.
 
@@ -37,9 +53,9 @@ class ProcessExecutor:
         context = multiprocessing.get_context(START_METHOD)
         context.set_forkserver_preload([*PRELOADED])
         self._others = multiprocessing.active_children()
-        self._successes: Synchronized[int] = context.Value("q", 0)
+        self._tally = _Tally(context.Value("q", 0), context.Value("d", 0.0))
         self._pool = ProcessPoolExecutor(
-            workers or os.cpu_count() or 1, context, _start_worker, (self._successes,)
+            workers or os.cpu_count() or 1, context, _start_worker, (self._tally,)
         )
 
     def __enter__(self) -> Self:
@@ -57,7 +73,12 @@ class ProcessExecutor:
     @property
     def successes(self) -> int:
         """Episodes recorded so far; read without the lock, which a killed worker may have taken along."""
-        return self._successes.get_obj().value
+        return self._tally.successes.get_obj().value
+
+    @property
+    def cpu_seconds(self) -> float:
+        """See `Executor`; read without the lock, too."""
+        return self._tally.cpu_seconds.get_obj().value
 
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
@@ -86,29 +107,40 @@ class ProcessExecutor:
             yield
 
 
-_successes: Synchronized[int] | None = None
+_tally: _Tally | None = None
+"""Of this worker's parent."""
 
 
-def _start_worker(successes: Synchronized[int]) -> None:
-    global _successes
-    _successes = successes
+def _start_worker(tally: _Tally) -> None:
+    global _tally
+    _tally = tally
     prepare_worker()
     worker.load_libraries()
 
 
 def _count_success() -> None:
-    assert _successes is not None
-    with _successes.get_lock():
-        _successes.value += 1
+    assert _tally is not None
+    with _tally.successes.get_lock():
+        _tally.successes.value += 1
+
+
+@contextmanager
+def _count_cpu_time() -> Iterator[None]:
+    assert _tally is not None
+    start_s = time.process_time()
+    yield
+    with _tally.cpu_seconds.get_lock():
+        _tally.cpu_seconds.value += time.process_time() - start_s
 
 
 def _record(settings: GenerationSettings, shard: Shard, target: Path) -> None:
-    worker.record(settings, shard, target, _count_success)
+    with _count_cpu_time():
+        worker.record(settings, shard, target, _count_success)
 
 
 def _merge(job: MergeJob) -> None:
     from lerobot_env_bimanual.generation.merging import merge_shards
     from lerobot_env_bimanual.generation.staging import plain_write_errors
 
-    with plain_write_errors(job.root):
+    with _count_cpu_time(), plain_write_errors(job.root):
         merge_shards(job)

@@ -12,8 +12,10 @@ import logging
 import socket
 import tarfile
 import tempfile
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -59,6 +61,7 @@ class RayExecutor:
     def __init__(self, workers: int, address: str | None):
         self._workers = workers
         self._successes = 0
+        self._cpu_seconds = 0.0
         self._running: dict[Any, Shard] = {}
         self._is_owner = not ray.is_initialized()
         if self._is_owner:
@@ -87,6 +90,11 @@ class RayExecutor:
         """Episodes that have come home so far."""
         return self._successes
 
+    @property
+    def cpu_seconds(self) -> float:
+        """See `Executor`."""
+        return self._cpu_seconds
+
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
     ) -> Iterator[None]:
@@ -99,30 +107,43 @@ class RayExecutor:
             done, _ = ray.wait([*self._running], timeout=POLL_S)
             for task in done:
                 shard = self._running.pop(task)
-                packed, successes = _result(task, shard)
-                unpack(packed, folder(shard.name))
-                self._successes += successes
+                packed = _result(task, shard)
+                unpack(packed.archive, folder(shard.name))
+                self._successes += packed.episodes
+                self._cpu_seconds += packed.cpu_seconds
             yield
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`; on this machine, where the shards are."""
         with ProcessExecutor(len(jobs)) as local:
             yield from local.merge(jobs)
+            self._cpu_seconds += local.cpu_seconds
 
 
-def record_packed(
-    settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]
-) -> tuple[bytes, int]:
+@dataclass(frozen=True)
+class PackedShard:
+    """A finished shard on its way home.
+
+    Attributes:
+        archive: its folder as a tar archive.
+        episodes: how many it has.
+        cpu_seconds: what it took.
+    """
+
+    archive: bytes
+    episodes: int
+    cpu_seconds: float
+
+
+def record_packed(settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]) -> PackedShard:
     """Record a shard on some machine; this is the task that ray runs.
-
-    Returns:
-        The finished shard as a tar archive, and its number of episodes.
 
     Raises:
         DatasetError: the shard cannot be recorded, or this machine has other versions than the driver.
     """
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
+    start_s = time.process_time()
     worker.load_libraries()
     episodes = Counter()
     with new_folder(Path(tempfile.gettempdir())) as folder:
@@ -132,7 +153,7 @@ def record_packed(
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
-    return archive.getvalue(), episodes["recorded"]
+    return PackedShard(archive.getvalue(), episodes["recorded"], time.process_time() - start_s)
 
 
 def unpack(packed: bytes, target: Path) -> None:
@@ -147,7 +168,7 @@ def unpack(packed: bytes, target: Path) -> None:
         place_shard(folder, target)
 
 
-def _result(task: Any, shard: Shard) -> tuple[bytes, int]:
+def _result(task: Any, shard: Shard) -> PackedShard:
     try:
         return ray.get(task)
     except RayTaskError as error:
