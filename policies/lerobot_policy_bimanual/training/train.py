@@ -12,6 +12,7 @@ from typing import Any
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.scripts import lerobot_train
 
+import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
