@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -119,7 +118,7 @@ def encode_again(file: Path, change: Callable[[list[np.ndarray]], list[np.ndarra
         (lambda frames: frames, None),
         (lambda frames: [frames[0], *frames[:-1]], "the tick before"),
         (lambda frames: [*frames[1:], frames[-1]], "the tick after"),
-        (lambda frames: [frame[..., ::-1] for frame in frames], "exchanged red and blue|unlike a new image"),
+        (lambda frames: [frame[..., ::-1] for frame in frames], "exchanged red and blue"),
     ],
     ids=["only encoded again", "late", "early", "BGR"],
 )
@@ -128,7 +127,7 @@ def test_a_video_out_of_step_or_in_wrong_colours_is_found(copy, change, shown) -
     encode_again(root / "videos" / FRONT / "chunk-000" / "file-000.mp4", change)
     found = faults_of(root, simulate=True)
     assert list(found) == ([] if shown is None else ["rendered RGB"])
-    assert shown is None or re.search(shown, found["rendered RGB"])
+    assert shown is None or f"{FRONT} shows {shown}" in found["rendered RGB"]
 
 
 def test_an_image_that_is_missing_is_found(copy) -> None:

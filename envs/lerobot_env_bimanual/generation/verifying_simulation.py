@@ -125,8 +125,8 @@ class _Comparison:
     def play(self, replayer: Replayer) -> tuple[Fault, ...]:
         """Play the episode and compare; returns the faults of the states."""
         faults = _play(replayer, self._episode.index, self._visit)
-        for video in self._videos.values():
-            self._found[RGB].extend(video.faults())
+        if self._videos:  # first, as it explains what is wrong with single frames
+            self._found[RGB][:0] = [fault for video in self._videos.values() for fault in video.faults()]
         return (self._diverged,) if self._diverged is not None else faults
 
     def _visit(self, env: BimanualEnv) -> None:
