@@ -197,7 +197,7 @@ class Plan:
             "steps": self.recipe.steps,
             "batch_size": self.recipe.batch_size,
             # A worker process per core beyond the one that trains; LeRobot's own default is four.
-            "num_workers": min(4, max(1, (os.cpu_count() or 1) - 1)),
+            "num_workers": 0 if self._resident else min(4, max(1, (os.cpu_count() or 1) - 1)),
             "log_freq": max(1, self.recipe.save_freq // 5),
             "save_freq": self.recipe.save_freq,
             "seed": self.config.seed,
@@ -211,7 +211,7 @@ class Plan:
         """Train with a checkpoint every `save_freq` steps."""
         return Stage(
             "train",
-            ["lerobot-train", *flag_words(self.training_flags())],
+            ["lerobot-bimanual-train" if self._resident else "lerobot-train", *flag_words(self.training_flags())],
             output=self.checkpoint(self.recipe.steps),
             training_folder=self.run_folder / "train",
         )
@@ -236,6 +236,11 @@ class Plan:
         }
         words = ["lerobot-eval", *flag_words(flags)]
         return Stage(evaluation.parent.name, words, output=evaluation, inputs=(self.weights(step),))
+
+    @property
+    def _resident(self) -> bool:
+        """Whether the dataset fits into memory: keyframes do, all frames do not."""
+        return view_of(self.config.policy) == "keyframes"
 
     @property
     def _device(self) -> dict[str, str]:

@@ -37,8 +37,7 @@ class KeyposeCodec(NumpyKeyposeCodec):
     def encode(self, vectors: Tensor) -> DiscreteKeypose:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
-        lower = vectors.new_tensor(self.workspace.lower)
-        voxel = ((arms[..., POSITION] - lower) / vectors.new_tensor(self.voxel_size_m)).floor().long()
+        voxel = self.in_voxels(vectors).floor().long()
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
         rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
         return DiscreteKeypose(
@@ -51,6 +50,12 @@ class KeyposeCodec(NumpyKeyposeCodec):
     def decode(self, discrete: DiscreteKeypose) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Flat keyposes (..., 18) at the voxel centres and bin angles."""
         return self.assemble(self.voxel_centers(discrete.voxel), discrete)
+
+    def in_voxels(self, vectors: Tensor) -> Tensor:
+        """Positions of flat keyposes (..., 18) in voxels from the grid's corner, (..., 2, 3)."""
+        position = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))[..., POSITION]
+        lower = vectors.new_tensor(self.workspace.lower)
+        return (position - lower) / vectors.new_tensor(self.voxel_size_m)
 
     def voxel_centers(self, voxel: Tensor) -> Tensor:
         """World positions (..., 3) of voxel indices (..., 3); fractions of a voxel are allowed."""

@@ -30,7 +30,8 @@ class Stage:
         command: Program and flags, as a user would type them.
         output: What exists once the command has succeeded; None for a command that leaves nothing behind.
         inputs: Files made by earlier stages; the stage counts as done only for their present content.
-        training_folder: Where a `lerobot-train` command keeps its checkpoints, from which it is resumed.
+        training_folder: Where a command with the flags of `lerobot-train` keeps its checkpoints, from which it is
+            resumed.
         judges: Whether the command exits with 1 when it has measured something that it finds not good enough, as
             `certify` does. Its output is then a result like any other.
     """
@@ -70,7 +71,7 @@ class Pipeline:
     def run(self, stage: Stage) -> None:
         """Run one command with its output shown, unless the same command has already succeeded here.
 
-        An interrupted `lerobot-train` goes on from its last checkpoint; other commands begin anew.
+        An interrupted training goes on from its last checkpoint; other commands begin anew.
 
         Raises:
             BimanualError: The command failed, or a training with other flags is in its place.
@@ -140,7 +141,7 @@ class Pipeline:
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {stage}"
             )
-        return ["lerobot-train", f"--config_path={last}", "--resume=true"]
+        return [stage.command[0], f"--config_path={last}", "--resume=true"]
 
 
 def flag_words(flags: Mapping[str, object]) -> list[str]:

@@ -88,9 +88,10 @@ class KeyposePolicy(PreTrainedPolicy):
                 keyposes = move_keyposes(motion, keyposes)
             observation = self._observe(batch, motion)
             target = self._target(keyposes)
+            offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
         prediction = self._predict(observation, target)
         with self._full_precision(keyposes):
-            losses = keypose_losses(prediction, target)
+            losses = keypose_losses(prediction, target, offset)
             loss = torch.stack(list(losses.values())).sum()
             errors = keypose_errors(self._decode(prediction), keyposes)
             report = {f"{part}_loss": value for part, value in losses.items()} | errors

@@ -14,13 +14,20 @@ FAR_M = 0.05
 """Position errors beyond this are counted as misses."""
 
 
-def keypose_losses(prediction: KeyposePrediction, target: DiscreteKeypose) -> dict[str, Tensor]:
+def keypose_losses(
+    prediction: KeyposePrediction, target: DiscreteKeypose, offset: Tensor | None = None
+) -> dict[str, Tensor]:
     """Cross-entropies of all parts, each summed over arms and rotation axes and averaged over the batch.
 
     The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
+
+    Args:
+        prediction: What the network says.
+        target: Bins of the labels.
+        offset: (b, arms, 3) where in their voxels they lie; see `TranslationPrediction.cross_entropy`.
     """
     return {
-        "translation": prediction.translation.cross_entropy(target.voxel).sum(dim=1).mean(),
+        "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1).mean(),
         "rotation": _cross_entropy(prediction.rotation, target.rotation),
         "gripper_open": _cross_entropy(prediction.gripper_open, target.gripper_open),
         "ignore_collisions": _cross_entropy(prediction.ignore_collisions, target.ignore_collisions),

@@ -26,6 +26,8 @@ class PerActConfig(KeyposePolicyConfig):
         attention_dropout: Dropout of attention weights.
         translation_head: "dense", the paper's softmax over all voxels, or "factorised", the same distribution
             as patch times voxel in patch, several times cheaper.
+        voxel_cells: With the factorised head, cells into which each axis of a voxel is cut, so that
+            `decode=expectation` answers finer than a voxel; 0 for none (departure from the paper otherwise).
         activation_checkpointing: Recompute the dense head in the backward pass: less memory, more time.
     """
 
@@ -38,6 +40,7 @@ class PerActConfig(KeyposePolicyConfig):
     feedforward_multiplier: int = 4
     attention_dropout: float = 0.1
     translation_head: str = "dense"
+    voxel_cells: int = 0
     activation_checkpointing: bool = False
 
     def __post_init__(self):
@@ -45,6 +48,10 @@ class PerActConfig(KeyposePolicyConfig):
         super().__post_init__()
         if self.translation_head not in TRANSLATION_HEADS:
             raise InvalidChoice("translation_head", self.translation_head, TRANSLATION_HEADS)
+        if self.voxel_cells and (self.voxel_cells < 2 or self.translation_head == "dense"):
+            raise ValueError(
+                f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
+            )
         self._require_multiple("voxel_size", PATCH, "a patch is five voxels wide")
         self._require_multiple("token_dim", 2, "half of a token is proprioception")
         self._require_multiple("latent_dim", self.heads, "the heads share the latent evenly")

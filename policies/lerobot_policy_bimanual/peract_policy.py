@@ -49,6 +49,7 @@ def make_network(config: PerActConfig, *, arms: int, proprio_dim: int) -> PerAct
         attention_dropout=config.attention_dropout,
         rotation_bins=config.codec.rotation_bins,
         translation_head=config.translation_head,
+        voxel_cells=config.voxel_cells,
         checkpointing=config.activation_checkpointing,
     )
     if config.compile:

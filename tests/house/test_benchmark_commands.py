@@ -35,7 +35,7 @@ def check(words: list[str]) -> None:
         verb, *flags = flags
         parse_flags(cli.config_type_of(cli.find_verbs()[verb].load()), flags)
         return
-    config_type = {"lerobot-train": TrainPipelineConfig, "lerobot-eval": EvalPipelineConfig}[program]
+    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
     if any(flag.startswith("--policy.path=") for flag in flags):
         # LeRobot reads the policy's config from there and applies the other --policy flags to it.
         flags = [flag for flag in flags if not flag.startswith("--policy.")]
@@ -53,7 +53,8 @@ def test_a_dry_run_prints_valid_commands_and_runs_nothing(policy, recipe, tmp_pa
     commands = [words for words in commands if words]
     checkpoints = 4 if recipe == "small" else 10
     programs = [words[0] for words in commands]
-    assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-train"] + ["lerobot-eval"] * (checkpoints + 1)
+    trains = "lerobot-train" if policy == "act" else "lerobot-bimanual-train"
+    assert programs == ["lerobot-bimanual"] * 3 + [trains] + ["lerobot-eval"] * (checkpoints + 1)
     *ours, training, first_evaluation = commands[:5]
     for words in (*ours, training, first_evaluation):  # the other evaluations have the same flags
         check(words)

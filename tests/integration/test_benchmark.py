@@ -62,5 +62,5 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(
     monkeypatch.setattr(pipeline, "_call", lambda words: commands.append(words) or 1)
     with pytest.raises(BimanualError, match="stage 'train' failed"):
         benchmark(config)
-    assert commands[-1][0] == "lerobot-train"
+    assert commands[-1][0] == "lerobot-bimanual-train"
     assert commands[-1][-1] == "--resume=true"

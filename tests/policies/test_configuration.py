@@ -48,6 +48,8 @@ def test_config_survives_saving(tmp_path):
     ("changes", "error", "hint"),
     [
         ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
+        ({"voxel_cells": 5}, ValueError, "translation_head=factorised"),
+        ({"translation_head": "factorised", "voxel_cells": 1}, ValueError, "at least 2"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
         ({"dtype": "float16"}, InvalidChoice, "float32, bfloat16"),
         ({"optimizer": "sgd"}, InvalidChoice, "adamw, lamb"),

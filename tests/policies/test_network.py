@@ -6,8 +6,10 @@ import torch
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, PointwiseConv3d, pad_replicate
 from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.nn.factorised_head import FactorisedTranslation
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
 from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
 
 BINS = 72
@@ -30,6 +32,7 @@ def make_network(arms: int = 2, **changes) -> PerActNetwork:
         "attention_dropout": 0.0,
         "rotation_bins": BINS,
         "translation_head": "dense",
+        "voxel_cells": 0,
         "checkpointing": False,
     }
     return PerActNetwork(**(options | changes)).double()
@@ -189,6 +192,48 @@ def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution
     hit = (candidates.voxel == voxel[:, :, None]).all(-1)
     expected = -candidates.score[hit].view(2, 2)
     torch.testing.assert_close(network(*inputs, labels(voxel)).translation.cross_entropy(voxel), expected)
+
+
+def test_cells_add_the_likelihood_of_the_place_within_the_voxel():
+    network = make_network(translation_head="factorised", voxel_cells=4).eval()
+    inputs = make_inputs()
+    voxel = torch.randint(0, 10, (2, 2, 3))
+    translation = network(*inputs, labels(voxel)).translation
+    # The middles of all 64 cells of a voxel.
+    middle = torch.arange(4) / 4 - 0.375
+    offsets = torch.cartesian_prod(middle, middle, middle)
+    losses = torch.stack([translation.cross_entropy(voxel, o.expand(2, 2, 3)) for o in offsets])
+    whole = FactorisedTranslation(
+        translation.patch_logits,
+        translation.patches,
+        translation.voxel_logits,
+        translation.target_voxel_logits,
+        translation.cell_logits[..., :0],
+        translation.target_cell_logits[..., :0],
+    )
+    torch.testing.assert_close((-losses).exp().sum(0), (-whole.cross_entropy(voxel)).exp())
+
+
+def test_cells_move_the_local_mean_by_the_expected_offset():
+    voxels, scores = torch.tensor([[[[3, 3, 3], [3, 3, 4], [9, 9, 9]]]]), torch.tensor([[[1.0, 1.0, 0.0]]])
+    offset = torch.tensor([[[[0.25, 0.0, 0.5], [0.25, 0.0, -0.5], [0.5, 0.5, 0.5]]]])
+    mean = VoxelCandidates(voxels, scores, offset).local_mean()
+    torch.testing.assert_close(mean, torch.tensor([[[3.25, 3.0, 3.5]]]))
+
+
+def test_a_network_with_cells_learns_a_position_finer_than_a_voxel():
+    torch.manual_seed(0)
+    network = make_network(translation_head="factorised", voxel_cells=5).float()
+    inputs = tuple(tensor.float() for tensor in make_inputs(samples=1))
+    voxel, offset = torch.tensor([[[2, 7, 4], [5, 5, 9]]]), torch.tensor([[[0.4, -0.4, 0.2], [0.0, -0.2, 0.4]]])
+    optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
+    for _ in range(60):
+        loss = network(*inputs, labels(voxel)).translation.cross_entropy(voxel, offset).sum()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    mean = network.eval()(*inputs).translation.candidates().local_mean()
+    torch.testing.assert_close(mean, voxel + offset, atol=0.05, rtol=0)
 
 
 def test_factorised_loss_without_target_voxels_is_refused():

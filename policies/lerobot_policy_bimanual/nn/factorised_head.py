@@ -3,6 +3,9 @@
 p(voxel) = p(patch) p(voxel | patch) is exact, so nothing is lost but the second factor is only evaluated for
 the patches that matter: the true one in training, the most probable ones at inference. It replaces the
 full-resolution decoder, about five times cheaper per step at 25 voxels (design study).
+
+A third factor may tell where in the voxel the position lies: each axis of a voxel is cut into cells, and each voxel
+has one softmax per axis over them. Coarse voxels, which are cheap, then need not mean coarse answers.
 """
 
 from dataclasses import dataclass
@@ -34,22 +37,39 @@ class FactorisedTranslation:
         voxel_logits: (b, arms, n, PATCH^3) float32, over the voxels of `patches`.
         target_voxel_logits: (b, arms, PATCH^3) float32, over the voxels of the target's patch; None if the
             head was given no target.
+        cell_logits: (b, arms, n, PATCH^3, 3, cells) float32, over the cells along each axis of every voxel of
+            `patches`; no cells if voxels are not cut.
+        target_cell_logits: (b, arms, PATCH^3, 3, cells) float32, likewise of the target's patch.
     """
 
     patch_logits: Tensor
     patches: Tensor
     voxel_logits: Tensor
     target_voxel_logits: Tensor | None
+    cell_logits: Tensor
+    target_cell_logits: Tensor | None
 
-    def cross_entropy(self, voxel: Tensor) -> Tensor:
-        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3) that the head was given."""
-        if self.target_voxel_logits is None:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3) that the head was given.
+
+        With that of their cells, if voxels are cut.
+        """
+        if self.target_voxel_logits is None or self.target_cell_logits is None:
             raise ValueError("the head was run without target voxels, so their likelihood is not known")
         P = round(self.patch_logits.shape[-1] ** (1 / 3))
         patch, inner = split_voxel(voxel, P)
         coarse = F.cross_entropy(self.patch_logits.flatten(0, 1), patch.flatten(), reduction="none")
         fine = F.cross_entropy(self.target_voxel_logits.flatten(0, 1), inner.flatten(), reduction="none")
-        return (coarse + fine).view_as(patch)
+        loss = (coarse + fine).view_as(patch)
+        cells = self.target_cell_logits.shape[-1]
+        if not cells:
+            return loss
+        where = torch.zeros_like(voxel, dtype=torch.float32) if offset is None else offset
+        cell = ((where + 0.5) * cells).long().clamp(0, cells - 1)  # (b, arms, 3)
+        index = inner[..., None, None, None].expand(*inner.shape, 1, 3, cells)
+        logits = self.target_cell_logits.gather(2, index)[:, :, 0]  # (b, arms, 3, cells)
+        within = F.cross_entropy(logits.flatten(0, 2), cell.flatten(), reduction="none")
+        return loss + within.view_as(cell).sum(dim=-1)
 
     def candidates(self) -> VoxelCandidates:
         """All voxels of the scored patches with their joint log-probabilities."""
@@ -59,7 +79,15 @@ class FactorisedTranslation:
         corner = torch.stack([self.patches // P**2, self.patches // P % P, self.patches % P], dim=-1) * PATCH
         step = torch.arange(PATCH, device=score.device)
         voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
-        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2))
+        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), self._expected_offset())
+
+    def _expected_offset(self) -> Tensor | None:
+        """Where in every voxel of `patches` the position is expected, (b, arms, n * PATCH^3, 3) in voxels."""
+        cells = self.cell_logits.shape[-1]
+        if not cells:
+            return None
+        centres = (torch.arange(cells, device=self.cell_logits.device) + 0.5) / cells - 0.5
+        return (self.cell_logits.softmax(dim=-1) @ centres).flatten(2, 3)
 
     def probabilities(self) -> Tensor:
         """Every voxel's probability (b, arms, v, v, v); patches that were not scored spread theirs evenly."""
@@ -83,28 +111,45 @@ def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
 
 
 class VoxelInPatch(nn.Module):
-    """Scores the voxels of single patches from the stem around them and the trunk's answer."""
+    """Scores the voxels of single patches, and their cells, from the stem around them and the trunk's answer."""
 
-    def __init__(self, channels: int, token_dim: int):
+    def __init__(self, channels: int, token_dim: int, cells: int):
         super().__init__()
+        self.cells = cells
         self.stem = nn.Conv3d(channels, FINE_CHANNELS, 3)
         self.answer = nn.Linear(token_dim, FINE_CHANNELS * PATCH**3)
-        self.out = nn.Linear(FINE_CHANNELS, 1)
+        self.out = nn.Linear(FINE_CHANNELS, 1 + 3 * cells)
 
-    def forward(self, crops: Tensor, answers: Tensor) -> Tensor:
-        """Crops (m, channels, PATCH + 2, ...) and answers (m, token_dim) -> logits (m, PATCH^3) float32."""
+    def forward(self, crops: Tensor, answers: Tensor) -> tuple[Tensor, Tensor]:
+        """Score patches.
+
+        Args:
+            crops: (m, channels, PATCH + 2, ...).
+            answers: (m, token_dim).
+
+        Returns:
+            Logits (m, PATCH^3) of the voxels and (m, PATCH^3, 3, cells) of their cells, float32.
+        """
         hidden = self.stem(crops).flatten(2) + self.answer(answers).unflatten(1, (FINE_CHANNELS, -1))
-        return at_least_float32(self.out(activate(hidden).transpose(1, 2)).squeeze(-1))
+        logits = at_least_float32(self.out(activate(hidden).transpose(1, 2)))
+        return logits[..., 0], logits[..., 1:].unflatten(-1, (3, self.cells))
 
 
 class FactorisedTranslationHead(nn.Module):
-    """Logits over patches for every arm, and over the voxels of chosen patches."""
+    """Logits over patches for every arm, and over the voxels of chosen patches.
 
-    def __init__(self, *, arms: int, channels: int, token_dim: int):
+    Args:
+        arms: Arms to predict.
+        channels: Channels of the stem.
+        token_dim: Width of the trunk's answers.
+        cells: Into which each axis of a voxel is cut; 0 for voxels as a whole.
+    """
+
+    def __init__(self, *, arms: int, channels: int, token_dim: int, cells: int):
         super().__init__()
         self.refine = ActivatedConv3d(token_dim, token_dim, 3)
         self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
-        self.voxel_logits = nn.ModuleList(VoxelInPatch(channels, token_dim) for _ in range(arms))
+        self.voxel_logits = nn.ModuleList(VoxelInPatch(channels, token_dim, cells) for _ in range(arms))
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
     def forward(
@@ -135,38 +180,44 @@ class FactorisedTranslationHead(nn.Module):
         training = target_voxel is not None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
             patches = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
-            voxel_logits = self._score(padded, tokens, patches)
+            voxel_logits, cell_logits = self._score(padded, tokens, patches)
         if target_voxel is None:
-            target_logits = None
+            target_logits = target_cells = None
             patch = self._patch_of_best_voxel(patch_logits, patches, voxel_logits)
         else:
             patch = split_voxel(target_voxel, P)[0]
-            target_logits = self._score(padded, tokens, patch[..., None])[:, :, 0]
+            scores = self._score(padded, tokens, patch[..., None])
+            target_logits, target_cells = (score[:, :, 0] for score in scores)
         features = [
             at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
             pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
             at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
         ]
-        prediction = FactorisedTranslation(patch_logits, patches, voxel_logits, target_logits)
+        prediction = FactorisedTranslation(
+            patch_logits, patches, voxel_logits, target_logits, cell_logits, target_cells
+        )
         return prediction, torch.cat(features, dim=-1)
 
-    def _score(self, padded: Tensor, tokens: Tensor, patches: Tensor) -> Tensor:
-        """Logits (b, arms, n, PATCH^3) of the voxels in patches (b, arms, n)."""
+    def _score(self, padded: Tensor, tokens: Tensor, patches: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
         P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
         width, size = padded.shape[-1], PATCH + 2
         step = torch.arange(size, device=padded.device)
         within = (step[:, None, None] * width + step[:, None]) * width + step  # (7, 7, 7)
         corner = ((patches // P**2 * width + patches // P % P) * width + patches % P) * PATCH
         voxels = corner[..., None] + within.flatten()  # (b, arms, n, 343), flat indices into the padded grid
-        logits = []
+        scores = []
         for arm, head in enumerate(self.voxel_logits):
             index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
             crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size))
             answers = _take(tokens[:, arm, None], patches[:, arm, None])
-            arm_logits = head(crops.transpose(1, 2).flatten(0, 1), answers.flatten(0, 2))
-            logits.append(arm_logits.unflatten(0, (-1, n)))
-        return torch.stack(logits, dim=1)
+            scores.append(head(crops.transpose(1, 2).flatten(0, 1), answers.flatten(0, 2)))
+        voxels, cells = zip(*scores, strict=True)
+        return (
+            torch.stack([logits.unflatten(0, (-1, n)) for logits in voxels], dim=1),
+            torch.stack([logits.unflatten(0, (-1, n)) for logits in cells], dim=1),
+        )
 
     @staticmethod
     def _patch_of_best_voxel(patch_logits: Tensor, patches: Tensor, voxel_logits: Tensor) -> Tensor:

@@ -44,6 +44,7 @@ class PerActNetwork(nn.Module):
         attention_dropout: Of the attention weights, in the reading and the self-attentions.
         rotation_bins: Bins per rotation axis.
         translation_head: "dense" (the paper's) or "factorised".
+        voxel_cells: See `FactorisedTranslationHead`; 0 with the dense one.
         checkpointing: Recompute the dense head in the backward pass instead of storing it.
     """
 
@@ -65,6 +66,7 @@ class PerActNetwork(nn.Module):
         attention_dropout: float,
         rotation_bins: int,
         translation_head: str,
+        voxel_cells: int,
         checkpointing: bool,
     ):
         super().__init__()
@@ -95,7 +97,9 @@ class PerActNetwork(nn.Module):
                 arms=arms, channels=channels, token_dim=token_dim, checkpointing=checkpointing
             )
             if dense
-            else FactorisedTranslationHead(arms=arms, channels=channels, token_dim=token_dim)
+            else FactorisedTranslationHead(
+                arms=arms, channels=channels, token_dim=token_dim, cells=voxel_cells
+            )
         )
         outputs = 3 * rotation_bins + 2 + 2
         self.pose_heads = nn.ModuleList(

@@ -18,10 +18,13 @@ class VoxelCandidates:
     Attributes:
         voxel: (b, arms, n, 3) int64.
         score: (b, arms, n) log-probability up to a constant; -inf for padding.
+        offset: (b, arms, n, 3) where in the voxel the position is expected, in voxels from its centre; None for
+            the centre.
     """
 
     voxel: Tensor
     score: Tensor
+    offset: Tensor | None = None
 
     def best(self) -> Tensor:
         """The most probable voxel, (b, arms, 3) int64."""
@@ -29,17 +32,24 @@ class VoxelCandidates:
         return self.voxel.gather(2, index)[:, :, 0]
 
     def local_mean(self) -> Tensor:
-        """Expected voxel within the 3x3x3 window around the best one, (b, arms, 3) fractional indices."""
+        """Expected position within the 3x3x3 window around the best one, (b, arms, 3) fractional indices."""
         distance = (self.voxel - self.best()[:, :, None]).abs().amax(dim=-1)
         weight = self.score.masked_fill(distance > 1, -torch.inf).softmax(dim=-1)
-        return (weight[..., None] * self.voxel).sum(dim=2)
+        position = self.voxel if self.offset is None else self.voxel + self.offset
+        return (weight[..., None] * position).sum(dim=2)
 
 
 class TranslationPrediction(Protocol):
     """A distribution over voxels for every arm."""
 
-    def cross_entropy(self, voxel: Tensor) -> Tensor:
-        """Negative log-likelihood (b, arms) in nats of target voxels (b, arms, 3)."""
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Negative log-likelihood (b, arms) in nats of targets.
+
+        Args:
+            voxel: (b, arms, 3) int64, the voxels they lie in.
+            offset: (b, arms, 3) where in them, from -0.5 to 0.5 voxels off the centre; None for the centre. Only
+                heads that tell cells of a voxel apart look at it.
+        """
         ...
 
     def candidates(self) -> VoxelCandidates:
@@ -87,16 +97,21 @@ class JointTranslation:
 
     parts: tuple[TranslationPrediction, ...]
 
-    def cross_entropy(self, voxel: Tensor) -> Tensor:
-        """Negative log-likelihood (b, arms) of target voxels (b, arms, 3)."""
-        pairs = zip(self.parts, voxel.split(1, dim=1), strict=True)
-        return torch.cat([part.cross_entropy(target) for part, target in pairs], dim=1)
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Negative log-likelihood (b, arms) of targets in voxels (b, arms, 3)."""
+        voxels = voxel.split(1, dim=1)
+        offsets = [None] * len(voxels) if offset is None else offset.split(1, dim=1)
+        parts = zip(self.parts, voxels, offsets, strict=True)
+        return torch.cat([part.cross_entropy(inside, where) for part, inside, where in parts], dim=1)
 
     def candidates(self) -> VoxelCandidates:
         """The candidates of all arms."""
         parts = [part.candidates() for part in self.parts]
+        offsets = [part.offset for part in parts if part.offset is not None]  # all of them or none
         return VoxelCandidates(
-            torch.cat([part.voxel for part in parts], dim=1), torch.cat([part.score for part in parts], dim=1)
+            torch.cat([part.voxel for part in parts], dim=1),
+            torch.cat([part.score for part in parts], dim=1),
+            torch.cat(offsets, dim=1) if offsets else None,
         )
 
     def probabilities(self) -> Tensor:

@@ -30,7 +30,7 @@ class HeatmapTranslation:
     logits: Tensor
     sigma_px: float
 
-    def cross_entropy(self, voxel: Tensor) -> Tensor:
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
         """Cross-entropy (b, arms) in nats of a small Gaussian around the target voxels (b, arms, 3).
 
         Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then

@@ -1,4 +1,4 @@
-"""A dataset that is decoded once and then stays in memory."""
+"""A dataset that is decoded once and then stays in memory, the main one or a GPU's."""
 
 from typing import Any
 
@@ -20,36 +20,41 @@ type Row = dict[str, Any]
 class ResidentDataset(Dataset):
     """The rows of a `LeRobotDataset` in memory, colours in 8 and depth in 16 bits, as they were recorded.
 
-    A row has colours as integers, which LeRobot's training loop turns into [0, 1] on the policy's device, and all
-    else as the dataset gives it. Attributes that are not found here are the dataset's.
+    Training then moves no image: an item is a number and what is text, and `batch` looks up the rest on the device.
+    Attributes that are not found here are the dataset's.
 
     Args:
         dataset: What is read, once; so nothing random may be done to its rows.
+        device: Where the rows are kept.
+        row_key: Key of an item's number, different for datasets of one training.
 
     Raises:
         DatasetError: It does not fit into memory.
     """
 
-    def __init__(self, dataset: LeRobotDataset):
+    def __init__(self, dataset: LeRobotDataset, device: torch.device, row_key: str = "row"):
+        self.row_key = row_key
         self._dataset = dataset
         self._depth_keys = set(dataset.meta.depth_keys)
         self._colour_keys = set(dataset.meta.camera_keys) - self._depth_keys
-        self._columns: dict[str, Tensor | list] = {}
+        self._texts: list[dict[str, Any]] = []
+        self._columns: dict[str, Tensor] = {}
         for index in tqdm(range(len(dataset)), desc="decoding the dataset", unit="row"):
-            row = self._packed(dataset[index])  # pyright: ignore[reportArgumentType]
+            row = dataset[index]  # pyright: ignore[reportArgumentType]
+            tensors = {key: self._packed(key, value) for key, value in row.items() if isinstance(value, Tensor)}
             if index == 0:
-                self._columns = _room_for(len(dataset), row)
-            for key, value in row.items():
+                self._columns = _room_for(len(dataset), tensors, device)
+            for key, value in tensors.items():
                 self._columns[key][index] = value
+            self._texts.append({key: value for key, value in row.items() if key not in tensors})
 
     def __len__(self) -> int:
         """Number of rows."""
         return len(self._dataset)
 
     def __getitem__(self, index: int) -> Row:
-        """One row."""
-        row = {key: column[index] for key, column in self._columns.items()}
-        return row | {key: row[key].float() for key in self._depth_keys & row.keys()}
+        """A row's number, under `row_key`, and its texts."""
+        return {self.row_key: index} | self._texts[index]
 
     def __getattr__(self, name: str) -> Any:
         """Whatever else the dataset has, such as `meta`."""
@@ -57,28 +62,39 @@ class ResidentDataset(Dataset):
             raise AttributeError(name)
         return getattr(self._dataset, name)
 
-    def _packed(self, row: Row) -> Row:
-        packed = {}
-        for key, value in row.items():
-            if key in self._depth_keys:
-                value = value.to(torch.uint16)  # whole millimetres
-            elif key in self._colour_keys and value.is_floating_point():
-                value = (value * 255).round().to(torch.uint8)
-            packed[key] = value
-        return packed
+    def batch(self, items: Row) -> Row:
+        """What LeRobot's training loop makes of these rows: float tensors of colours in [0, 1], and all else.
+
+        Args:
+            items: Items, collated.
+        """
+        rows = items[self.row_key]
+        texts = {key: value for key, value in items.items() if key != self.row_key}
+        return {key: self._unpacked(key, column[rows]) for key, column in self._columns.items()} | texts
+
+    def _packed(self, key: str, value: Tensor) -> Tensor:
+        if key in self._depth_keys:
+            # Whole millimetres, as signed numbers: PyTorch cannot look up unsigned ones on every device.
+            return value.to(torch.uint16).view(torch.int16)
+        if key in self._colour_keys and value.is_floating_point():
+            return (value * 255).round().to(torch.uint8)
+        return value
+
+    def _unpacked(self, key: str, value: Tensor) -> Tensor:
+        if key in self._depth_keys:
+            return (value.to(torch.int32) & 0xFFFF).float()
+        return value.float() / 255 if key in self._colour_keys else value
 
 
-def _room_for(rows: int, row: Row) -> dict[str, Tensor | list]:
+def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
     """Empty columns for rows like this one."""
-    tensors = {key: value for key, value in row.items() if isinstance(value, Tensor)}
-    needed = rows * sum(value.nbytes for value in tensors.values())
-    free = psutil.virtual_memory().available
+    needed = rows * sum(value.nbytes for value in row.values())
+    free = torch.cuda.mem_get_info(device)[0] if device.type == "cuda" else psutil.virtual_memory().available
     if needed > MAX_SHARE * free:
         raise DatasetError(
             f"{rows} rows of this dataset take {needed / 1e9:.1f} GB of memory, more than {MAX_SHARE:.0%} of the "
-            f"{free / 1e9:.1f} GB that are free. Use `lerobot-train`, or fewer rows, or smaller images"
+            f"{free / 1e9:.1f} GB that are free on {device}. Use `lerobot-train`, or fewer rows, or smaller images"
         )
     return {
-        key: torch.empty((rows, *value.shape), dtype=value.dtype) if key in tensors else [None] * rows
-        for key, value in row.items()
+        key: torch.empty((rows, *value.shape), dtype=value.dtype, device=device) for key, value in row.items()
     }

@@ -2,13 +2,16 @@
 
 `lerobot-train` decodes every image again at every step, in loader processes that each take a core of a laptop and
 cannot keep up with a GPU. This program takes the same flags and calls the same function; it only decodes the dataset
-once, before the first step, and then needs no loaders. Logs, checkpoints and how to resume are LeRobot's.
+once, before the first step, into the memory of the policy's device. Loaders then bring row numbers, and the rows are
+looked up where they are needed. Logs, checkpoints and how to resume are LeRobot's.
 """
 
 import logging
 import sys
+from collections.abc import Sequence
 from typing import Any
 
+import torch
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.scripts import lerobot_train
 
@@ -16,10 +19,48 @@ import lerobot_policy_bimanual.configurations  # noqa: F401  registers the polic
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
+ROW_KEYS = ("row", "held_out_row")
+"""Of the dataset that is trained on, and of the one that `--dataset.eval_split` holds out."""
+
+
+class LookUpRows:
+    """A preprocessor behind the look-up of rows; its other attributes are the preprocessor's.
+
+    Batches that hold rows of no dataset, such as observations of an environment, go straight to the preprocessor.
+    """
+
+    def __init__(self, datasets: Sequence[ResidentDataset], preprocessor: Any):
+        self._datasets = {dataset.row_key: dataset for dataset in datasets}
+        self._preprocessor = preprocessor
+
+    def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
+        """The batch for the policy."""
+        for key in self._datasets.keys() & batch.keys():
+            batch = self._datasets[key].batch(batch)
+        return self._preprocessor(batch)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else the preprocessor has, such as how it is saved."""
+        if name == "_preprocessor":  # as long as __init__ has not set it
+            raise AttributeError(name)
+        return getattr(self._preprocessor, name)
+
 
 def main() -> int:
     """Run `lerobot-train` with the flags of this process."""
-    lerobot_train.make_train_eval_datasets = make_resident_datasets
+    datasets: list[ResidentDataset] = []
+
+    def make_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | None, ...]:
+        made = make_resident_datasets(cfg)
+        datasets.extend(dataset for dataset in made if dataset is not None)
+        return made
+
+    def make_processors(*args: Any, **kwargs: Any) -> tuple[LookUpRows, Any]:
+        preprocessor, postprocessor = _make_processors(*args, **kwargs)
+        return LookUpRows(datasets, preprocessor), postprocessor
+
+    lerobot_train.make_train_eval_datasets = make_datasets
+    lerobot_train.make_pre_post_processors = make_processors
     try:
         lerobot_train.main()
     except BimanualError as error:
@@ -32,8 +73,10 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     """The datasets that `lerobot-train` would make, in memory.
 
     Raises:
-        DatasetError: They are streamed, are transformed at random, or do not fit into memory.
+        DatasetError: They are streamed, are transformed at random, do not fit into memory, or are for a reward model.
     """
+    if cfg.is_reward_model_training:
+        raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
     if cfg.dataset.streaming or cfg.dataset.image_transforms.enable:
         raise DatasetError(
             "rows that are decoded once can be neither streamed nor transformed at random: leave out "
@@ -42,11 +85,16 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     if cfg.num_workers:
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
+    device = torch.device(getattr(cfg.trainable_config, "device", None) or "cpu")
     datasets: tuple[Any, ...] = _make_datasets(cfg)
-    return tuple(None if dataset is None else ResidentDataset(dataset) for dataset in datasets)
+    return tuple(
+        None if dataset is None else ResidentDataset(dataset, device, row_key)
+        for dataset, row_key in zip(datasets, ROW_KEYS, strict=True)
+    )
 
 
 _make_datasets = lerobot_train.make_train_eval_datasets
+_make_processors = lerobot_train.make_pre_post_processors
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# Train a policy on a GPU for so many minutes and score it, on a machine that has no network.
+#
+#   benchmarks/gpu_train.sh pack WHEELS               elsewhere, with network: put every package into a folder (4 GB)
+#   benchmarks/gpu_train.sh run WHEELS MINUTES [FLAG ...]
+#                                                     on the GPU machine: install them, measure how long a step takes,
+#                                                     and run `lerobot-bimanual benchmark` with as many as fit
+#
+# FLAGs are those of `lerobot-bimanual benchmark`, all but --steps and --save_freq:
+#
+#   benchmarks/gpu_train.sh run wheels 30 --task=push_box
+#   benchmarks/gpu_train.sh run wheels 120 --task=lift_ball --recipe=paper --train_flags="--policy.dtype=bfloat16"
+#
+# Demonstrations, checkpoints and the result lie in --output (outputs/gpu). The same command goes on where it stopped.
+# DEVICE=cpu tries it without a GPU; WHEELS may be `-` where the packages are installed already.
+set -euo pipefail
+repository="$(cd -P "$(dirname "$0")/.." && pwd)"
+measured_steps=60
+log_every=20
+
+usage() {
+    sed -n '2,/^set /{/^# \{0,1\}/s///p}' "$0" >&2
+    exit 2
+}
+
+pack() {
+    mkdir -p "$1"
+    "$repository/scripts/setup.sh"
+    local python="$repository/.venv/bin/python"
+    "$python" -m ensurepip --upgrade >/dev/null 2>&1 || true
+    for package in . envs policies; do
+        "$python" -m build --no-isolation --wheel --outdir "$1" "$repository/$package"
+    done
+    "$python" -m pip download --requirement "$repository/requirements.lock" --dest "$1"
+    cp "$repository/.python-version" "$repository/requirements.lock" "$0" "$1"
+    echo "Ready: $1 ($(du -sh "$1" | cut -f1))"
+}
+
+install() {
+    local environment="outputs/gpu_environment"
+    if ! [[ -x $environment/bin/lerobot-bimanual ]]; then
+        "python$(<"$1/.python-version")" -m venv "$environment"
+        "$environment/bin/pip" install --quiet --no-index --find-links "$1" --requirement "$1/requirements.lock"
+        "$environment/bin/pip" install --quiet --no-index --no-deps "$1"/lerobot_*bimanual-*.whl
+    fi
+    PATH="$PWD/$environment/bin:$PATH"
+}
+
+# The command of a dry run that begins with these words.
+command_of() {
+    lerobot-bimanual benchmark "${flags[@]}" --dry_run=true 2>/dev/null | grep -m 1 "^$1"
+}
+
+run() {
+    local wheels="$1" minutes="$2" device="${DEVICE:-cuda}"
+    shift 2
+    [[ $wheels == - ]] || install "$wheels"
+    flags=(--output=outputs/gpu --device="$device" "$@")
+    lerobot-bimanual doctor
+    local output generate train record steps
+    generate="$(command_of "lerobot-bimanual generate")"
+    train="$(command_of "lerobot-[a-z-]*train")"
+    output="$(grep -o -- '--output_dir=[^ ]*' <<<"$train" | cut -d= -f2)"
+    record="$output.steps-in-$minutes-minutes"
+    if ! [[ -f $record ]]; then
+        root="$(grep -o -- '--root=[^ ]*' <<<"$generate" | cut -d= -f2)"
+        [[ -d $root ]] || eval "$generate"
+        echo "Measuring $measured_steps steps ..."
+        local trial log
+        trial="$(mktemp -d)"
+        log="$(eval "$train --steps=$measured_steps --log_freq=$log_every --save_checkpoint=false \
+            --output_dir=$trial/train" 2>&1)" || { echo "$log" >&2; exit 1; }
+        rm -rf "$trial"
+        mkdir -p "$(dirname "$record")"
+        # The last window alone: before it, loaders start and layers are compiled.
+        grep -o 'updt_s:[0-9.]* data_s:[0-9.]*' <<<"$log" | tail -1 | tr ':' ' ' |
+            awk -v minutes="$minutes" '{ print int(minutes * 60 / ($2 + $4) / 4) * 4 }' >"$record"
+    fi
+    steps="$(<"$record")"
+    ((steps > 0)) || { echo "Not even four steps fit into $minutes minutes." >&2; exit 1; }
+    echo "Training $steps steps in about $minutes minutes."
+    exec lerobot-bimanual benchmark "${flags[@]}" --steps="$steps" --save_freq=$((steps / 4))
+}
+
+case "${1:-}:$#" in
+pack:2) pack "$2" ;;
+run:[0-2]) usage ;;
+run:*) run "${@:2}" ;;
+*) usage ;;
+esac
