@@ -3,13 +3,19 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
-.PHONY: help setup demo certificates test test-slow test-all check format bench lock build clean
+.PHONY: help setup watch demo certificates test test-slow test-all check format bench lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
+
+watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU)
+	$(BIN)/lerobot-eval --policy.path=results/checkpoints/lift_ball --policy.device=cpu \
+	    --env.type=bimanual --env.task=lift_ball --env.image_size=128 --env.video_dir=outputs/watch/films \
+	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=outputs/watch
+	@ls outputs/watch/films/*
 
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo

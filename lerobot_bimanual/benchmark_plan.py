@@ -211,7 +211,10 @@ class Plan:
         """Train with a checkpoint every `save_freq` steps."""
         return Stage(
             "train",
-            ["lerobot-bimanual-train" if self._resident else "lerobot-train", *flag_words(self.training_flags())],
+            [
+                "lerobot-bimanual-train" if self._resident else "lerobot-train",
+                *flag_words(self.training_flags()),
+            ],
             output=self.checkpoint(self.recipe.steps),
             training_folder=self.run_folder / "train",
         )

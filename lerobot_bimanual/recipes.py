@@ -60,19 +60,22 @@ centre of the best voxel is too coarse an answer, so the mean over its neighbour
 SMALL_PERACT = {
     "voxel_size": "25",
     "translation_head": "factorised",
+    "voxel_cells": "5",
     "channels": "16",
     "token_dim": "64",
     "num_latents": "128",
     "latent_dim": "128",
     "depth": "2",
+    "feedforward_multiplier": "2",
     **SMALL_KEYPOSE,
 }
 """A PerAct network of a size that learns in minutes on a laptop's CPU; docs/learning.md tells what was tried."""
 
 SMALL_RVT = {
-    "voxel_size": "55",
+    "voxel_size": "35",
     "patch": "5",
-    "point_radius": "0.03",
+    "point_radius": "0.045",
+    "heatmap_sigma_px": "1",
     "channels": "16",
     "token_dim": "64",
     "attention_dim": "128",
@@ -93,6 +96,15 @@ SMALL_ACT = {
 }
 """An ACT that a CPU can train, with one second per chunk of actions; not tuned."""
 
+SMALL_STEPS: Mapping[PolicyName, int] = {
+    "peract2": 2_000,
+    "peract_lf": 1_600,
+    "peract_independent": 1_600,
+    "rvt_lf": 650,
+    "act": 1_000,
+}
+"""As many as take about a quarter of an hour on one core, the same time for every policy."""
+
 SMALL_FLAGS: Mapping[PolicyName, Mapping[str, str]] = {
     "peract2": SMALL_PERACT,
     "peract_lf": SMALL_PERACT,
@@ -108,7 +120,8 @@ def recipe_for(policy: PolicyName, name: RecipeName) -> Recipe:
         # Iterations, their tenth as the distance of checkpoints, demonstrations, 256 pixels (PerAct2 paper);
         # the batch is that of the paper's code, the paper filled a GPU of 48 GB.
         return Recipe(100, 256, 100_000, 8, 10_000, 100, 100)
-    return Recipe(100, 128, 1_000, 8, 250, 20, 50, SMALL_FLAGS[policy])
+    steps = SMALL_STEPS[policy]
+    return Recipe(100, 128, steps, 8, steps // 2, 20, 50, SMALL_FLAGS[policy])
 
 
 def view_of(policy: PolicyName) -> schema.View:

@@ -1,4 +1,4 @@
-"""Results of benchmarks: they survive a file, bad ones are refused, and two are compared seed by seed."""
+"""Results of benchmarks: they survive a file, bad ones are refused, and they stand side by side."""
 
 import json
 from dataclasses import replace
@@ -9,6 +9,7 @@ import pytest
 
 from lerobot_bimanual.compare import CompareConfig, Pairing, compare, pair
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.leaderboard import LeaderboardConfig, leaderboard, render
 from lerobot_bimanual.results import (
     BadResult,
     DatasetRecord,
@@ -209,3 +210,43 @@ def test_compare_prints_both_rates_and_the_test(tmp_path: Path, capsys):
     assert "2 of 4" in printed
     assert "1 of 4" in printed
     assert "only the first 2, only the second 1, neither 1; McNemar's exact test: p = 1" in printed
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """Three of the four results of two policies on two tasks."""
+    folder = tmp_path / "results"
+    folder.mkdir()
+    for policy, task in (("peract2", "lift_ball"), ("act", "lift_ball"), ("peract2", "push_box")):
+        (folder / f"{task}_{policy}.json").write_text(replace(ROW, policy=policy, task=task).to_json())
+    return folder
+
+
+def test_a_leaderboard_has_a_line_per_task_and_a_column_per_policy(results: Path):
+    lines = render(results).splitlines()
+    first = lines.index("| task | `peract2` | `act` | expert | blind |")
+    score = "2/4 (15% to 85%)"
+    assert lines[first + 2 : first + 4] == [
+        f"| `lift_ball` | {score} | {score} | 4 | 0/1 (0% to 79%) |",
+        f"| `push_box` | {score} | – | 4 | 0/1 (0% to 79%) |",
+    ]
+    assert "| `push_box` | `peract2` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 |" in lines
+
+
+def test_a_leaderboard_is_printed_or_written(results: Path, capsys):
+    leaderboard(LeaderboardConfig(results=results))
+    page = capsys.readouterr().out
+    leaderboard(LeaderboardConfig(results=results, output=results / "page.md"))
+    assert (results / "page.md").read_text() + "\n" == page
+    assert not capsys.readouterr().out
+
+
+def test_a_leaderboard_of_nothing_or_of_unlike_results_is_refused(results: Path, tmp_path: Path):
+    with pytest.raises(BimanualError, match=r"holds results of no recipe\(s\)"):
+        render(tmp_path)
+    (results / "again.json").write_text(ROW.to_json())
+    with pytest.raises(BimanualError, match="two results of the same task"):
+        render(results)
+    (results / "again.json").write_text(replace(ROW, recipe="paper").to_json())
+    with pytest.raises(BimanualError, match="paper, small"):
+        render(results)

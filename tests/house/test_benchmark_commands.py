@@ -51,7 +51,7 @@ def test_a_dry_run_prints_valid_commands_and_runs_nothing(policy, recipe, tmp_pa
     assert not output.exists()
     commands = [shlex.split(line, comments=True) for line in capsys.readouterr().out.splitlines()]
     commands = [words for words in commands if words]
-    checkpoints = 4 if recipe == "small" else 10
+    checkpoints = 2 if recipe == "small" else 10
     programs = [words[0] for words in commands]
     trains = "lerobot-train" if policy == "act" else "lerobot-bimanual-train"
     assert programs == ["lerobot-bimanual"] * 3 + [trains] + ["lerobot-eval"] * (checkpoints + 1)

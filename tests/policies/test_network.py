@@ -225,7 +225,10 @@ def test_a_network_with_cells_learns_a_position_finer_than_a_voxel():
     torch.manual_seed(0)
     network = make_network(translation_head="factorised", voxel_cells=5).float()
     inputs = tuple(tensor.float() for tensor in make_inputs(samples=1))
-    voxel, offset = torch.tensor([[[2, 7, 4], [5, 5, 9]]]), torch.tensor([[[0.4, -0.4, 0.2], [0.0, -0.2, 0.4]]])
+    voxel, offset = (
+        torch.tensor([[[2, 7, 4], [5, 5, 9]]]),
+        torch.tensor([[[0.4, -0.4, 0.2], [0.0, -0.2, 0.4]]]),
+    )
     optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
     for _ in range(60):
         loss = network(*inputs, labels(voxel)).translation.cross_entropy(voxel, offset).sum()

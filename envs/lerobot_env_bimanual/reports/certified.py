@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.registry import get_task
@@ -84,7 +85,7 @@ def success_table(certified: Certified) -> str:
         rates = [certified.rate(name, task) for name in CERTIFICATES]
         cells = [NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}" for rate in rates]
         rows.append((f"`{task}`", *cells))
-    return _markdown(headings, rows)
+    return markdown_table(headings, rows)
 
 
 def evidence_table(certified: Certified) -> str:
@@ -116,7 +117,7 @@ def evidence_table(certified: Certified) -> str:
                 f"{_mean(variations, lambda row: row['median_draws']):.1f}",
             )
         )
-    return _markdown(headings, rows)
+    return markdown_table(headings, rows)
 
 
 def paper_table(certified: Certified) -> str:
@@ -137,7 +138,7 @@ def paper_table(certified: Certified) -> str:
             )
         )
     rows.append(("all", sum(row[1] for row in rows), "", "", "", f"{ORIGINAL_ORACLE_MEAN:.1%}"))
-    return _markdown(headings, rows)
+    return markdown_table(headings, rows)
 
 
 def coupling_table(certified: Certified) -> str:
@@ -176,7 +177,7 @@ def coupling_table(certified: Certified) -> str:
                 f"{coupling('mirror_similarity'):.2f}",
             )
         )
-    return _markdown(headings, rows)
+    return markdown_table(headings, rows)
 
 
 def movable_items(task: str) -> int:
@@ -190,8 +191,3 @@ def movable_items(task: str) -> int:
 def _mean(rows: Sequence[Row], value: Callable[[Row], float]) -> float:
     """Over variations, weighted by their episodes."""
     return sum(value(row) * row["trials"] for row in rows) / sum(row["trials"] for row in rows)
-
-
-def _markdown(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [headings, ["---", *("---:" for _ in headings[1:])], *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)

@@ -40,8 +40,10 @@ class ResidentDataset(Dataset):
         self._texts: list[dict[str, Any]] = []
         self._columns: dict[str, Tensor] = {}
         for index in tqdm(range(len(dataset)), desc="decoding the dataset", unit="row"):
-            row = dataset[index]  # pyright: ignore[reportArgumentType]
-            tensors = {key: self._packed(key, value) for key, value in row.items() if isinstance(value, Tensor)}
+            row: Any = dataset[index]  # pyright: ignore[reportArgumentType]
+            tensors = {
+                key: self._packed(key, value) for key, value in row.items() if isinstance(value, Tensor)
+            }
             if index == 0:
                 self._columns = _room_for(len(dataset), tensors, device)
             for key, value in tensors.items():
