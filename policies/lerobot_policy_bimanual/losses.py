@@ -47,14 +47,21 @@ def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
     Returns:
         `<arm>_position_cm`, `<arm>_rotation_deg`, and `<arm>_far`, the share beyond `FAR_M`.
     """
-    predicted, keyposes = (
-        vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes)
-    )
-    distance_m = (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1)  # (b, arms)
-    angle_rad = rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION])
+    distance_m, angle_rad = distances(predicted, keyposes)
     errors = {}
     for arm in ARMS:
         errors[f"{arm}_position_cm"] = 100 * distance_m[:, arm.ordinal].mean()
         errors[f"{arm}_rotation_deg"] = torch.rad2deg(angle_rad[:, arm.ordinal]).mean()
         errors[f"{arm}_far"] = (distance_m[:, arm.ordinal] > FAR_M).float().mean()
     return errors
+
+
+def distances(predicted: Tensor, keyposes: Tensor) -> tuple[Tensor, Tensor]:
+    """Distances in metres and angles in radians, (b, arms) each, between flat keyposes (b, 18)."""
+    predicted, keyposes = (
+        vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes)
+    )
+    return (
+        (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1),
+        rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION]),
+    )

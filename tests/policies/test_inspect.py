@@ -1,4 +1,4 @@
-"""`lerobot-bimanual inspect`: the picture shows what the policy saw and said."""
+"""`lerobot-bimanual inspect` and `accuracy`: what the policy saw and said, and how far that is from the truth."""
 
 import importlib.util
 import json
@@ -22,7 +22,9 @@ from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels, look
+from lerobot_policy_bimanual.inspection.loading import load_policy, load_row, open_dataset
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, INK, draw_scene
 from lerobot_policy_bimanual.inspection.viewpoint import VIEWPOINTS, Frame
 from lerobot_policy_bimanual.losses import keypose_errors
@@ -111,6 +113,31 @@ def test_the_command_draws_every_policys_prediction(policy_type, specimens, data
     views = picture.crop((0, 150, picture.width, 680))
     for color in (*ARM_COLORS.values(), INK):
         assert count(views, color) > 50
+
+
+def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, dataset, tmp_path, capsys):
+    options = next(iter(specimens[policy_type].tiny.values()))
+    policy = get_policy_class(policy_type)(PreTrainedConfig.get_choice_class(policy_type)(**options))
+    checkpoint = save(policy, tmp_path / "pretrained_model")
+    policy, preprocess = load_policy(checkpoint)
+    found = measure(policy, preprocess, open_dataset(dataset, policy.config))
+    assert found.keypose_step.tolist() == [0, 1, 2]
+    for row in range(ROWS):
+        batch = preprocess(load_row(dataset, row, policy.config))
+        action, label = policy.select_action(batch), batch[schema.NEXT_KEYPOSE]
+        predicted, true = BimanualKeypose.from_vector(action[0]), BimanualKeypose.from_vector(label[0])
+        for arm in ARMS:
+            offset_m = predicted[arm].pose.position - true[arm].pose.position
+            distance_cm = 100 * np.linalg.norm(offset_m)
+            assert found.position_cm[row, arm.ordinal] == pytest.approx(distance_cm, rel=1e-4)
+            opened = predicted[arm].gripper_open != true[arm].gripper_open
+            assert found.gripper_wrong[row, arm.ordinal] == opened
+    capsys.readouterr()
+    assert cli.main(["accuracy", f"--checkpoint={checkpoint}", f"--dataset={dataset}"]) == 0
+    last = capsys.readouterr().out.splitlines()[-2]
+    assert [word for word in last.split() if word != "│"][:4] == [
+        *("all", "both", str(ROWS), f"{found.position_cm.mean():.2f}")
+    ]
 
 
 def test_what_is_shown_is_the_prediction_and_the_label(make_policy, make_batch):

@@ -1,4 +1,4 @@
-"""A trained policy and one row of a dataset, both as LeRobot loads them."""
+"""A trained policy and a dataset that it can read, both as LeRobot loads them."""
 
 import json
 from collections.abc import Callable
@@ -58,15 +58,27 @@ def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batc
 
 
 def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
-    """One row as a batch of one.
+    """One row, counted over all episodes, as a batch of one.
+
+    Raises:
+        DatasetError: There is no such row, or as in `open_dataset`.
+        SchemaMismatch: As in `open_dataset`.
+    """
+    opened = open_dataset(dataset, config)
+    if not 0 <= index < len(opened):
+        raise DatasetError(f"{opened.root} has rows 0 to {len(opened) - 1}, but not {index}")
+    return default_collate([opened[index]])
+
+
+def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
+    """A dataset with labels.
 
     Args:
         dataset: Folder of a dataset, or of both its views; `keyframes` is taken then.
-        index: Row, counted over all episodes.
         config: Config of the policy that is to read it.
 
     Raises:
-        DatasetError: There is no dataset, or no such row.
+        DatasetError: There is no dataset.
         SchemaMismatch: The dataset lacks the label, or an image that the policy reads.
     """
     root = find_view(dataset, ("keyframes", "frames"))
@@ -78,7 +90,4 @@ def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
             f"{root} has no {', '.join(missing)}, which the policy reads. Record all of its cameras "
             f"({', '.join(config.cameras)}) with `lerobot-bimanual generate`"
         )
-    rows = info["total_frames"]
-    if not 0 <= index < rows:
-        raise DatasetError(f"{root} has rows 0 to {rows - 1}, but not {index}")
-    return default_collate([LeRobotDataset(f"local/{root.name}", root=root)[index]])
+    return LeRobotDataset(f"local/{root.name}", root=root)
