@@ -46,7 +46,10 @@ TINY_PERACT = {
 }
 """Sizes of the smallest PerAct with every part in it."""
 
-TINY_PERACTS = {head: TINY_PERACT | {"translation_head": head} for head in ("dense", "factorised")}
+TINY_PERACTS = {
+    "dense": TINY_PERACT | {"translation_head": "dense"},
+    "factorised": TINY_PERACT | {"translation_head": "factorised", "voxel_cells": 3},
+}
 
 TINY_RVT = {
     "device": "cpu",
