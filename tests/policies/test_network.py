@@ -6,7 +6,7 @@ import torch
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, PointwiseConv3d, pad_replicate
 from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
-from lerobot_policy_bimanual.nn.factorised_head import FactorisedTranslation
+from lerobot_policy_bimanual.nn.factorised_head import FactorisedTranslation, FactorisedTranslationHead
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
 from lerobot_policy_bimanual.nn.pooling import pool
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
@@ -192,6 +192,22 @@ def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution
     hit = (candidates.voxel == voxel[:, :, None]).all(-1)
     expected = -candidates.score[hit].view(2, 2)
     torch.testing.assert_close(network(*inputs, labels(voxel)).translation.cross_entropy(voxel), expected)
+
+
+def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
+    head = FactorisedTranslationHead(arms=1, channels=4, token_dim=8, cells=0)
+    stem, patches, answers = (
+        torch.rand(1, 4, 20, 20, 20),
+        torch.rand(1, 4, 4, 4, 4),
+        torch.rand(1, 1, 8, 4, 4, 4),
+    )
+    target = torch.tensor([[[2, 2, 2]]])
+    before = head(stem, patches, answers, target)[0].target_voxel_logits
+    stem[0, :, 2, 1, 17] = 10  # three patches above
+    after = head(stem, patches, answers, target)[0].target_voxel_logits
+    x, y, _ = torch.cartesian_prod(*[torch.arange(5)] * 3).unbind(1)
+    below = ((x - 2).abs() <= 1) & ((y - 1).abs() <= 1)
+    assert (before != after)[0, 0].equal(below)
 
 
 def test_cells_add_the_likelihood_of_the_place_within_the_voxel():

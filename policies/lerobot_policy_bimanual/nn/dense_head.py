@@ -107,12 +107,13 @@ class DenseTranslationHead(nn.Module):
         self.feature_dim = 4 * channels + 4 * token_dim + 4 * channels
 
     def forward(
-        self, stem: Tensor, answers: Tensor, target_voxel: Tensor | None
+        self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
     ) -> tuple[DenseTranslation, Tensor]:
         """Score every voxel for every arm.
 
         Args:
             stem: (b, channels, v, v, v) voxel features.
+            patches: Ignored; the factorised head needs them.
             answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
             target_voxel: Ignored; the factorised head needs it.
 

@@ -8,6 +8,7 @@ A third factor may tell where in the voxel the position lies: each axis of a vox
 has one softmax per axis over them. Coarse voxels, which are cheap, then need not mean coarse answers.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -76,7 +77,7 @@ class FactorisedTranslation:
         P = round(self.patch_logits.shape[-1] ** (1 / 3))
         prior = self.patch_logits.log_softmax(dim=-1).gather(-1, self.patches)
         score = prior[..., None] + self.voxel_logits.log_softmax(dim=-1)
-        corner = torch.stack([self.patches // P**2, self.patches // P % P, self.patches % P], dim=-1) * PATCH
+        corner = _place(self.patches, P) * PATCH
         step = torch.arange(PATCH, device=score.device)
         voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
         return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), self._expected_offset())
@@ -111,32 +112,52 @@ def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
 
 
 class VoxelInPatch(nn.Module):
-    """Scores the voxels of single patches, and their cells, from the stem around them and the trunk's answer."""
+    """Scores the voxels of single patches, and their cells.
+
+    From the stem around each voxel, from what lies in line with it along each axis, however far, and from the trunk's
+    answer. Hands come along an axis: where a hand waits above a thing, there is nothing but the thing below.
+    """
 
     def __init__(self, channels: int, token_dim: int, cells: int):
         super().__init__()
         self.cells = cells
         self.stem = nn.Conv3d(channels, FINE_CHANNELS, 3)
+        self.lines = nn.ModuleList(nn.Conv2d(channels, FINE_CHANNELS, 3, padding=1) for _ in range(3))
         self.answer = nn.Linear(token_dim, FINE_CHANNELS * PATCH**3)
         self.out = nn.Linear(FINE_CHANNELS, 1 + 3 * cells)
 
-    def forward(self, crops: Tensor, answers: Tensor) -> tuple[Tensor, Tensor]:
-        """Score patches.
+    def forward(
+        self, crops: Tensor, planes: Sequence[Tensor], patches: Tensor, answers: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Score n patches of each of b samples.
 
         Args:
-            crops: (m, channels, PATCH + 2, ...).
-            answers: (m, token_dim).
+            crops: (b, n, channels, PATCH + 2, ...).
+            planes: (b, channels, v, v), the stem's maxima along x, y and z.
+            patches: (b, n, 3) int64, place of the patches.
+            answers: (b, n, token_dim).
 
         Returns:
-            Logits (m, PATCH^3) of the voxels and (m, PATCH^3, 3, cells) of their cells, float32.
+            Logits (b, n, PATCH^3) of the voxels and (b, n, PATCH^3, 3, cells) of their cells, float32.
         """
-        hidden = self.stem(crops).flatten(2) + self.answer(answers).unflatten(1, (FINE_CHANNELS, -1))
-        logits = at_least_float32(self.out(activate(hidden).transpose(1, 2)))
+        hidden = self.stem(crops.flatten(0, 1)).unflatten(
+            0, crops.shape[:2]
+        )  # (b, n, FINE_CHANNELS, 5, 5, 5)
+        hidden = hidden + self.answer(answers).unflatten(2, (FINE_CHANNELS, PATCH, PATCH, PATCH))
+        for axis, (plane, layer) in enumerate(zip(planes, self.lines, strict=True)):
+            windows = rearrange(layer(plane), "b c (p i) (q j) -> b p q c i j", i=PATCH, j=PATCH)
+            first, second = patches[..., [other for other in range(3) if other != axis]].unbind(-1)
+            sample = torch.arange(len(patches), device=patches.device)[:, None]
+            hidden = hidden + windows[sample, first, second].unsqueeze(3 + axis)
+        logits = at_least_float32(self.out(activate(hidden).flatten(3).transpose(2, 3)))
         return logits[..., 0], logits[..., 1:].unflatten(-1, (3, self.cells))
 
 
 class FactorisedTranslationHead(nn.Module):
     """Logits over patches for every arm, and over the voxels of chosen patches.
+
+    The patches' own features join the trunk's answers, as the voxels' do in the paper's decoder: what lies in a patch
+    need not pass through the latents.
 
     Args:
         arms: Arms to predict.
@@ -147,18 +168,19 @@ class FactorisedTranslationHead(nn.Module):
 
     def __init__(self, *, arms: int, channels: int, token_dim: int, cells: int):
         super().__init__()
-        self.refine = ActivatedConv3d(token_dim, token_dim, 3)
+        self.refine = ActivatedConv3d(token_dim + token_dim // 2, token_dim, 3)
         self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
         self.voxel_logits = nn.ModuleList(VoxelInPatch(channels, token_dim, cells) for _ in range(arms))
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
     def forward(
-        self, stem: Tensor, answers: Tensor, target_voxel: Tensor | None
+        self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
     ) -> tuple[FactorisedTranslation, Tensor]:
         """Score the patches, and the voxels of the patches that matter.
 
         Args:
             stem: (b, channels, v, v, v) voxel features.
+            patches: (b, token_dim / 2, p, p, p) patch features.
             answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
             target_voxel: (b, arms, 3) in training: its patch is scored too, and its token feeds the other
                 heads (teacher forcing). None at inference: the most probable patch takes its place.
@@ -169,24 +191,27 @@ class FactorisedTranslationHead(nn.Module):
             the rest of the head (design study).
         """
         A, P = answers.shape[1], answers.shape[-1]
-        refined = self.refine(answers.flatten(0, 1)).unflatten(0, (-1, A))  # (b, arms, token_dim, p, p, p)
+        own = patches[:, None].expand(-1, A, -1, -1, -1, -1)
+        refined = self.refine(torch.cat([answers, own], dim=2).flatten(0, 1))
+        refined = refined.unflatten(0, (-1, A))  # (b, arms, token_dim, p, p, p)
         tokens = refined.flatten(3).transpose(2, 3)  # (b, arms, p^3, token_dim)
         patch_logits = at_least_float32(
             torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
         )
         # Zero border: a crop is one voxel wider than its patch on every side.
         padded = F.pad(stem, (1,) * 6)
+        planes = [stem.max(dim=axis).values for axis in (2, 3, 4)]
         # In training the prediction is only reported: one patch, no gradient.
         training = target_voxel is not None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
-            patches = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
-            voxel_logits, cell_logits = self._score(padded, tokens, patches)
+            best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
+            voxel_logits, cell_logits = self._score(padded, planes, tokens, best)
         if target_voxel is None:
             target_logits = target_cells = None
-            patch = self._patch_of_best_voxel(patch_logits, patches, voxel_logits)
+            patch = self._patch_of_best_voxel(patch_logits, best, voxel_logits)
         else:
             patch = split_voxel(target_voxel, P)[0]
-            scores = self._score(padded, tokens, patch[..., None])
+            scores = self._score(padded, planes, tokens, patch[..., None])
             target_logits, target_cells = (score[:, :, 0] for score in scores)
         features = [
             at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
@@ -195,29 +220,29 @@ class FactorisedTranslationHead(nn.Module):
             at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
         ]
         prediction = FactorisedTranslation(
-            patch_logits, patches, voxel_logits, target_logits, cell_logits, target_cells
+            patch_logits, best, voxel_logits, target_logits, cell_logits, target_cells
         )
         return prediction, torch.cat(features, dim=-1)
 
-    def _score(self, padded: Tensor, tokens: Tensor, patches: Tensor) -> tuple[Tensor, Tensor]:
+    def _score(
+        self, padded: Tensor, planes: Sequence[Tensor], tokens: Tensor, patches: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
         P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
         width, size = padded.shape[-1], PATCH + 2
         step = torch.arange(size, device=padded.device)
         within = (step[:, None, None] * width + step[:, None]) * width + step  # (7, 7, 7)
-        corner = ((patches // P**2 * width + patches // P % P) * width + patches % P) * PATCH
+        place = _place(patches, P)  # (b, arms, n, 3)
+        corner = ((place[..., 0] * width + place[..., 1]) * width + place[..., 2]) * PATCH
         voxels = corner[..., None] + within.flatten()  # (b, arms, n, 343), flat indices into the padded grid
         scores = []
         for arm, head in enumerate(self.voxel_logits):
             index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
-            crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size))
-            answers = _take(tokens[:, arm, None], patches[:, arm, None])
-            scores.append(head(crops.transpose(1, 2).flatten(0, 1), answers.flatten(0, 2)))
-        voxels, cells = zip(*scores, strict=True)
-        return (
-            torch.stack([logits.unflatten(0, (-1, n)) for logits in voxels], dim=1),
-            torch.stack([logits.unflatten(0, (-1, n)) for logits in cells], dim=1),
-        )
+            crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size)).transpose(1, 2)
+            answers = _take(tokens[:, arm, None], patches[:, arm, None])[:, 0]
+            scores.append(head(crops, planes, place[:, arm], answers))
+        voxels, cells = (torch.stack(logits, dim=1) for logits in zip(*scores, strict=True))
+        return voxels, cells
 
     @staticmethod
     def _patch_of_best_voxel(patch_logits: Tensor, patches: Tensor, voxel_logits: Tensor) -> Tensor:
@@ -225,6 +250,11 @@ class FactorisedTranslationHead(nn.Module):
         prior = patch_logits.gather(-1, patches)
         score = prior + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
         return patches.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)
+
+
+def _place(patches: Tensor, size: int) -> Tensor:
+    """Place (..., 3) of patches (...) on their lattice of size^3."""
+    return torch.stack([patches // size**2, patches // size % size, patches % size], dim=-1)
 
 
 def _take(tokens: Tensor, patches: Tensor) -> Tensor:

@@ -118,7 +118,8 @@ class PerActNetwork(nn.Module):
             target: Label of the arms in training; see `FactorisedTranslationHead`.
         """
         stem = self.stem(grid)  # (b, channels, v, v, v)
-        patches = self.patchify(stem)  # (b, p^3, token_dim / 2)
+        patches = self.patchify(stem)  # (b, p^3, token_dim / 2), and as a map
+        patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
         voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)
         tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
@@ -126,7 +127,7 @@ class PerActNetwork(nn.Module):
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
         answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
         target_voxel = None if target is None else target.voxel
-        translation, features = self.translation(stem, answers, target_voxel)
+        translation, features = self.translation(stem, patch_map, answers, target_voxel)
         logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
         rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(
             (3 * self.rotation_bins, 2, 2), dim=-1
