@@ -46,30 +46,36 @@ install() {
     PATH="$PWD/$environment/bin:$PATH"
 }
 
-# The command of a dry run that begins with these words.
-command_of() {
-    lerobot-bimanual benchmark "${flags[@]}" --dry_run=true 2>/dev/null | grep -m 1 "^$1"
+# The command of a dry run that begins with these words, as a list in `command`.
+plan() {
+    eval "command=($(lerobot-bimanual benchmark "${flags[@]}" --dry_run=true 2>/dev/null | grep -m 1 "^$1"))"
+}
+
+# The value of one of its flags.
+value_of() {
+    local word
+    for word in "${command[@]}"; do
+        [[ $word != --"$1"=* ]] || echo "${word#*=}"
+    done
 }
 
 run() {
-    local wheels="$1" minutes="$2" device="${DEVICE:-cuda}"
+    local wheels="$1" minutes="$2"
     shift 2
     [[ $wheels == - ]] || install "$wheels"
-    flags=(--output=outputs/gpu --device="$device" "$@")
+    flags=(--output=outputs/gpu --device="${DEVICE:-cuda}" "$@")
     lerobot-bimanual doctor
-    local output generate train record steps
-    generate="$(command_of "lerobot-bimanual generate")"
-    train="$(command_of "lerobot-[a-z-]*train")"
-    output="$(grep -o -- '--output_dir=[^ ]*' <<<"$train" | cut -d= -f2)"
-    record="$output.steps-in-$minutes-minutes"
+    plan "lerobot-bimanual generate"
+    [[ -d "$(value_of root)" ]] || "${command[@]}"
+    plan "lerobot-[a-z-]*train"
+    local record steps
+    record="$(value_of output_dir).steps-in-$minutes-minutes"
     if ! [[ -f $record ]]; then
-        root="$(grep -o -- '--root=[^ ]*' <<<"$generate" | cut -d= -f2)"
-        [[ -d $root ]] || eval "$generate"
         echo "Measuring $measured_steps steps ..."
         local trial log
         trial="$(mktemp -d)"
-        log="$(eval "$train --steps=$measured_steps --log_freq=$log_every --save_checkpoint=false \
-            --output_dir=$trial/train" 2>&1)" || { echo "$log" >&2; exit 1; }
+        log="$("${command[@]}" --steps=$measured_steps --log_freq=$log_every --save_checkpoint=false \
+            --output_dir="$trial/train" 2>&1)" || { echo "$log" >&2; exit 1; }
         rm -rf "$trial"
         mkdir -p "$(dirname "$record")"
         # The last window alone: before it, loaders start and layers are compiled.

@@ -92,7 +92,9 @@ def test_no_file_is_larger_than_a_megabyte() -> None:
     assert not [path.name for path in files_of_the_repository() if path.stat().st_size > 1_000_000]
 
 
-@pytest.mark.parametrize("script", [".ci/run", "scripts/find_uv.sh", "scripts/setup.sh"])
+@pytest.mark.parametrize(
+    "script", [".ci/run", "benchmarks/gpu_train.sh", "scripts/find_uv.sh", "scripts/setup.sh"]
+)
 def test_scripts_are_executable_and_stop_at_the_first_error(script: str) -> None:
     assert os.access(ROOT / script, os.X_OK)
     text = (ROOT / script).read_text()
