@@ -12,8 +12,9 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
 
 watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU)
-	$(BIN)/lerobot-eval --policy.path=results/checkpoints/lift_ball --policy.device=cpu \
-	    --env.type=bimanual --env.task=lift_ball --env.image_size=128 --env.video_dir=outputs/watch/films \
+	$(BIN)/lerobot-eval --policy.path=results/checkpoints/handover_item_easy --policy.device=cpu \
+	    --env.type=bimanual --env.task=handover_item_easy --env.image_size=128 \
+	    --env.video_dir=outputs/watch/films \
 	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=outputs/watch
 	@ls outputs/watch/films/*
 

@@ -19,8 +19,8 @@ class DemoConfig:
 
     task: str = "lift_ball"  # a registered task with one variation
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
-    episodes: int = 60  # expert demonstrations to generate
-    steps: int = 800  # optimiser steps
+    episodes: int = 100  # expert demonstrations to generate
+    steps: int = 1000  # optimiser steps
     batch_size: int = 8  # keyframes per step
     eval_episodes: int = 20  # unseen placements on which expert, blind control and policy are scored
     seed: int = 1000  # first of these placements' seeds, in the test split
@@ -37,7 +37,7 @@ def demo(config: DemoConfig) -> None:
 
     Examples:
         lerobot-bimanual demo
-        lerobot-bimanual demo --task=push_box --episodes=100 --steps=4000 --output=outputs/push_box
+        lerobot-bimanual demo --task=push_box --steps=2000 --output=outputs/push_box
     """
     console = Console()
     root = config.output.resolve()
