@@ -26,12 +26,14 @@ usage() {
 pack() {
     mkdir -p "$1"
     "$repository/scripts/setup.sh"
-    local python="$repository/.venv/bin/python"
-    "$python" -m ensurepip --upgrade >/dev/null 2>&1 || true
+    local python="$repository/.venv/bin/python" temporary package
     for package in . envs policies; do
         "$python" -m build --no-isolation --wheel --outdir "$1" "$repository/$package"
     done
-    "$python" -m pip download --requirement "$repository/requirements.lock" --dest "$1"
+    temporary="$(mktemp -d)"
+    "$python" -m venv "$temporary"  # for its pip
+    "$temporary/bin/pip" download --requirement "$repository/requirements.lock" --dest "$1"
+    rm -rf "$temporary"
     cp "$repository/.python-version" "$repository/requirements.lock" "$0" "$1"
     echo "Ready: $1 ($(du -sh "$1" | cut -f1))"
 }

@@ -140,9 +140,8 @@ class VoxelInPatch(nn.Module):
         Returns:
             Logits (b, n, PATCH^3) of the voxels and (b, n, PATCH^3, 3, cells) of their cells, float32.
         """
-        hidden = self.stem(crops.flatten(0, 1)).unflatten(
-            0, crops.shape[:2]
-        )  # (b, n, FINE_CHANNELS, 5, 5, 5)
+        # (b, n, FINE_CHANNELS, 5, 5, 5)
+        hidden = self.stem(crops.flatten(0, 1)).unflatten(0, crops.shape[:2])
         hidden = hidden + self.answer(answers).unflatten(2, (FINE_CHANNELS, PATCH, PATCH, PATCH))
         for axis, (plane, layer) in enumerate(zip(planes, self.lines, strict=True)):
             windows = rearrange(layer(plane), "b c (p i) (q j) -> b p q c i j", i=PATCH, j=PATCH)
