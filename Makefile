@@ -11,12 +11,12 @@ help:  ## List the targets
 setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
 
+WATCH := outputs/watch
 watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU)
 	$(BIN)/lerobot-eval --policy.path=results/checkpoints/handover_item_easy --policy.device=cpu \
-	    --env.type=bimanual --env.task=handover_item_easy --env.image_size=128 \
-	    --env.video_dir=outputs/watch/films \
-	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=outputs/watch
-	@ls outputs/watch/films/*
+	    --env.type=bimanual --env.task=handover_item_easy --env.image_size=128 --env.video_dir=$(WATCH)/films \
+	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=$(WATCH)
+	@ls $(WATCH)/films/*
 
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
