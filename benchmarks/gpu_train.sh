@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Train a policy on a GPU for so many minutes and score it, on a machine that has no network.
 #
-#   benchmarks/gpu_train.sh pack WHEELS               elsewhere, with network: put every package into a folder (4 GB)
+#   benchmarks/gpu_train.sh pack WHEELS               elsewhere, with network: put every package into a folder (3 GB)
 #   benchmarks/gpu_train.sh run WHEELS MINUTES [FLAG ...]
 #                                                     on the GPU machine: install them, measure how long a step takes,
 #                                                     and run `lerobot-bimanual benchmark` with as many as fit
@@ -12,7 +12,8 @@
 #   benchmarks/gpu_train.sh run wheels 120 --task=lift_ball --recipe=paper --train_flags="--policy.dtype=bfloat16"
 #
 # Demonstrations, checkpoints and the result lie in --output (outputs/gpu). The same command goes on where it stopped.
-# DEVICE=cpu tries it without a GPU; WHEELS may be `-` where the packages are installed already.
+# DEVICE=cpu tries it without a GPU; PYTHON names an interpreter of the version in .python-version, if `python3.12` does
+# not find it; WHEELS may be `-` where the packages are installed already.
 set -euo pipefail
 repository="$(cd -P "$(dirname "$0")/.." && pwd)"
 measured_steps=60
@@ -41,7 +42,7 @@ pack() {
 install() {
     local environment="outputs/gpu_environment"
     if ! [[ -x $environment/bin/lerobot-bimanual ]]; then
-        "python$(<"$1/.python-version")" -m venv "$environment"
+        "${PYTHON:-python$(<"$1/.python-version")}" -m venv "$environment"
         "$environment/bin/pip" install --quiet --no-index --find-links "$1" --requirement "$1/requirements.lock"
         "$environment/bin/pip" install --quiet --no-index --no-deps "$1"/lerobot_*bimanual-*.whl
     fi
