@@ -26,8 +26,8 @@ What each was trained on, and for how long by the clock on the machine named in 
 
 {training}
 
-A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. The
-commands of one cell:
+A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. One
+cell again:
 
 ```bash
 {command}
