@@ -59,7 +59,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         augmentation: Move the scene and its labels at random during training.
         augmentation_shift_m: Largest shift along x, y, z (paper: 12.5 % of a metre).
         augmentation_yaw_deg: Largest rotation about the vertical (paper: 45). Learning in minutes instead of
-            days wants less, see docs/policies.md.
+            days wants less, see docs/learning.md.
         augmentation_yaw_step_deg: Rotations are multiples of this (PerAct2 code: 5).
         optimizer: "adamw" or "lamb". PerAct2 trained with LAMB at 5e-4 without warm-up; in our study at small
             size that learned nothing in the steps in which AdamW had finished, so AdamW is the default.
