@@ -17,8 +17,8 @@ PAGE = """\
 Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not edit.
 
 Each cell is one training with one seed: successes of unseen episodes of the split `test` and their 95 % Wilson interval.
-The checkpoint was chosen on the split `val`. The expert and the blind control, which plays the mean keyposes of 30
-training episodes whatever the scene, act on the same episodes.
+The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
+plays the mean keyposes of 30 training episodes whatever the scene; of a task with variations it plays each, on all seeds.
 
 {success}
 
