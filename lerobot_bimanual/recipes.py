@@ -105,7 +105,7 @@ SMALL_STEPS: Mapping[PolicyName, int] = {
     "rvt_lf": 800,
     "act": 750,
 }
-"""As many as take about ten minutes on one core, the same time for every policy."""
+"""10 to 15 minutes on one core for every keypose policy, and half an hour on two cores for ACT, which reads videos."""
 
 SMALL_FLAGS: Mapping[PolicyName, Mapping[str, str]] = {
     "peract2": SMALL_PERACT,
