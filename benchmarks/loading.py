@@ -50,7 +50,7 @@ LOADERS = (4, 2, 1)
 WINDOW_STEPS = 20
 """That are skipped, and then that count; more than the 16 batches that four loaders have ready when they start."""
 
-RECIPE = recipe_for("peract2", "small")
+RECIPE = recipe_for("peract2", "small", "lift_ball")
 
 
 def read(root: Path, reads: int) -> dict[str, Any]:

@@ -108,7 +108,7 @@ class Plan:
                 raise BimanualError(f"{name} is {number}, but must be at least 1")
         return cls(
             config,
-            replace(recipe_for(config.policy, config.recipe), **given),
+            replace(recipe_for(config.policy, config.recipe, config.task), **given),
             further_flags("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
             further_flags("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS),
         )

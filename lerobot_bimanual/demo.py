@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from lerobot_bimanual.pipeline import Pipeline, Stage, flag_words
-from lerobot_bimanual.recipes import SMALL_PERACT
+from lerobot_bimanual.recipes import recipe_for
 from lerobot_bimanual.results import read_certificate, read_evaluation, success_rate
 from lerobot_bimanual.success_table import success_table
 
@@ -53,6 +53,7 @@ def stages(config: DemoConfig, root: Path) -> list[Stage]:
     """The commands of a demo in their order; `root` is where they write."""
     dataset, train, evaluation = root / "dataset", root / "train", root / "eval"
     policy = train / "checkpoints" / "last" / "pretrained_model"
+    recipe = recipe_for("peract2", "small", config.task)
     workers = config.workers or os.cpu_count() or 1
     generate = {
         "task": config.task,
@@ -74,7 +75,7 @@ def stages(config: DemoConfig, root: Path) -> list[Stage]:
         "dataset.repo_id": f"demo/{config.task}",
         "dataset.root": dataset,
         "policy.type": "peract2",
-        **{f"policy.{name}": value for name, value in SMALL_PERACT.items()},
+        **{f"policy.{name}": value for name, value in recipe.flags.items()},
         "policy.device": "cpu",
         "policy.push_to_hub": "false",
         "steps": config.steps,

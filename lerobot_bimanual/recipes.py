@@ -40,13 +40,19 @@ class Recipe:
     flags: Mapping[str, str] = field(default_factory=dict)
 
 
+SMALL_HORIZON = 8
+"""Keyposes over which the small policies' time feature falls from +1 to -1."""
+
+LONG_TASKS: Mapping[str, int] = {"put_bottle_in_fridge": 10, "take_tray_out_of_oven": 11}
+"""Keyposes of the experts that take more than this horizon tells apart; from its end on all steps look the same."""
+
 SMALL_KEYPOSE = {
     "decode": "expectation",
     "heads": "4",
     "attention_dropout": "0",
     "language_tokens": "8",
     "language_dim": "64",
-    "keypose_horizon": "8",
+    "keypose_horizon": str(SMALL_HORIZON),
     "augmentation_shift_m": "[0.04,0.04,0]",
     "augmentation_yaw_deg": "0",
     "optimizer_lr": "2e-3",
@@ -116,14 +122,16 @@ SMALL_FLAGS: Mapping[PolicyName, Mapping[str, str]] = {
 }
 
 
-def recipe_for(policy: PolicyName, name: RecipeName) -> Recipe:
-    """The recipe of a policy."""
+def recipe_for(policy: PolicyName, name: RecipeName, task: str) -> Recipe:
+    """The recipe of a policy for a task."""
     if name == "paper":
         # Iterations, their tenth as the distance of checkpoints, demonstrations, 256 pixels (PerAct2 paper);
         # the batch is that of the paper's code, the paper filled a GPU of 48 GB.
         return Recipe(100, 256, 100_000, 8, 10_000, 100, 100)
-    steps = SMALL_STEPS[policy]
-    return Recipe(100, 128, steps, 8, steps // 2, 20, 50, SMALL_FLAGS[policy])
+    steps, flags = SMALL_STEPS[policy], SMALL_FLAGS[policy]
+    if task in LONG_TASKS and "keypose_horizon" in flags:
+        flags = {**flags, "keypose_horizon": str(LONG_TASKS[task] + 1)}  # one more for the start
+    return Recipe(100, 128, steps, 8, steps // 2, 20, 50, flags)
 
 
 def view_of(policy: PolicyName) -> schema.View:
