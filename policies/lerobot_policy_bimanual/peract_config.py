@@ -28,6 +28,9 @@ class PerActConfig(KeyposePolicyConfig):
             as patch times voxel in patch, several times cheaper.
         voxel_cells: With the factorised head, cells into which each axis of a voxel is cut, so that
             `decode=expectation` answers finer than a voxel; 0 for none (departure from the paper otherwise).
+        projection_dilations: With the factorised head, dilations of further convolutions over what lies in line
+            with a voxel along each axis, so that it sees that many voxels further to every side. Places in the air,
+            far from all things, want [3,9] at 25 voxels; none for one voxel (departure from the paper otherwise).
         activation_checkpointing: Recompute the dense head in the backward pass: less memory, more time.
     """
 
@@ -41,6 +44,7 @@ class PerActConfig(KeyposePolicyConfig):
     attention_dropout: float = 0.1
     translation_head: str = "dense"
     voxel_cells: int = 0
+    projection_dilations: tuple[int, ...] = ()
     activation_checkpointing: bool = False
 
     def __post_init__(self):
@@ -51,6 +55,13 @@ class PerActConfig(KeyposePolicyConfig):
         if self.voxel_cells and (self.voxel_cells < 2 or self.translation_head == "dense"):
             raise ValueError(
                 f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
+            )
+        if self.projection_dilations and (
+            min(self.projection_dilations) < 1 or self.translation_head == "dense"
+        ):
+            raise ValueError(
+                f"projection_dilations={list(self.projection_dilations)} must be [], or numbers of voxels "
+                "from 1 with translation_head=factorised"
             )
         self._require_multiple("voxel_size", PATCH, "a patch is five voxels wide")
         self._require_multiple("token_dim", 2, "half of a token is proprioception")

@@ -50,6 +50,7 @@ def make_network(config: PerActConfig, *, arms: int, proprio_dim: int) -> PerAct
         rotation_bins=config.codec.rotation_bins,
         translation_head=config.translation_head,
         voxel_cells=config.voxel_cells,
+        projection_dilations=config.projection_dilations,
         checkpointing=config.activation_checkpointing,
     )
     if config.compile:

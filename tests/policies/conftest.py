@@ -48,7 +48,8 @@ TINY_PERACT = {
 
 TINY_PERACTS = {
     "dense": TINY_PERACT | {"translation_head": "dense"},
-    "factorised": TINY_PERACT | {"translation_head": "factorised", "voxel_cells": 3},
+    "factorised": TINY_PERACT
+    | {"translation_head": "factorised", "voxel_cells": 3, "projection_dilations": (2,)},
 }
 
 TINY_RVT = {

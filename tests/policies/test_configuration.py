@@ -50,6 +50,8 @@ def test_config_survives_saving(tmp_path):
         ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
         ({"voxel_cells": 5}, ValueError, "translation_head=factorised"),
         ({"translation_head": "factorised", "voxel_cells": 1}, ValueError, "at least 2"),
+        ({"projection_dilations": (3, 9)}, ValueError, "translation_head=factorised"),
+        ({"translation_head": "factorised", "projection_dilations": (0,)}, ValueError, "from 1"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
         ({"dtype": "float16"}, InvalidChoice, "float32, bfloat16"),
         ({"optimizer": "sgd"}, InvalidChoice, "adamw, lamb"),

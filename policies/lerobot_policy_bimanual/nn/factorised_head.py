@@ -10,6 +10,7 @@ has one softmax per axis over them. Coarse voxels, which are cheap, then need no
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -20,6 +21,7 @@ from lerobot_policy_bimanual.nn.conv3d import PATCH, ActivatedConv3d, activate
 from lerobot_policy_bimanual.nn.pooling import pool
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.nn.projections import ProjectionConv2d, project
 
 BEAM = 8
 """Patches whose voxels are scored at inference."""
@@ -118,22 +120,26 @@ class VoxelInPatch(nn.Module):
     answer. Hands come along an axis: where a hand waits above a thing, there is nothing but the thing below.
     """
 
-    def __init__(self, channels: int, token_dim: int, cells: int):
+    def __init__(self, channels: int, token_dim: int, cells: int, dilations: Sequence[int]):
         super().__init__()
         self.cells = cells
         self.stem = nn.Conv3d(channels, FINE_CHANNELS, 3)
-        self.lines = nn.ModuleList(nn.Conv2d(channels, FINE_CHANNELS, 3, padding=1) for _ in range(3))
+        self.lines = nn.ModuleList(ProjectionConv2d(channels, FINE_CHANNELS, dilations) for _ in range(3))
         self.answer = nn.Linear(token_dim, FINE_CHANNELS * PATCH**3)
         self.out = nn.Linear(FINE_CHANNELS, 1 + 3 * cells)
 
+    def along_lines(self, planes: Sequence[Tensor]) -> list[Tensor]:
+        """What lies along x, y and z: the stem's projections (b, channels, v, v) to (b, FINE_CHANNELS, v, v)."""
+        return [layer(plane) for layer, plane in zip(self.lines, planes, strict=True)]
+
     def forward(
-        self, crops: Tensor, planes: Sequence[Tensor], patches: Tensor, answers: Tensor
+        self, crops: Tensor, along_lines: Sequence[Tensor], patches: Tensor, answers: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Score n patches of each of b samples.
 
         Args:
             crops: (b, n, channels, PATCH + 2, ...).
-            planes: (b, channels, v, v), the stem's maxima along x, y and z.
+            along_lines: (b, FINE_CHANNELS, v, v) along x, y and z.
             patches: (b, n, 3) int64, place of the patches.
             answers: (b, n, token_dim).
 
@@ -143,8 +149,8 @@ class VoxelInPatch(nn.Module):
         # (b, n, FINE_CHANNELS, 5, 5, 5)
         hidden = self.stem(crops.flatten(0, 1)).unflatten(0, crops.shape[:2])
         hidden = hidden + self.answer(answers).unflatten(2, (FINE_CHANNELS, PATCH, PATCH, PATCH))
-        for axis, (plane, layer) in enumerate(zip(planes, self.lines, strict=True)):
-            windows = rearrange(layer(plane), "b c (p i) (q j) -> b p q c i j", i=PATCH, j=PATCH)
+        for axis, plane in enumerate(along_lines):
+            windows = rearrange(plane, "b c (p i) (q j) -> b p q c i j", i=PATCH, j=PATCH)
             first, second = patches[..., [other for other in range(3) if other != axis]].unbind(-1)
             sample = torch.arange(len(patches), device=patches.device)[:, None]
             hidden = hidden + windows[sample, first, second].unsqueeze(3 + axis)
@@ -163,13 +169,19 @@ class FactorisedTranslationHead(nn.Module):
         channels: Channels of the stem.
         token_dim: Width of the trunk's answers.
         cells: Into which each axis of a voxel is cut; 0 for voxels as a whole.
+        dilations: Of `ProjectionConv2d`. With any, what lies along the lines scores the patches, too.
     """
 
-    def __init__(self, *, arms: int, channels: int, token_dim: int, cells: int):
+    def __init__(
+        self, *, arms: int, channels: int, token_dim: int, cells: int, dilations: Sequence[int] = ()
+    ):
         super().__init__()
         self.refine = ActivatedConv3d(token_dim + token_dim // 2, token_dim, 3)
         self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
-        self.voxel_logits = nn.ModuleList(VoxelInPatch(channels, token_dim, cells) for _ in range(arms))
+        self.voxel_logits = nn.ModuleList(
+            VoxelInPatch(channels, token_dim, cells, dilations) for _ in range(arms)
+        )
+        self.patch_lines = nn.ModuleList(nn.Linear(FINE_CHANNELS, 1) for _ in range(arms if dilations else 0))
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
     def forward(
@@ -197,20 +209,24 @@ class FactorisedTranslationHead(nn.Module):
         patch_logits = at_least_float32(
             torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
         )
+        planes = project(stem)
+        along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
+        if self.patch_lines:
+            logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
+            patch_logits = patch_logits + at_least_float32(torch.stack(logits, dim=1))
         # Zero border: a crop is one voxel wider than its patch on every side.
         padded = F.pad(stem, (1,) * 6)
-        planes = [stem.max(dim=axis).values for axis in (2, 3, 4)]
         # In training the prediction is only reported: one patch, no gradient.
         training = target_voxel is not None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
             best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
-            voxel_logits, cell_logits = self._score(padded, planes, tokens, best)
+            voxel_logits, cell_logits = self._score(padded, along_lines, tokens, best)
         if target_voxel is None:
             target_logits = target_cells = None
             patch = self._patch_of_best_voxel(patch_logits, best, voxel_logits)
         else:
             patch = split_voxel(target_voxel, P)[0]
-            scores = self._score(padded, planes, tokens, patch[..., None])
+            scores = self._score(padded, along_lines, tokens, patch[..., None])
             target_logits, target_cells = (score[:, :, 0] for score in scores)
         features = [
             at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
@@ -224,7 +240,7 @@ class FactorisedTranslationHead(nn.Module):
         return prediction, torch.cat(features, dim=-1)
 
     def _score(
-        self, padded: Tensor, planes: Sequence[Tensor], tokens: Tensor, patches: Tensor
+        self, padded: Tensor, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
         P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
@@ -239,7 +255,7 @@ class FactorisedTranslationHead(nn.Module):
             index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
             crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size)).transpose(1, 2)
             answers = _take(tokens[:, arm, None], patches[:, arm, None])[:, 0]
-            scores.append(head(crops, planes, place[:, arm], answers))
+            scores.append(head(crops, along_lines[arm], place[:, arm], answers))
         voxels, cells = (torch.stack(logits, dim=1) for logits in zip(*scores, strict=True))
         return voxels, cells
 
@@ -249,6 +265,13 @@ class FactorisedTranslationHead(nn.Module):
         prior = patch_logits.gather(-1, patches)
         score = prior + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
         return patches.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)
+
+
+def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:
+    """Logits (b, p^3) of patches from the most that lies along their voxels' lines, (b, FINE_CHANNELS, v, v) each."""
+    pooled = [F.max_pool2d(plane, PATCH).unsqueeze(2 + axis) for axis, plane in enumerate(along_lines)]
+    seen = activate(pooled[0] + pooled[1] + pooled[2])  # (b, FINE_CHANNELS, p, p, p)
+    return layer(seen.flatten(2).transpose(1, 2))[..., 0]
 
 
 def _place(patches: Tensor, size: int) -> Tensor:

@@ -1,5 +1,7 @@
 """The PerAct family's voxel transformer, for one arm (PerAct) or two (PerAct2)."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 
@@ -45,6 +47,7 @@ class PerActNetwork(nn.Module):
         rotation_bins: Bins per rotation axis.
         translation_head: "dense" (the paper's) or "factorised".
         voxel_cells: See `FactorisedTranslationHead`; 0 with the dense one.
+        projection_dilations: See `FactorisedTranslationHead`; none with the dense one.
         checkpointing: Recompute the dense head in the backward pass instead of storing it.
     """
 
@@ -67,6 +70,7 @@ class PerActNetwork(nn.Module):
         rotation_bins: int,
         translation_head: str,
         voxel_cells: int,
+        projection_dilations: Sequence[int],
         checkpointing: bool,
     ):
         super().__init__()
@@ -98,7 +102,11 @@ class PerActNetwork(nn.Module):
             )
             if dense
             else FactorisedTranslationHead(
-                arms=arms, channels=channels, token_dim=token_dim, cells=voxel_cells
+                arms=arms,
+                channels=channels,
+                token_dim=token_dim,
+                cells=voxel_cells,
+                dilations=projection_dilations,
             )
         )
         outputs = 3 * rotation_bins + 2 + 2
