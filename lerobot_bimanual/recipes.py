@@ -46,6 +46,9 @@ SMALL_HORIZON = 8
 LONG_TASKS: Mapping[str, int] = {"put_bottle_in_fridge": 10, "take_tray_out_of_oven": 11}
 """Keyposes of the experts that take more than this horizon tells apart; from its end on all steps look the same."""
 
+FAR_TASKS = ("sweep_to_dustpan", "take_tray_out_of_oven")
+"""Tasks with keyposes in the air, half a metre from all that tells where (docs/learning.md)."""
+
 SMALL_KEYPOSE = {
     "decode": "expectation",
     "heads": "4",
@@ -131,6 +134,8 @@ def recipe_for(policy: PolicyName, name: RecipeName, task: str) -> Recipe:
     steps, flags = SMALL_STEPS[policy], SMALL_FLAGS[policy]
     if task in LONG_TASKS and "keypose_horizon" in flags:
         flags = {**flags, "keypose_horizon": str(LONG_TASKS[task] + 1)}  # one more for the start
+    if task in FAR_TASKS and "translation_head" in flags:
+        steps, flags = 2 * steps, {**flags, "projection_dilations": "[3,9]"}
     return Recipe(100, 128, steps, 8, steps // 2, 20, 50, flags)
 
 
