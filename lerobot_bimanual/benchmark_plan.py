@@ -60,7 +60,7 @@ class BenchmarkConfig:
     recipe: RecipeName = "small"  # defaults of the numbers below, and the size of the network
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
-    steps: int | None = None  # optimiser steps; by default up to 1500 (small) or 100000 (paper)
+    steps: int | None = None  # optimiser steps; by default up to 3000 (small) or 100000 (paper)
     batch_size: int | None = None  # rows of the dataset per step; by default 8
     save_freq: int | None = None  # steps between checkpoints; by default half of them, or 10000 (paper)
     val_episodes: int | None = None  # per checkpoint; by default 20 (small) or 100 (paper)

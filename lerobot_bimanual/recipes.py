@@ -47,7 +47,10 @@ LONG_TASKS: Mapping[str, int] = {"put_bottle_in_fridge": 10, "take_tray_out_of_o
 """Keyposes of the experts that take more than this horizon tells apart; from its end on all steps look the same."""
 
 FAR_TASKS = ("sweep_to_dustpan", "take_tray_out_of_oven")
-"""Tasks with keyposes in the air, half a metre from all that tells where (docs/learning.md)."""
+"""Tasks with keyposes in the air, half a metre from all that tells where (docs/learning.md).
+
+The PerAct family trains twice as long on them, with a head that sees that far.
+"""
 
 SMALL_KEYPOSE = {
     "decode": "expectation",

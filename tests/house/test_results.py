@@ -7,7 +7,7 @@ import pytest
 
 from lerobot_bimanual.leaderboard import render
 from lerobot_bimanual.pipeline import sha256
-from lerobot_bimanual.recipes import LONG_TASKS, SMALL_HORIZON, recipe_for
+from lerobot_bimanual.recipes import FAR_TASKS, LONG_TASKS, SMALL_HORIZON, recipe_for
 from lerobot_bimanual.results import ResultRow
 from lerobot_env_bimanual.registry import list_tasks
 
@@ -31,6 +31,10 @@ def test_a_row_was_trained_with_the_recipe_and_tested_on_fifty_unseen_episodes(p
     assert (row.split, len(row.episodes)) == ("test", recipe.test_episodes)
     assert len(row.dataset.seeds) == recipe.demos
     assert (trained["steps"], trained["batch_size"]) == (str(recipe.steps), str(recipe.batch_size))
+
+
+def test_the_recipe_names_only_tasks_that_exist():
+    assert {*FAR_TASKS, *LONG_TASKS} <= set(list_tasks())
 
 
 def test_the_recipe_of_every_task_tells_all_its_keyposes_apart():
