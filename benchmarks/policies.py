@@ -11,6 +11,7 @@ call, so without the weights. Prints a table and, as the last line, the same fig
     python benchmarks/policies.py --voxels=100 --backward          # minutes, and 10 GB for the written-out one
     python benchmarks/policies.py --variants float32 bfloat16 compile checkpointing --backward
     python benchmarks/policies.py --policies peract2 peract_lf     # select_action and training of whole policies
+    python benchmarks/policies.py --policies peract2 --tasks lift_ball sweep_to_dustpan   # by the recipes of both tasks
 """
 
 import argparse
@@ -18,6 +19,7 @@ import ctypes
 import gc
 import json
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,8 @@ from policy_jobs import Job, Setting, network_job, policy_job
 from policy_stages import TITLES, Stages
 from rich.console import Console
 from rich.table import Table
+
+from lerobot_bimanual.recipes import recipe_for
 
 VARIANTS = ("float32", "bfloat16", "compile", "checkpointing")
 """Of our network; all keep their voxel maps with the channels last in memory."""
@@ -148,15 +152,16 @@ def compare(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[
 
 def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[str, Any]]:
     """Latency and training of whole policies."""
-    size = "default size" if options.full_size else "small recipe"
+    size = "default size" if options.full_size else "small recipes"
     table = Table(
         *("", "select_action s", "training samples per s", "training GB"),
         title=f"whole policies, {size}, five 128 px cameras, training batch {setting.batch}, {setting.device}",
     )
     figures: dict[str, Any] = {}
-    for policy in options.policies:
+    for policy, task in product(options.policies, options.tasks):
+        flags = {} if options.full_size else recipe_for(policy, "small", task).flags
         act, train = (
-            measure(policy_job(policy, each, small=not options.full_size), each, options.repeats)
+            measure(policy_job(policy, flags, each), each, options.repeats)
             for each in (
                 Setting(setting.voxels, 1, setting.device, backward=False),
                 Setting(setting.voxels, setting.batch, setting.device, backward=True),
@@ -165,8 +170,9 @@ def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table,
         assert act is not None
         assert train is not None
         rate = setting.batch / train["seconds"]
-        figures[policy] = {"select_action": act, "train": train, "samples_per_s": rate}
-        table.add_row(policy, f"{act['seconds']:.3f}", f"{rate:.2f}", f"{train['peak_gb']:.2f}")
+        name = policy if options.full_size else f"{policy}, {task}"
+        figures[name] = {"select_action": act, "train": train, "samples_per_s": rate}
+        table.add_row(name, f"{act['seconds']:.3f}", f"{rate:.2f}", f"{train['peak_gb']:.2f}")
     return table, figures
 
 
@@ -178,6 +184,13 @@ def main() -> None:
     parser.add_argument("--stages", action="store_true", help="also every stage on its own")
     parser.add_argument("--variants", nargs="*", choices=VARIANTS, default=["float32"], help="of our network")
     parser.add_argument("--policies", nargs="+", metavar="TYPE", help="whole policies instead of the network")
+    parser.add_argument(
+        "--tasks",
+        nargs="+",
+        metavar="TASK",
+        default=["lift_ball"],
+        help="by whose small recipes; default lift_ball",
+    )
     parser.add_argument("--full_size", action="store_true", help="policies at their default sizes")
     devices = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
     parser.add_argument("--device", choices=devices, default=devices[-1])

@@ -4,7 +4,7 @@ A job is made once and called as often as it is timed. It runs forward, and back
 """
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -21,7 +21,6 @@ from torch import Tensor
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.nn.dense_head import DenseTranslation
 from lerobot_policy_bimanual.nn.peract import PerActNetwork
@@ -111,9 +110,8 @@ def network_job(variant: str, setting: Setting) -> Job:
     return job
 
 
-def policy_job(policy_type: str, setting: Setting, *, small: bool) -> Job:
+def policy_job(policy_type: str, flags: Mapping[str, str], setting: Setting) -> Job:
     """A whole policy on five 128 px cameras: one optimiser step, or one `select_action` without gradients."""
-    flags = SMALL_FLAGS[cast(PolicyName, policy_type)] if small else {}
     config = draccus.parse(
         PreTrainedConfig.get_choice_class(policy_type),
         args=[f"--device={setting.device}", *(f"--{option}={value}" for option, value in flags.items())],
