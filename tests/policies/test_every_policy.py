@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import re
 
 import pytest
 import torch
@@ -88,7 +89,9 @@ def test_gradients_reach_every_parameter(make_policy, make_batch):
     for name, parameter in policy.named_parameters():
         assert parameter.grad is not None, name
         assert torch.isfinite(parameter.grad).all(), name
-        assert parameter.grad.any(), name
+        # Adding one number to the logits of all patches changes no softmax: what reaches these is rounding, or zero.
+        if not re.search(r"patch_(logits|lines)\.\d\.bias$", name):
+            assert parameter.grad.any(), name
 
 
 def test_bfloat16_gives_nearly_the_same_loss(make_policy, make_batch):
