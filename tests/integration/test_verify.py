@@ -17,9 +17,10 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import content_hash
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import DatasetError, SchemaMismatch
-from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
+from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
+from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, generation_config, regenerate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
+from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
 
 pytestmark = pytest.mark.sim
@@ -347,13 +348,31 @@ def test_a_recipe_of_another_simulation_is_refused(generated, tmp_path) -> None:
     assert not (tmp_path / "never").exists()
 
 
-def test_a_recipe_whose_command_makes_something_else_is_refused(generated, tmp_path) -> None:
+def test_the_command_of_a_recipe_is_never_obeyed(generated, tmp_path) -> None:
     recipe = tmp_path / "recipe.json"
     shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
-    command = Provenance.load(recipe).command
-    rewrite(recipe, lambda origin: origin.update(command=command.replace("--episodes=3", "--episodes=4")))
-    with pytest.raises(DatasetError, match="episodes is 3, not 4"):
+    strangers = "lerobot-bimanual generate --task=push_box --push_to_hub --executor=ray --config_path=/etc/x.yaml --root=/"
+    rewrite(recipe, lambda origin: origin.update(command=strangers))
+    options = generation_config(
+        Provenance.load(recipe), RegenerateConfig(recipe=recipe, root=tmp_path / "again", workers=3)
+    )
+    assert GenerationSettings.parse(options) == GenerationSettings.from_dict(Provenance.load(recipe).settings)
+    assert not options.push_to_hub
+    assert (options.executor, options.ray_address) == ("processes", None)
+    assert (options.root, options.workers) == (tmp_path / "again", 3)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"tasks": ["no_such_task"]}, {"episodes": -1}, {"views": []}, {"cameras": 7}, {"command": "ls"}],
+)
+def test_settings_of_no_dataset_are_refused(generated, tmp_path, changes) -> None:
+    recipe = tmp_path / "recipe.json"
+    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
+    rewrite(recipe, lambda origin: origin["settings"].update(changes))
+    with pytest.raises(BimanualError):
         regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "never"))
+    assert not (tmp_path / "never").exists()
 
 
 def test_a_file_that_is_no_recipe_is_refused(tmp_path) -> None:

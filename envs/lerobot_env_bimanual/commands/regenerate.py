@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,18 +49,40 @@ def regenerate(config: RegenerateConfig) -> None:
 def generation_config(recipe: Provenance, config: RegenerateConfig) -> GenerateConfig:
     """The options of `generate` that make a recipe's dataset at a new place.
 
-    Raises:
-        DatasetError: the recipe's command does not belong to its settings.
-    """
-    from lerobot_bimanual.flags import parse_flags
-    from lerobot_env_bimanual.commands.generate import GenerateConfig
-    from lerobot_env_bimanual.generation.settings import GenerationSettings
+    They come from the recipe's settings alone. Its command is for people to read and is never parsed: a recipe is
+    somebody else's file, and must not choose what is uploaded where, or which machines work.
 
-    _, _, *flags = shlex.split(recipe.command)
-    options = replace(parse_flags(GenerateConfig, flags), root=config.root, workers=config.workers)
-    differences = GenerationSettings.from_dict(recipe.settings).differences(GenerationSettings.parse(options))
+    Raises:
+        DatasetError: the settings are not those of a dataset.
+    """
+    from lerobot_env_bimanual.commands.generate import GenerateConfig
+    from lerobot_env_bimanual.generation.settings import BOTH_VIEWS, GenerationSettings
+
+    try:
+        settings = GenerationSettings.from_dict(recipe.settings)
+        options = GenerateConfig(
+            task=",".join(settings.tasks),
+            variation=settings.variation,
+            episodes=settings.episodes,
+            split=settings.split,
+            first_seed=settings.first_seed,
+            view=settings.views[0] if len(settings.views) == 1 else BOTH_VIEWS,
+            image_size=f"{settings.height}x{settings.width}",
+            cameras=settings.cameras,
+            intermediate=tuple(map(str, settings.intermediate)),
+            discretise=settings.discretise,
+            episodes_per_shard=settings.episodes_per_shard,
+            repo_id=settings.repo_id,
+            root=config.root,
+            workers=config.workers,
+        )
+        differences = settings.differences(GenerationSettings.parse(options))
+    except (TypeError, AttributeError, IndexError) as error:
+        raise DatasetError(
+            f"{config.recipe}: its settings are not those of a dataset ({error}); it is damaged, or another version's"
+        ) from error
     if differences:
-        raise DatasetError(f"{config.recipe}: settings and command disagree: {'; '.join(differences)}")
+        raise DatasetError(f"{config.recipe}: no dataset has these settings: {'; '.join(differences)}")
     return options
 
 
