@@ -21,12 +21,12 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion.goals import goal_postures
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.registry import get_task, list_tasks
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.task import Task, Variation
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.world.scene import Scene
 
 HANDS = {
     Arm.LEFT: Workspace((0.0, -0.1, 0.85), (0.4, 0.4, 1.25)),

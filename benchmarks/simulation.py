@@ -20,9 +20,9 @@ from rich.table import Table
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.registry import list_tasks, resolve_tasks
-from lerobot_env_bimanual.rendering import Renderer
-from lerobot_env_bimanual.scene import SLEEP, STEPS_PER_TICK, Scene
+from lerobot_env_bimanual.tasks.registry import list_tasks, resolve_tasks
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import SLEEP, STEPS_PER_TICK, Scene
 
 ROWS = {
     "steps_at_rest": ("physics steps per CPU second, hands at rest", "{:,.0f}"),

@@ -20,9 +20,9 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.registry import register
-from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
+from lerobot_env_bimanual.world.scene import Scene
 
 BLOCK = Block("block", size_m=(0.04, 0.04, 0.08), mass_kg=0.1, rgba=(0.1, 0.4, 0.8, 1.0))
 AREA = PlacementArea(center_m=(0.3, -0.2), half_size_m=(0.1, 0.1), half_yaw_rad=np.deg2rad(20.0))

@@ -14,7 +14,7 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS, Arm
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 REST_SPEED_M_S = 0.02
 

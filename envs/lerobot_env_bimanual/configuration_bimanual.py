@@ -17,7 +17,7 @@ from lerobot_bimanual.keypose import KEYPOSE_DIM
 if TYPE_CHECKING:
     import gymnasium as gym
 
-    from lerobot_env_bimanual.settings import EnvSettings
+    from lerobot_env_bimanual.options import EnvOptions
 
 
 @EnvConfig.register_subclass("bimanual")
@@ -67,18 +67,18 @@ class BimanualEnvConfig(EnvConfig):
             self.features |= {schema.image_key(camera): image for camera in settings.cameras}
         self.features_map = {key: key for key in self.features} | {"agent_pos": schema.STATE}
 
-    def _settings(self) -> EnvSettings:
+    def _settings(self) -> EnvOptions:
         """Check the options against every selected task; MuJoCo is loaded here, not with this module."""
-        from lerobot_env_bimanual.registry import get_task
-        from lerobot_env_bimanual.settings import EnvSettings
+        from lerobot_env_bimanual.options import EnvOptions
+        from lerobot_env_bimanual.tasks.registry import get_task
 
-        settings = [EnvSettings.parse(get_task(task).spec, **self.gym_kwargs) for task in self.tasks]
+        settings = [EnvOptions.parse(get_task(task).spec, **self.gym_kwargs) for task in self.tasks]
         return settings[0]
 
     @property
     def tasks(self) -> tuple[str, ...]:
         """Names of the selected tasks."""
-        from lerobot_env_bimanual.registry import resolve_tasks
+        from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
         return resolve_tasks(self.task or "")
 
@@ -105,7 +105,7 @@ class BimanualEnvConfig(EnvConfig):
         LeRobot reports success per outer key, hence one group per task; a suite's mean is LeRobot's `overall`.
         """
         from lerobot_env_bimanual.env import BimanualEnv
-        from lerobot_env_bimanual.registry import get_task
+        from lerobot_env_bimanual.tasks.registry import get_task
         from lerobot_env_bimanual.vector import LazyVectorEnv
 
         asynchronous = use_async_envs and n_envs > 1

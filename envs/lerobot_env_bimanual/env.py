@@ -16,16 +16,16 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidChoice, KeyposeFailure
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_env_bimanual.actions import ActionReader
+from lerobot_env_bimanual.episode.actions import ActionReader
+from lerobot_env_bimanual.episode.observations import observation_space, observe_images, observe_vectors
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.observations import observation_space, observe_images, observe_vectors
-from lerobot_env_bimanual.registry import get_task
-from lerobot_env_bimanual.rendering import Renderer, calibration
+from lerobot_env_bimanual.options import MAX_KEYPOSES, SPLITS, EnvOptions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.scene import Scene
-from lerobot_env_bimanual.settings import MAX_KEYPOSES, SPLITS, EnvSettings
 from lerobot_env_bimanual.task import Variation
-from lerobot_env_bimanual.video import VideoWriter
+from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.video import VideoWriter
 
 SUCCESS_TICKS = 10
 """Consecutive control ticks, half a second, that all conditions have to hold."""
@@ -67,7 +67,7 @@ class BimanualEnv(gym.Env):
     An action of 16 numbers is one control tick of 50 ms towards absolute joint targets (per arm, left first,
     seven joints in rad and the gripper from 0 closed to 1 open). An action of 18 numbers is a keypose (per arm
     position in m, quaternion wxyz, gripper_open, ignore_collisions) which is planned and executed to its end
-    within one step. `lerobot_env_bimanual.actions` says what happens to bad actions.
+    within one step. `lerobot_env_bimanual.episode.actions` says what happens to bad actions.
 
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
     (name -> met now), `failure` (empty while there is none), `ticks` and `line_fallbacks` (straight lines
@@ -115,7 +115,7 @@ class BimanualEnv(gym.Env):
             raise InvalidChoice("render_mode", render_mode, self.metadata["render_modes"])
         self.task_definition = get_task(task)
         spec = self.task_definition.spec
-        self.settings = EnvSettings.parse(
+        self.settings = EnvOptions.parse(
             spec,
             variation=variation,
             split=split,
@@ -266,7 +266,7 @@ class BimanualEnv(gym.Env):
             self._film(self.settings.video_dir)
 
     def observe(self) -> dict[str, Any]:
-        """The observation of the present state; see `lerobot_env_bimanual.observations` for its arrays."""
+        """The observation of the present state; see `lerobot_env_bimanual.episode.observations` for its arrays."""
         settings = self.settings
         observation: dict[str, Any] = {}
         if settings.obs != "state":

@@ -12,9 +12,9 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.motion.rehearsal import Rehearsal
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.episode.rehearsal import Rehearsal
     from lerobot_env_bimanual.task import Task, Variation
+    from lerobot_env_bimanual.world.scene import Scene
 
 MAX_DRAWS = 200
 

@@ -1,8 +1,8 @@
 """Gymnasium ids of the tasks, e.g. `bimanual/LiftBall-v0`."""
 
-from pathlib import Path
-
 import gymnasium as gym
+
+from lerobot_env_bimanual.tasks.discovery import task_modules
 
 NAMESPACE = "bimanual"
 VERSION = 0
@@ -15,10 +15,8 @@ def gym_id(task: str) -> str:
 
 def register_gym_ids() -> None:
     """Register every task, without importing it: a task is named like its module, and MuJoCo stays unloaded."""
-    for module in sorted((Path(__file__).parent / "tasks").glob("[!_]*.py")):
-        if gym_id(module.stem) not in gym.registry:
+    for task in sorted(task_modules()):
+        if gym_id(task) not in gym.registry:
             gym.register(
-                gym_id(module.stem),
-                entry_point="lerobot_env_bimanual.env:BimanualEnv",
-                kwargs={"task": module.stem},
+                gym_id(task), entry_point="lerobot_env_bimanual.env:BimanualEnv", kwargs={"task": task}
             )

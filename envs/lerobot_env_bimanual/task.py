@@ -21,9 +21,9 @@ from lerobot_env_bimanual.placement import place_and_rehearse
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.conditions import Condition
-    from lerobot_env_bimanual.motion.rehearsal import Rehearsal
+    from lerobot_env_bimanual.episode.rehearsal import Rehearsal
     from lerobot_env_bimanual.props.prop import Prop
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 
 class Prehension(StrEnum):
@@ -195,7 +195,7 @@ class Task(ABC):
         It is kept for the next reset of the same scene.
         """
         # Here, as it needs MuJoCo, which those who only list tasks do without.
-        from lerobot_env_bimanual.motion.rehearsal import Rehearsal
+        from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 
         if self._rehearsal is None or self._rehearsal.scene is not scene:
             self._rehearsal = Rehearsal(scene, codecs=(None, KeyposeCodec()))

@@ -10,7 +10,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 SEEDS = (11, 12, 13)
 

@@ -8,7 +8,7 @@ import pytest
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
-from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 FOLDER = Path(__file__).parents[2] / "results" / "certificates"
 VARIATIONS = [

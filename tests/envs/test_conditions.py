@@ -18,7 +18,7 @@ from lerobot_env_bimanual.conditions import (
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 HIGH_IN_THE_AIR = Pose.upright((0.25, 0.3, 1.2))
 

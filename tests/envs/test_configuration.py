@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownTask, UnknownVariation
 from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_suites
+from lerobot_env_bimanual.tasks.registry import get_task, list_suites
 
 
 @dataclass

@@ -9,7 +9,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 
 def make_scene() -> Scene:

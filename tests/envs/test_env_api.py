@@ -20,8 +20,8 @@ from lerobot_bimanual.errors import (
     UnknownVariation,
 )
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, list_tasks
-from lerobot_env_bimanual.settings import ControlMode, ObservationMode
+from lerobot_env_bimanual.options import ControlMode, ObservationMode
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 TASK = "lift_ball"
 ACTIONS_ARE_NOT_NORMALISED = ".*recommend using a symmetric and normalized space"
@@ -30,7 +30,7 @@ ACTIONS_ARE_NOT_NORMALISED = ".*recommend using a symmetric and normalized space
 @pytest.fixture
 def instant_placement(monkeypatch):
     """Take the first placement as it is drawn; rehearsing it is most of a reset's time."""
-    monkeypatch.setattr("lerobot_env_bimanual.motion.rehearsal.Rehearsal.objection", lambda *_: None)
+    monkeypatch.setattr("lerobot_env_bimanual.episode.rehearsal.Rehearsal.objection", lambda *_: None)
 
 
 def assert_follows_gymnasiums_api(env: BimanualEnv) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
-from lerobot_env_bimanual.registry import get_task
+from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "lift_ball"
 

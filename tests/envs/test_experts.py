@@ -14,7 +14,7 @@ from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes, noop
 from lerobot_env_bimanual.expert.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
-from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 SEEDS = (0, 1)
 TASK_NAMES = list_tasks()

@@ -16,7 +16,7 @@ from lerobot_env_bimanual.pictures.layout import (
 from lerobot_env_bimanual.pictures.viewpoint import ZOOM, clearest_camera, close_up
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 RED_RGB = (200, 10, 10)
 PITCH = np.array([300 + CAPTION_HEIGHT, PANEL_WIDTH]) + GAP

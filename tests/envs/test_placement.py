@@ -3,9 +3,9 @@ import pytest
 
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.placement import MAX_DRAWS, PlacementArea
-from lerobot_env_bimanual.registry import get_task
-from lerobot_env_bimanual.scene import Scene
 from lerobot_env_bimanual.tasks.lift_ball import AREA, LiftBall
+from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.world.scene import Scene
 
 AREA_WITH_YAW = PlacementArea(center_m=(0.2, -0.1), half_size_m=(0.1, 0.3), half_yaw_rad=0.5)
 

@@ -7,8 +7,8 @@ from lerobot_env_bimanual.props.ball import Ball, beach_ball_texture
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.registry import get_task, list_tasks
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.world.scene import Scene
 
 TABLE = 0.75
 

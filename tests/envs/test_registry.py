@@ -8,8 +8,8 @@ import pytest
 from lerobot_bimanual.errors import UnknownTask
 from lerobot_env_bimanual.commands.tasks import TasksConfig, tasks
 from lerobot_env_bimanual.registration import gym_id
-from lerobot_env_bimanual.registry import get_task, list_suites, list_tasks, register, resolve_tasks
 from lerobot_env_bimanual.task import Prehension, Taxonomy
+from lerobot_env_bimanual.tasks.registry import get_task, list_suites, list_tasks, register, resolve_tasks
 
 
 def test_tasks_are_listed_sorted_and_named_after_their_modules():

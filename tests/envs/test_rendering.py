@@ -12,8 +12,8 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.rendering import Renderer, calibration
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.scene import Scene
 
 SIZE = 128
 FIXED = ("front", "left_shoulder", "right_shoulder")
@@ -227,7 +227,7 @@ def test_unknown_names_are_refused_with_the_valid_ones(scene):
 
 def test_without_a_driver_physics_runs_and_rendering_names_the_packages():
     program = (
-        "from lerobot_env_bimanual.scene import Scene; from lerobot_env_bimanual.rendering import Renderer;"
+        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
         "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
     )
     result = without_gl(program, MUJOCO_GL="disable")
@@ -249,7 +249,7 @@ def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respect
 
 def test_a_forgotten_renderer_ends_the_process_quietly():
     program = (
-        "from lerobot_env_bimanual.scene import Scene; from lerobot_env_bimanual.rendering import Renderer;"
+        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
         "renderer = Renderer(Scene(), ('front',), 32, 32); renderer.render(); other = Renderer(Scene()); other.render()"
     )
     result = without_gl(program)

@@ -7,9 +7,9 @@ import pytest
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.report import ReportConfig, report
-from lerobot_env_bimanual.registry import list_tasks
 from lerobot_env_bimanual.reports.certified import Certified, movable_items, success_table
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, PAPER
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,7 +5,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 GRIPPERS = (7, 15)
 

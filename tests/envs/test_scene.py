@@ -6,7 +6,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.scene import MAX_SETTLE_TICKS, PHYSICS_STEP_S, STEPS_PER_TICK, Scene
+from lerobot_env_bimanual.world.scene import MAX_SETTLE_TICKS, PHYSICS_STEP_S, STEPS_PER_TICK, Scene
 
 ON_TABLE = Pose.upright((0.25, 0.1, 0.7905))
 

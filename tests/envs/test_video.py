@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.video import VideoWriter
+from lerobot_env_bimanual.world.video import VideoWriter
 
 
 def read_frames(path) -> np.ndarray:

@@ -88,7 +88,7 @@ def test_flags_of_lerobots_commands_parse(program: str) -> None:
 
 
 def test_the_task_table_of_the_readme_is_the_registry() -> None:
-    from lerobot_env_bimanual.registry import get_task, list_tasks
+    from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
     specs = sorted((get_task(name).spec for name in list_tasks()), key=lambda spec: spec.id)
     rows = [

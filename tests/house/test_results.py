@@ -9,7 +9,7 @@ from lerobot_bimanual.leaderboard import render
 from lerobot_bimanual.pipeline import sha256
 from lerobot_bimanual.recipes import FAR_TASKS, LONG_TASKS, SMALL_HORIZON, recipe_for
 from lerobot_bimanual.results import ResultRow
-from lerobot_env_bimanual.registry import list_tasks
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 ROOT = Path(__file__).parents[2]
 ROWS = sorted((ROOT / "results" / "small").glob("*.json"))

@@ -14,6 +14,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.generate import generate, regeneration_command
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.executor import MergeJob
@@ -21,7 +22,6 @@ from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
 from lerobot_env_bimanual.generation.staging import Staging
-from lerobot_env_bimanual.observations import env_key
 
 pytestmark = pytest.mark.sim
 

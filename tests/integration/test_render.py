@@ -15,7 +15,7 @@ from lerobot_env_bimanual.commands import render as verb
 from lerobot_env_bimanual.commands.render import RenderConfig, render
 from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.pictures.shooting import CLEAREST, shoot
-from lerobot_env_bimanual.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 
 @pytest.fixture

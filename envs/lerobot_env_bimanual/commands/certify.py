@@ -54,7 +54,7 @@ def certify(config: CertifyConfig) -> int:
     from lerobot_env_bimanual.expert.campaign import Campaign
     from lerobot_env_bimanual.expert.certificate import Certificate, origin
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-    from lerobot_env_bimanual.registry import resolve_tasks
+    from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
     for name in names:
@@ -97,8 +97,8 @@ def _check_variation(task: str, variation: str) -> None:
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
     from lerobot_env_bimanual.expert.campaign import Job
-    from lerobot_env_bimanual.registry import get_task
-    from lerobot_env_bimanual.settings import ANY_VARIATION
+    from lerobot_env_bimanual.options import ANY_VARIATION
+    from lerobot_env_bimanual.tasks.registry import get_task
 
     blind = config.control == "blind"
     # The blind control may know its variation, as a policy does from the instruction: "any" is taken apart.

@@ -67,7 +67,7 @@ def render(config: RenderConfig) -> None:
 def _orders(config: RenderConfig) -> list[Order]:
     """One order per task, each checked before any process starts."""
     from lerobot_env_bimanual.pictures.shooting import Order
-    from lerobot_env_bimanual.registry import get_task, resolve_tasks
+    from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     if config.seed < 0:
         raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
@@ -95,7 +95,7 @@ def _shoot_all(orders: Sequence[Order], workers: int) -> list[Shot]:
     from tqdm import tqdm
 
     from lerobot_env_bimanual.pictures.shooting import shoot
-    from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
+    from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
 
     use_one_thread_per_process()
     count = min(workers or os.cpu_count() or 1, len(orders))

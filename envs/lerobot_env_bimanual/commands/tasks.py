@@ -7,7 +7,7 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from lerobot_env_bimanual.registry import get_task, resolve_tasks
+from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
 
 @dataclass

@@ -22,7 +22,7 @@ from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.evidence import ReplayMode, Witness
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import Move, Outcome, failed_to_start, run_episode
-from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
+from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
 
 BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_env_bimanual.contacts import ContactQueries
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.scene import TICK_S, Scene
+from lerobot_env_bimanual.world.contacts import ContactQueries
+from lerobot_env_bimanual.world.scene import TICK_S, Scene
 
 MOVING_M_S = 0.02
 """Speed above which a hand counts as moving."""

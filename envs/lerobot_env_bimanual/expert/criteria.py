@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.runner import Outcome
-from lerobot_env_bimanual.registry import get_task
+from lerobot_env_bimanual.tasks.registry import get_task
 
 MIN_EXPERT_RATE = 0.99
 MIN_DISCRETISED_RATE = 0.97

@@ -20,12 +20,12 @@ from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import env_key, observe_images
 from lerobot_env_bimanual.expert.runner import Move, Outcome, run_expert
-from lerobot_env_bimanual.observations import env_key, observe_images
-from lerobot_env_bimanual.rendering import Renderer
+from lerobot_env_bimanual.world.rendering import Renderer
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import SceneState
+    from lerobot_env_bimanual.world.scene import SceneState
 
 
 class Recorder:

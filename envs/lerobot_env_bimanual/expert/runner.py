@@ -20,7 +20,7 @@ from lerobot_env_bimanual.expert.evidence import Evidence
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 MAX_TIP_ERROR_MM = 12.0
 """At the end of a keypose; more is a hidden collision (design study)."""

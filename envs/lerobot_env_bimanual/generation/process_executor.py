@@ -20,7 +20,7 @@ from lerobot_env_bimanual.generation import worker
 from lerobot_env_bimanual.generation.candidates import Shard
 from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.processes import prepare_worker, use_one_thread_per_process
+from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
 
 START_METHOD = "forkserver"
 PRELOADED = ("lerobot_bimanual.dataset.writer",)

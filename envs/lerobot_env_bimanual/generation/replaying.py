@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.settings import ControlMode
+from lerobot_env_bimanual.options import ControlMode
 
 ReplayMode = Literal["joint", "keypose"]
 Visitor = Callable[[BimanualEnv], None]

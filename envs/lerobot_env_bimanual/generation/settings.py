@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.registry import get_task, resolve_tasks
-from lerobot_env_bimanual.settings import ANY_VARIATION, EnvSettings
+from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
+from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.commands.generate import GenerateConfig
@@ -118,7 +118,7 @@ class GenerationSettings:
         ]
 
 
-def _environment_settings(task: str, config: GenerateConfig) -> EnvSettings:
+def _environment_settings(task: str, config: GenerateConfig) -> EnvOptions:
     """Options of a task's environment, checked by the environment itself."""
     return BimanualEnv(
         task,

@@ -13,11 +13,11 @@ from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.observations import PIXELS, env_key, observe_images
 from lerobot_env_bimanual.generation.faults import Fault
 from lerobot_env_bimanual.generation.replaying import Replayer, ReplayMode, ReplayResult
 from lerobot_env_bimanual.generation.verifying_video import VideoComparison
-from lerobot_env_bimanual.observations import PIXELS, env_key, observe_images
-from lerobot_env_bimanual.rendering import Renderer
+from lerobot_env_bimanual.world.rendering import Renderer
 
 STATES, KEYPOSES, OBSERVATIONS = "replay", "keypose replay", "observations"
 RGB, DEPTH = "rendered RGB", "rendered depth"

@@ -4,7 +4,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 
 class Carried:

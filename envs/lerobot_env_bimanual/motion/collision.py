@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried
-from lerobot_env_bimanual.scene import RESETTABLE_FIELDS, Scene
+from lerobot_env_bimanual.world.scene import RESETTABLE_FIELDS, Scene
 
 Array = NDArray[np.floating]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import Arm
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
 

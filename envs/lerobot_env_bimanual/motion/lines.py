@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import rotation_vector
-from lerobot_env_bimanual.motion.jacobian import hand_frames
-from lerobot_env_bimanual.motion.kinematics import NEAR_GRID_SPAN_DEG, ArmKinematics
+from lerobot_env_bimanual.robots.jacobian import hand_frames
+from lerobot_env_bimanual.robots.kinematics import NEAR_GRID_SPAN_DEG, ArmKinematics
 
 Array = NDArray[np.floating]
 

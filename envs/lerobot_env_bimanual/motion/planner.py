@@ -14,7 +14,6 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
-from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import (
@@ -24,7 +23,8 @@ from lerobot_env_bimanual.motion.time_law import (
     SpeedLimits,
     tick_fractions,
 )
-from lerobot_env_bimanual.scene import ACTION_DIM, Scene
+from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+from lerobot_env_bimanual.world.scene import ACTION_DIM, Scene
 
 Array = NDArray[np.floating]
 

@@ -18,9 +18,9 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Move, Outcome, run_expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up
-from lerobot_env_bimanual.rendering import Renderer
-from lerobot_env_bimanual.scene import TICK_S, SceneState
-from lerobot_env_bimanual.video import VideoWriter
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import TICK_S, SceneState
+from lerobot_env_bimanual.world.video import VideoWriter
 
 CLEAREST = "clearest"
 TELLING_MOMENT = 0.8

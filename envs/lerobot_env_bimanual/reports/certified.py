@@ -12,8 +12,8 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
-from lerobot_env_bimanual.registry import get_task
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
+from lerobot_env_bimanual.tasks.registry import get_task
 
 EXACT, ROUNDED = "expert", "expert_discretised"
 CONTROLS = ("blind", "random", "noop", "freeze_left", "freeze_right")
@@ -183,7 +183,7 @@ def coupling_table(certified: Certified) -> str:
 def movable_items(task: str) -> int:
     """Things of the scene that can move by themselves: free objects, and each door, drawer or button."""
     from lerobot_bimanual.arms import ARMS
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
     return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
 

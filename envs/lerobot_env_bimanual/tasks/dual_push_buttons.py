@@ -23,11 +23,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.button import Button
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 COLORS = {
     "olive": (0.5, 0.5, 0.0, 1.0),

@@ -21,14 +21,14 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
-from lerobot_env_bimanual.handover import grasp_axis, hand_over
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks._handover import grasp_axis, hand_over
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 COLORS = {
     "red": (1.0, 0.0, 0.0, 1.0),

@@ -19,14 +19,14 @@ import numpy as np
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
-from lerobot_env_bimanual.handover import hand_over
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks._handover import hand_over
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
 AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))

@@ -23,11 +23,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.ball import Ball
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 BALL = Ball("ball", radius_m=0.15, mass_kg=1.0, friction=0.3)
 AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.17, 0.17))

@@ -25,11 +25,11 @@ from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.peg_stand import PegStand
 from lerobot_env_bimanual.props.serving_tray import ServingTray
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 STAND = PegStand("stand", height_m=0.122)
 TRAY = ServingTray("tray", mass_kg=0.45)

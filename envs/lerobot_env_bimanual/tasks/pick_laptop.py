@@ -22,11 +22,11 @@ from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.laptop import Laptop
 from lerobot_env_bimanual.props.riser import Riser
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 HOLDER = Riser("holder", size_m=(0.40, 0.30, 0.10))
 LAPTOP = Laptop("laptop")

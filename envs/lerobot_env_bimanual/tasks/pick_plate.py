@@ -23,11 +23,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, Plate
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 PLATE = Plate("plate", radius_m=0.075, height_m=0.020, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.24, -0.155), half_size_m=(0.12, 0.175))

@@ -24,11 +24,11 @@ from lerobot_env_bimanual.conditions import AtRest, CentredOn
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 BOX = Box("box", size_m=(0.384, 0.192, 0.128), mass_kg=50.0, table_friction=0.42)
 TARGET = Target("target", size_m=(0.333, 0.198))

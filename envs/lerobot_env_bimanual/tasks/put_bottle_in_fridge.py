@@ -25,11 +25,11 @@ from lerobot_env_bimanual.conditions import Inside, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 FRIDGE = Fridge("fridge")
 BOTTLE = Bottle("bottle")

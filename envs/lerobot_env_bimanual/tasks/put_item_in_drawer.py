@@ -24,11 +24,11 @@ from lerobot_env_bimanual.conditions import Condition, Inside, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))

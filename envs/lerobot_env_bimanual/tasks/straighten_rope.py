@@ -24,11 +24,11 @@ from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 ROPE = Rope("rope")
 PLATE_SIZE_M = (0.10, 0.06)

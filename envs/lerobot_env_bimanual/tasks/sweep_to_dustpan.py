@@ -28,11 +28,11 @@ from lerobot_env_bimanual.props.broom import Broom
 from lerobot_env_bimanual.props.broom_stand import BroomStand
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")

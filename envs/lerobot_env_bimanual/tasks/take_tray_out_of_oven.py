@@ -26,11 +26,11 @@ from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
-from lerobot_env_bimanual.registry import register
 from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.tasks.registry import register
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")

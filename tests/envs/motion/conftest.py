@@ -5,10 +5,10 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints

@@ -3,8 +3,8 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.motion.jacobian import hand_frames
-from lerobot_env_bimanual.motion.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+from lerobot_env_bimanual.robots.jacobian import hand_frames
+from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
 
 
 def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):

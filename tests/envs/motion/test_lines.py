@@ -5,7 +5,6 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion import lines
 from lerobot_env_bimanual.motion.goals import goal_postures
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import (
     MAX_JOINT_STEP_RAD,
     STEP_M,
@@ -14,6 +13,7 @@ from lerobot_env_bimanual.motion.lines import (
     line_poses,
     straight_lines,
 )
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints

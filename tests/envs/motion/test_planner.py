@@ -6,10 +6,10 @@ from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion import planner as planner_module
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.planner import GRIPPER_TICKS, REST_TICKS, KeyposePlanner, Plan
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 LEFT_DOWN = Pose.looking((0.15, 0.25, 1.0), approach=(0, 0, -1), opening=(1, 0, 0))
 RIGHT_DOWN = Pose.looking((0.35, -0.25, 1.0), approach=(0, 0, -1), opening=(1, 0, 0))

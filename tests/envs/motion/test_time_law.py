@@ -3,7 +3,6 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.time_law import (
     CONTACT_SPEED,
     FREE_SPEED,
@@ -12,6 +11,7 @@ from lerobot_env_bimanual.motion.time_law import (
     minimum_jerk,
     tick_fractions,
 )
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints

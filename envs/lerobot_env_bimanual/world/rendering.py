@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
 
 MAX_GEOMS = 2000
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])

@@ -26,7 +26,7 @@ MIN_IMAGE_SIDE = 8
 
 
 @dataclass(frozen=True)
-class EnvSettings:
+class EnvOptions:
     """Options of one `BimanualEnv`, valid by construction.
 
     Attributes:

@@ -16,7 +16,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.task import Stage
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 HOVER_M = 0.10
 LIFT_TO_M = 1.12

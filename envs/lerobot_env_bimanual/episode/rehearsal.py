@@ -14,15 +14,15 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
-from lerobot_env_bimanual.contacts import ContactQueries
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried
 from lerobot_env_bimanual.motion.collision import CollisionChecker
 from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
-from lerobot_env_bimanual.motion.kinematics import ArmKinematics
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.scene import Scene
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.task import Stage
+from lerobot_env_bimanual.world.contacts import ContactQueries
+from lerobot_env_bimanual.world.scene import Scene
 
 Array = NDArray[np.floating]
 Script = Callable[[Scene], Iterable[Stage]]

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
-from lerobot_env_bimanual.settings import EnvSettings
+from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.scene import Scene
+    from lerobot_env_bimanual.world.scene import Scene
 
 PIXELS = "pixels"
 MM_PER_M = 1000.0
@@ -41,7 +41,7 @@ def env_key(dataset_key: str) -> str:
     return "agent_pos" if dataset_key == schema.STATE else dataset_key.removeprefix("observation.")
 
 
-def observation_space(settings: EnvSettings) -> spaces.Dict:
+def observation_space(settings: EnvOptions) -> spaces.Dict:
     """Space of the observations that `observe` returns."""
     size = (settings.height, settings.width)
     space: dict[str, spaces.Space[Any]] = {}
@@ -58,7 +58,7 @@ def observation_space(settings: EnvSettings) -> spaces.Dict:
 
 
 def observe_images(
-    settings: EnvSettings, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
+    settings: EnvOptions, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
 ) -> dict[str, Any]:
     """Image part of an observation.
 

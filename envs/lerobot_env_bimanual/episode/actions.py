@@ -33,7 +33,7 @@ from lerobot_bimanual.keypose import (
     QUATERNION,
     BimanualKeypose,
 )
-from lerobot_env_bimanual.settings import ControlMode
+from lerobot_env_bimanual.options import ControlMode
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.robots.arm_pair import ArmPair

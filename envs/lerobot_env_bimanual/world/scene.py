@@ -12,12 +12,12 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
-from lerobot_env_bimanual.arena import PHYSICS_STEP_S, build_spec
-from lerobot_env_bimanual.contacts import ContactQueries
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S, build_spec
+from lerobot_env_bimanual.world.contacts import ContactQueries
 
 TICK_S = 1 / CONTROL_HZ
 STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)

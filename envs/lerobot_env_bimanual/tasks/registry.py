@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 
-from lerobot_bimanual.errors import UnknownTask
+from lerobot_bimanual.errors import BimanualError, UnknownTask
 from lerobot_env_bimanual.task import Task, Taxonomy
+from lerobot_env_bimanual.tasks.discovery import TASKS_GROUP, task_modules
 
 _TASKS: dict[str, type[Task]] = {}
 ALL = "all"
@@ -30,7 +31,23 @@ def register[T: Task](task_class: type[T]) -> type[T]:
 
 
 def _tasks() -> dict[str, type[Task]]:
-    importlib.import_module("lerobot_env_bimanual.tasks")
+    """All tasks; those that were found but not yet registered are imported.
+
+    Raises:
+        BimanualError: a module cannot be imported, or does not register what it was announced for.
+    """
+    for name, module in task_modules().items():
+        if name in _TASKS:
+            continue
+        try:
+            importlib.import_module(module)
+        except (ImportError, ValueError) as error:
+            raise BimanualError(f"task {name!r} cannot be loaded from module {module!r}: {error}") from error
+        if name not in _TASKS:
+            raise BimanualError(
+                f"module {module!r} registers no task called {name!r}; a file in tasks/, or an entry point of the "
+                f"group {TASKS_GROUP!r}, bears the name of its task"
+            )
     return _TASKS
 
 

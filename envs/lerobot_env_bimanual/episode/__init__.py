@@ -1,0 +1,1 @@
+"""What an episode is made of: reset, actions, observations, progress."""

@@ -1,0 +1,1 @@
+"""The simulated world: room, cameras, physics, images."""
