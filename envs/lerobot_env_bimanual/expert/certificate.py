@@ -20,7 +20,7 @@ import lerobot_env_bimanual
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
-from lerobot_env_bimanual.expert.runner import Outcome
+from lerobot_env_bimanual.expert.outcome import Outcome
 
 PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
 """Packages whose versions decide the outcome of an episode."""

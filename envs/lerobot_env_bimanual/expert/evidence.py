@@ -46,7 +46,7 @@ class Witness:
     """Watches an environment's episode, from its first tick to its last; use it in a `with` statement.
 
     Args:
-        env: the environment; its `tick_listener` is taken meanwhile.
+        env: the environment; its ticks are observed meanwhile.
     """
 
     def __init__(self, env: BimanualEnv):
@@ -56,11 +56,11 @@ class Witness:
         self._meter = CouplingMeter(env.scene)
 
     def __enter__(self) -> Witness:
-        self._env.tick_listener = self._note
+        self._env.tick_observers.append(self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._env.tick_listener = None
+        self._env.tick_observers.remove(self._note)
 
     def _note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         """Called before every tick."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -73,7 +73,7 @@ class Replayer:
         """
         episode = self._dataset.episode(index)
         env = self._environment(episode.meta, self._mode)
-        env.reset(seed=episode.meta.seed)
+        env.reset(seed=episode.meta.seed, options={"variation": episode.meta.variation})
         with _visited(env, visit):
             if self._mode == "joint":
                 divergence = _play_joint_actions(env, episode)
@@ -86,13 +86,12 @@ class Replayer:
 
     def _environment(self, meta: EpisodeMeta, mode: ControlMode) -> BimanualEnv:
         env = self._env
-        if env is None or (env.task, env.settings.split) != (meta.task, meta.split):
+        if env is None or (env.task, env.options.split) != (meta.task, meta.split):
             if env is not None:
                 env.close()
             env = BimanualEnv(
                 meta.task, split=meta.split, image_size=self._image_size, obs="state", control_mode=mode
             )
-        env.settings = replace(env.settings, variation=meta.variation)
         self._env = env
         return env
 
@@ -103,12 +102,9 @@ def _visited(env: BimanualEnv, visit: Visitor | None) -> Iterator[None]:
     if visit is None:
         yield
         return
-    env.tick_listener = lambda env, _: visit(env)
-    try:
+    with env.observed_by(lambda env, _: visit(env)):
         yield
         visit(env)
-    finally:
-        env.tick_listener = None
 
 
 def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:

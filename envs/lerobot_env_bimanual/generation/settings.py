@@ -78,7 +78,7 @@ class GenerationSettings:
             split=config.split,
             first_seed=config.first_seed,
             views=tuple(view for view in VIEWS if config.view in (view, BOTH_VIEWS)),
-            cameras=camera_settings.cameras,
+            cameras=camera_settings.camera_names,
             height=camera_settings.height,
             width=camera_settings.width,
             intermediate=tuple(map(_parse_fraction, config.intermediate)),
@@ -126,7 +126,7 @@ def _environment_settings(task: str, config: GenerateConfig) -> EnvOptions:
         split=config.split,
         cameras=config.cameras,
         image_size=config.image_size,
-    ).settings
+    ).options
 
 
 def _parse_fraction(text: str) -> float:

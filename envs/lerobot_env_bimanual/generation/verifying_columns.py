@@ -15,7 +15,6 @@ from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
 from lerobot_env_bimanual.generation.faults import Fault, first_of
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 RIGID = 1e-5
@@ -124,7 +123,7 @@ def _misses(action: NDArray[np.float32], keypose: NDArray[np.float32]) -> bool:
     for arm, target, goal in zip(
         ARMS, targets, keypose.astype(np.float64).reshape(-1, ARM_KEYPOSE_DIM), strict=True
     ):
-        hand = ArmKinematics.of(PANDA_PAIR, arm).fk(target[:JOINTS_PER_ARM])
+        hand = PANDA_PAIR.kinematics[arm].fk(target[:JOINTS_PER_ARM])
         turned = np.abs(hand[:3, :3] - quat_wxyz_to_matrix(goal[QUATERNION])).max()
         moved = np.abs(hand[:3, 3] - goal[POSITION]).max()
         if max(moved, turned) > REACHED or (target[JOINTS_PER_ARM] > 0.5) != (goal[GRIPPER_OPEN] > 0.5):

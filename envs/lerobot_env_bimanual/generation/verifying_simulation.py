@@ -67,8 +67,8 @@ class SimulationChecks:
                 self._renderer.close()
             self._renderer = Renderer(env.scene, cameras, *self._size)
             self._rendered_env = env
-        settings = replace(env.settings, obs="rgbd", cameras=cameras)
-        observation = observe_images(settings, self._renderer.render())
+        options = replace(env.options, obs="rgbd", cameras=",".join(cameras))
+        observation = observe_images(options, self._renderer.render())
         images = {}
         for camera in cameras:
             images[schema.image_key(camera)] = observation[PIXELS][camera]
