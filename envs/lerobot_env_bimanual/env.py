@@ -71,6 +71,7 @@ class BimanualEnv(gym.Env):
     def __init__(
         self,
         task: str,
+        *,
         options: EnvOptions | None = None,
         render_mode: str | None = "rgb_array",
         **keywords: Any,
@@ -142,18 +143,16 @@ class BimanualEnv(gym.Env):
         Args:
             seed: non-negative integer that determines the episode; without it one is drawn from the generator
                 that the last given seed started.
-            options: `{"variation": index}` chooses the variation of this episode alone.
+            options: `{"variation": index}` chooses the variation of this episode alone; what else callers such as
+                LeRobot put there is for their wrappers.
 
         Raises:
             UnknownVariation: the task has no such variation.
-            InvalidChoice: there is no such option.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         variation = self._variation
-        for name, value in (options or {}).items():
-            if name != "variation":
-                raise InvalidChoice("an option of reset", name, ["variation"])
-            variation = self._variation_index(value)
+        if options and "variation" in options:
+            variation = self._variation_index(options["variation"])
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene

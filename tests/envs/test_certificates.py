@@ -88,7 +88,7 @@ def test_a_sample_of_every_variation_can_be_certified_again(name, codec, task, v
     ]
     certified = episodes[7 * variation + get_task(task).spec.id]
     seed = certified["seed"]
-    env = BimanualEnv(task, variation, "test", obs="state")
+    env = BimanualEnv(task, variation=variation, split="test", obs="state")
     outcome = run_expert(env, seed, codec)
     env.close()
     assert outcome.success == certified["success"]

@@ -4,7 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
 from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "lift_ball"
@@ -17,13 +18,12 @@ def wiggle(env: BimanualEnv, seed: int, ticks: int) -> list[np.ndarray]:
     return list((env.scene.commanded + np.cumsum(steps, axis=0)).astype(np.float32))
 
 
-def test_a_keypose_is_the_joint_actions_that_the_listener_saw(state_env, keypose_below):
+def test_a_keypose_is_the_joint_actions_that_an_observer_saw(state_env, keypose_below):
     heard = []
-    state_env.tick_listener = lambda env, action: heard.append((env.progress.ticks, action.copy()))
     state_env.reset(seed=1)
-    state_env.step(keypose_below(state_env, gripper_open=False))
+    with state_env.observed_by(lambda env, action: heard.append((env.progress.ticks, action.copy()))):
+        state_env.step(keypose_below(state_env, gripper_open=False))
     after_keypose = state_env.state_hash()
-    state_env.tick_listener = None
     assert [tick for tick, _ in heard] == list(range(len(heard)))
 
     state_env.reset(seed=1)

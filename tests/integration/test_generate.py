@@ -70,7 +70,9 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     recorded = RecordedDataset(generated / "frames").episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
     items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
-    env = BimanualEnv("lift_ball", 0, "train", cameras, (24, 32), control_mode="joint")
+    env = BimanualEnv(
+        "lift_ball", variation=0, split="train", cameras=cameras, image_size=(24, 32), control_mode="joint"
+    )
     observation, _ = env.reset(seed=recorded.meta.seed)
     for tick, action in enumerate(recorded.columns[schema.ACTION]):
         if tick in items:

@@ -90,10 +90,11 @@ def parse_seeds(text: str) -> range:
 
 def _check_variation(task: str, variation: str) -> None:
     """Refuse, before any process starts, a variation that the task does not have."""
-    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.options import variation_index
+    from lerobot_env_bimanual.tasks.registry import get_task
 
     if variation != EACH_VARIATION:
-        BimanualEnv(task, variation=variation)
+        variation_index(variation, task, len(get_task(task).spec.variations))
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
