@@ -24,7 +24,8 @@ from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import SPLITS, EnvOptions, variation_index
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
-from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -232,7 +233,8 @@ class BimanualEnv(gym.Env):
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
         scene.tick(joint_action)
-        progress.note(self._check())
+        progress.ticks += 1
+        progress.judge(self._check())
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
         if self.options.video_dir is not None:

@@ -12,7 +12,8 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 
 SIZE = 128
