@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.expert.control_names import ControlName
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.expert.campaign import Campaign
@@ -24,9 +25,7 @@ class CertifyConfig:
     variation: str = "any"  # index, `any` (drawn per episode) or `each` (every variation on all seeds)
     seeds: str = "0:100"  # half-open range a:b
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
-    control: Literal["expert", "noop", "random", "freeze_left", "freeze_right", "blind"] = (
-        "expert"  # who plays
-    )
+    control: ControlName = "expert"  # who plays
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
     # play each of the expert's episodes again from its seed, by its joint actions (every state is compared) or its
     # keyposes (the last one is)

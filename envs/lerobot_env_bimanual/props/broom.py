@@ -38,7 +38,7 @@ class Broom:
     """A free broom, its frame under the stick where the bristles end; it sweeps towards -y.
 
     Bristles touch dirt and nothing else, as bristles bend: with a solid block the broom catches on the pan's lip
-    and tilts (design study). Two frictionless, yielding feet, which touch the table alone, carry it in their place.
+    and tilts. Two frictionless, yielding feet, which touch the table alone, carry it in their place.
 
     Attributes:
         name: body.
