@@ -8,7 +8,7 @@ from lerobot_env_bimanual.expert.world_version import HASH_DIGITS, joint_version
 from lerobot_env_bimanual.motion import planner
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
-from lerobot_env_bimanual.world import scene
+from lerobot_env_bimanual.world.scene import Scene
 
 pytestmark = pytest.mark.sim
 TASK = "lift_ball"
@@ -45,7 +45,7 @@ SPEC = LiftBall.spec
         lambda patch: patch.setattr(lift_ball, "AREA", replace(lift_ball.AREA, half_size_m=(0.17, 0.18))),
         lambda patch: patch.setattr(lift_ball, "APPROACH_GAP_M", 0.08),
         lambda patch: patch.setattr(planner, "REST_TICKS", 3),
-        lambda patch: patch.setattr(scene, "MAX_SETTLE_TICKS", 0),
+        lambda patch: patch.setattr(Scene, "settle", lambda self: None),
     ],
     ids=["friction", "mass", "success", "placement", "expert", "motion", "settling"],
 )
