@@ -30,8 +30,8 @@ from recording_jobs import PlainWriter, record
 from rich.console import Console
 from rich.table import Table
 
+from lerobot_bimanual.benchmark.recipe import recipe_for
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_bimanual.recipes import recipe_for
 from lerobot_env_bimanual.commands.generate import GenerateConfig
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.worker import load_libraries

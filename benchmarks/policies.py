@@ -29,7 +29,7 @@ from policy_stages import TITLES, Stages
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.recipes import recipe_for
+from lerobot_bimanual.benchmark.recipe import recipe_for
 
 VARIANTS = ("float32", "bfloat16", "compile", "checkpointing")
 """Of our network; all keep their voxel maps with the channels last in memory."""

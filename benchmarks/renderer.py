@@ -28,10 +28,10 @@ from rich.console import Console
 from rich.table import Table
 
 import lerobot_policy_bimanual as _registers  # noqa: F401
+from lerobot_bimanual.benchmark.recipe import SMALL_FLAGS, PolicyName
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
 from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 from lerobot_policy_bimanual.nn.point_renderer import render_views
 from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual import pipeline as module
+from lerobot_bimanual.benchmark import pipeline as module
+from lerobot_bimanual.benchmark.pipeline import Pipeline, Stage
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import Pipeline, Stage
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from lerobot_bimanual.compare import CompareConfig, Pairing, compare, pair
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.leaderboard import LeaderboardConfig, leaderboard, render
-from lerobot_bimanual.results import (
+from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.pairing import Pairing, pair
+from lerobot_bimanual.benchmark.results import (
     BadResult,
     DatasetRecord,
     EpisodeResult,
@@ -20,6 +19,9 @@ from lerobot_bimanual.results import (
     read_certificate,
     read_evaluation,
 )
+from lerobot_bimanual.commands.compare import CompareConfig, compare
+from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.errors import BimanualError
 
 
 def episodes(outcomes: str, first_seed: int = 0) -> tuple[EpisodeResult, ...]:

@@ -6,13 +6,14 @@ from typing import get_args
 import pytest
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.benchmark import benchmark, best_checkpoint, checkpoint_steps
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan, further_flags
-from lerobot_bimanual.demo import DemoConfig, stages
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
+from lerobot_bimanual.benchmark.recipe import SMALL_FLAGS, PolicyName
+from lerobot_bimanual.benchmark.results import EpisodeResult, Validation
+from lerobot_bimanual.benchmark.run import best_checkpoint, checkpoint_steps
+from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_bimanual.commands.benchmark import benchmark
+from lerobot_bimanual.commands.demo import DemoConfig, stages
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.flags import parse_flags
-from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
-from lerobot_bimanual.results import EpisodeResult, Validation
 
 POLICIES = get_args(PolicyName)
 

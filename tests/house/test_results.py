@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.leaderboard import render
-from lerobot_bimanual.pipeline import sha256
-from lerobot_bimanual.recipes import FAR_TASKS, LONG_TASKS, SMALL_HORIZON, recipe_for
-from lerobot_bimanual.results import ResultRow
+from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.pipeline import sha256
+from lerobot_bimanual.benchmark.recipe import FAR_TASKS, LONG_TASKS, SMALL_HORIZON, recipe_for
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_env_bimanual.registry import list_tasks
 
 ROOT = Path(__file__).parents[2]

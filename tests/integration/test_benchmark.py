@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual import pipeline
-from lerobot_bimanual.benchmark import benchmark
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark import pipeline
+from lerobot_bimanual.benchmark.pipeline import sha256
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import sha256
-from lerobot_bimanual.results import ResultRow
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 

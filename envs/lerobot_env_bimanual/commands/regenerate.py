@@ -53,7 +53,7 @@ def generation_config(recipe: Provenance, config: RegenerateConfig) -> GenerateC
     Raises:
         DatasetError: the recipe's command does not belong to its settings.
     """
-    from lerobot_bimanual.flags import parse_flags
+    from lerobot_bimanual.cli.flags import parse_flags
     from lerobot_env_bimanual.commands.generate import GenerateConfig
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 

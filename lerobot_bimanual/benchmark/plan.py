@@ -7,9 +7,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Literal, Self
 
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import Stage, flag_words
-from lerobot_bimanual.recipes import (
+from lerobot_bimanual.benchmark.pipeline import Stage, flag_words
+from lerobot_bimanual.benchmark.recipe import (
     PolicyName,
     Recipe,
     RecipeName,
@@ -18,6 +17,7 @@ from lerobot_bimanual.recipes import (
     recipe_for,
     view_of,
 )
+from lerobot_bimanual.errors import BimanualError
 
 EvaluationSplit = Literal["val", "test"]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.pipeline import Pipeline, Stage, flag_words
-from lerobot_bimanual.recipes import recipe_for
-from lerobot_bimanual.results import read_certificate, read_evaluation, success_rate
-from lerobot_bimanual.success_table import success_table
+from lerobot_bimanual.benchmark.pipeline import Pipeline, Stage, flag_words
+from lerobot_bimanual.benchmark.rates_table import success_table
+from lerobot_bimanual.benchmark.recipe import recipe_for
+from lerobot_bimanual.benchmark.results import read_certificate, read_evaluation, success_rate
 
 
 @dataclass

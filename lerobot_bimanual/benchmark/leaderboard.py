@@ -1,14 +1,13 @@
-"""The `leaderboard` verb: results of many benchmarks, side by side, as a page of documentation."""
+"""Results of many benchmarks, side by side, as a page of documentation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import get_args
 
+from lerobot_bimanual.benchmark.recipe import PolicyName
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.recipes import PolicyName
-from lerobot_bimanual.results import ResultRow
 from lerobot_bimanual.statistics import SuccessRate
 
 PAGE = """\
@@ -34,29 +33,6 @@ cell again:
 ```
 """
 ABSENT = "–"
-
-
-@dataclass
-class LeaderboardConfig:
-    """Flags of the `leaderboard` verb."""
-
-    results: Path = field(kw_only=True)  # folder of the files that `benchmark` has written, of one recipe
-    output: Path | None = None  # Markdown file; without it the page is printed
-
-
-def leaderboard(config: LeaderboardConfig) -> None:
-    """Write the success of all policies on all tasks side by side, from the results of `benchmark`.
-
-    Examples:
-        lerobot-bimanual leaderboard --results=results/small
-        lerobot-bimanual leaderboard --results=results/small --output=docs/results.md
-    """
-    page = render(config.results)
-    if config.output is None:
-        print(page)
-    else:
-        config.output.parent.mkdir(parents=True, exist_ok=True)
-        config.output.write_text(page, encoding="utf-8")
 
 
 def render(folder: Path) -> str:

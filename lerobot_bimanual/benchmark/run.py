@@ -1,4 +1,4 @@
-"""The `benchmark` verb: the training protocol of the paper as one command."""
+"""The training protocol of the paper, run and reported."""
 
 from collections.abc import Sequence
 from datetime import date
@@ -6,11 +6,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan
-from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import Pipeline, sha256, show_command
-from lerobot_bimanual.results import (
+from lerobot_bimanual.benchmark.pipeline import Pipeline, sha256, show_command
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.benchmark.rates_table import success_table
+from lerobot_bimanual.benchmark.results import (
     SCHEMA_VERSION,
     DatasetRecord,
     Machine,
@@ -21,31 +20,16 @@ from lerobot_bimanual.results import (
     success_rate,
     versions,
 )
-from lerobot_bimanual.success_table import success_table
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.errors import BimanualError
 
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a result does without them."""
 
 
-def benchmark(config: BenchmarkConfig) -> None:
-    """Train a policy, choose its best checkpoint, score it on unseen seeds.
-
-    Generates demonstrations, scores the expert and the blind control, trains with the stock `lerobot-train`,
-    evaluates every checkpoint with `lerobot-eval` on the validation split, and the best of them (of equals the
-    latest) on the test split. The result is one JSON file in OUTPUT/results, read by `lerobot-bimanual compare`.
-
-    An interrupted benchmark continues where it stopped, a training from its last checkpoint.
-
-    Examples:
-        lerobot-bimanual benchmark --policy=peract2 --task=lift_ball
-        lerobot-bimanual benchmark --policy=act --task=push_box --steps=20000 --device=cuda
-        lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16 --num_workers=8" --dry_run
-    """
-    plan = Plan.of(config)
-    console = Console()
-    if config.dry_run:
-        _show(plan, console)
-        return
+def run(plan: Plan, console: Console) -> ResultRow:
+    """Run the commands of a benchmark that are not done yet, and write its result."""
+    config = plan.config
     pipeline = Pipeline(plan.folder, console)
     for stage in (plan.generation(), plan.certification("expert"), plan.certification("blind")):
         pipeline.run(stage)
@@ -84,7 +68,7 @@ def benchmark(config: BenchmarkConfig) -> None:
     )
     plan.result.parent.mkdir(parents=True, exist_ok=True)
     plan.result.write_text(row.to_json())
-    _report(row, plan, console)
+    return row
 
 
 def checkpoint_steps(folder: Path) -> list[int]:
@@ -105,7 +89,7 @@ def _dataset_record(folder: Path) -> DatasetRecord:
     return DatasetRecord(provenance.command, seeds, dict(provenance.versions))
 
 
-def _show(plan: Plan, console: Console) -> None:
+def show(plan: Plan, console: Console) -> None:
     """Print the commands of a benchmark, as a script that would run it."""
     steps = sorted(
         {*range(plan.recipe.save_freq, plan.recipe.steps, plan.recipe.save_freq), plan.recipe.steps}
@@ -123,7 +107,7 @@ def _show(plan: Plan, console: Console) -> None:
     show_command(console, "", plan.evaluation("test", steps[-1]).command)
 
 
-def _report(row: ResultRow, plan: Plan, console: Console) -> None:
+def report(row: ResultRow, plan: Plan, console: Console) -> None:
     """Print the success rates, and where the result lies."""
     validated = {
         f"{row.policy} after {validation.step} steps (val)": success_rate(validation.episodes)
