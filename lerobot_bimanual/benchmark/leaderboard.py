@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
-from lerobot_bimanual.benchmark.recipe import PolicyName
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig
+from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
@@ -21,12 +21,13 @@ plays the mean keyposes of 30 training episodes whatever the scene; of a task wi
 
 {success}
 
-What each was trained on, and for how long by the clock on the machine named in its row:
+What each was trained on, for how long by the clock on the machine named in its row, and with which flags of
+`lerobot-bimanual benchmark` beyond those of the recipe as it is today:
 
 {training}
 
 A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. One
-cell again:
+cell again, that of the last line:
 
 ```bash
 {command}
@@ -49,23 +50,23 @@ def render(folder: Path) -> str:
             f"{folder} holds results of {', '.join(recipes) or 'no'} recipe(s), but must hold those of one; "
             "`lerobot-bimanual benchmark` writes them to OUTPUT/results"
         )
+    lines = [(row, config_of(row)) for row in sorted(rows, key=lambda row: (_place(row), row.policy))]
     cells = {(_place(row), row.policy): row for row in rows}
     if len(cells) != len(rows):
         raise BimanualError(
             f"{folder} holds two results of the same task, variation and policy; keep one of them"
         )
-    example = next(iter(cells.values()))
     return PAGE.format(
         recipe=recipes[0],
         folder=folder.as_posix(),
         success=_success(cells),
-        training=_training(rows),
-        command=f"lerobot-bimanual benchmark --policy={example.policy} --task={example.task} --recipe={example.recipe}",
+        training=_training(lines),
+        command=command(lines[-1][1]),
     )
 
 
 def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
-    policies = [name for name in get_args(PolicyName) if any(policy == name for _, policy in cells)]
+    policies = sorted({policy for _, policy in cells})
     lines = []
     for place in sorted({place for place, _ in cells}):
         row = next(row for (where, _), row in cells.items() if where == place)
@@ -77,9 +78,9 @@ def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
 
 
-def _training(rows: Sequence[ResultRow]) -> str:
+def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
     lines = []
-    for row in sorted(rows, key=lambda row: (_place(row), get_args(PolicyName).index(row.policy))):
+    for row, config in trained:
         machine = row.machine.gpu or f"{row.machine.cpus} cores"
         validated = ", ".join(
             f"{validation.step}: {sum(episode.success for episode in validation.episodes)}/{len(validation.episodes)}"
@@ -87,10 +88,11 @@ def _training(rows: Sequence[ResultRow]) -> str:
         )
         demos, minutes = str(len(row.dataset.seeds)), f"{row.training_seconds / 60:.1f}"
         steps = f"{row.checkpoint_step} of {row.flags['steps']}"
-        lines.append([f"`{_place(row)}`", f"`{row.policy}`", demos, steps, minutes, machine, validated])
-    return markdown_table(
-        ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"], lines
-    )
+        beyond = f"`{words}`" if (words := beyond_recipe(config)) else ABSENT
+        policy = f"`{row.policy}`"
+        lines.append([f"`{_place(row)}`", policy, demos, steps, minutes, machine, validated, beyond])
+    headings = ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"]
+    return markdown_table([*headings, "beyond the recipe"], lines)
 
 
 def _place(row: ResultRow) -> str:

@@ -4,6 +4,7 @@ from rich.console import Console
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.run import report, run, show
+from lerobot_bimanual.benchmark.task_check import check_task
 
 
 def benchmark(config: BenchmarkConfig) -> None:
@@ -18,9 +19,10 @@ def benchmark(config: BenchmarkConfig) -> None:
     Examples:
         lerobot-bimanual benchmark --policy=peract2 --task=lift_ball
         lerobot-bimanual benchmark --policy=act --task=push_box --steps=20000 --device=cuda
-        lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16 --num_workers=8" --dry_run
+        lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     plan, console = Plan.of(config), Console()
+    check_task(config)
     if config.dry_run:
         show(plan, console)
     else:
