@@ -40,8 +40,8 @@ def render(folder: Path) -> str:
     """The page of the results in a folder.
 
     Raises:
-        BimanualError: There are none, they are of several recipes, or two are of the same task and policy.
-        BadResult: A file is no result.
+        BimanualError: there are none, they are of several recipes, or two are of the same task and policy.
+        BadResult: a file is no result.
     """
     rows = [ResultRow.read(path) for path in sorted(folder.glob("*.json"))]
     recipes = sorted({row.recipe for row in rows})

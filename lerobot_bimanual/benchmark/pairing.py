@@ -13,10 +13,10 @@ class Pairing:
     """Outcomes of two policies on the same episodes.
 
     Attributes:
-        both: Episodes that both solved.
-        only_first: Episodes that only the first solved.
-        only_second: Episodes that only the second solved.
-        neither: Episodes that none solved.
+        both: episodes that both solved.
+        only_first: episodes that only the first solved.
+        only_second: episodes that only the second solved.
+        neither: episodes that none solved.
     """
 
     both: int
@@ -40,7 +40,7 @@ def pair(first: ResultRow, second: ResultRow) -> Pairing:
     """Count the outcomes of two rows on the seeds that they share.
 
     Raises:
-        BimanualError: The rows differ in task, variation, split or simulation, or share no seed.
+        BimanualError: the rows differ in task, variation, split or simulation, or share no seed.
     """
     for name in ("task", "variation", "split"):
         one, other = getattr(first, name), getattr(second, name)

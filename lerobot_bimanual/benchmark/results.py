@@ -36,10 +36,10 @@ class EpisodeResult:
     """One episode.
 
     Attributes:
-        seed: Seed of the reset, in the split of the row.
-        success: Whether it was solved.
-        variation: Index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
-        failure: Why it was not solved; None if the evaluation does not tell, or if it was.
+        seed: seed of the reset, in the split of the row.
+        success: whether it was solved.
+        variation: index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
+        failure: why it was not solved; None if the evaluation does not tell, or if it was.
         state_hash: SHA-256 of the simulation's final state; None if the evaluation does not tell.
     """
 
@@ -63,9 +63,9 @@ class DatasetRecord:
     """What the policy learned from.
 
     Attributes:
-        command: Command line that makes the dataset again, with task, view, image size and every other option.
-        seeds: Seed of each demonstration, in the split `train`.
-        versions: Package -> version with which it was made.
+        command: command line that makes the dataset again, with task, view, image size and every other option.
+        seeds: seed of each demonstration, in the split `train`.
+        versions: package -> version with which it was made.
     """
 
     command: str
@@ -94,28 +94,28 @@ class ResultRow:
     """One policy on one task.
 
     Attributes:
-        schema_version: Version of this table of fields.
-        task: Name of the task.
-        variation: Index of the variation, or `any`.
-        policy: Type of the policy.
+        schema_version: version of this table of fields.
+        task: name of the task.
+        variation: index of the variation, or `any`.
+        policy: type of the policy.
         recipe: `small` or `paper`.
-        flags: Flags of the training command by name, but for folders.
-        dataset: What the policy learned from.
-        checkpoint_step: Optimiser steps of the checkpoint that was tested.
-        checkpoint_sha256: Of its `model.safetensors`.
+        flags: flags of the training command by name, but for folders.
+        dataset: what the policy learned from.
+        checkpoint_step: optimiser steps of the checkpoint that was tested.
+        checkpoint_sha256: of its `model.safetensors`.
         validation: every checkpoint on the validation split, from which the tested one was chosen; empty where there
             was only one, so that nothing was to be chosen.
-        split: Split of `episodes`, `expert` and `blind`.
-        episodes: The policy, one entry per seed.
-        expert: The expert on the same seeds.
-        blind: The blind control on the same seeds, on each variation if `variation` is `any`.
-        training_seconds: Wall time of the training command.
-        machine: Where it ran.
-        versions: Package -> version.
-        date: Day of the evaluation, ISO 8601.
+        split: split of `episodes`, `expert` and `blind`.
+        episodes: the policy, one entry per seed.
+        expert: the expert on the same seeds.
+        blind: the blind control on the same seeds, on each variation if `variation` is `any`.
+        training_seconds: wall time of the training command.
+        machine: where it ran.
+        versions: package -> version.
+        date: day of the evaluation, ISO 8601.
 
     Raises:
-        ValueError: A value is impossible or contradicts another.
+        ValueError: a value is impossible or contradicts another.
     """
 
     schema_version: int
@@ -179,7 +179,7 @@ class ResultRow:
         """The row of such a text.
 
         Raises:
-            BadResult: The text is no JSON, a field is missing, unknown or of another kind, its value is impossible,
+            BadResult: the text is no JSON, a field is missing, unknown or of another kind, its value is impossible,
                 or the success rates are not those of the episodes.
         """
         try:
@@ -197,7 +197,7 @@ class ResultRow:
         """The row in a file.
 
         Raises:
-            BadResult: The file cannot be read, or as in `from_json`.
+            BadResult: the file cannot be read, or as in `from_json`.
         """
         try:
             return cls.from_json(path.read_bytes())
