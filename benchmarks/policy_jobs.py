@@ -4,6 +4,7 @@ A job is made once and called as often as it is timed. It runs forward, and back
 """
 
 import importlib.util
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
 from torch import Tensor
 
+from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
@@ -108,6 +110,12 @@ def network_job(variant: str, setting: Setting) -> Job:
             loss.backward()
 
     return job
+
+
+def small_flags(policy_type: str) -> dict[str, str]:
+    """What the small recipe of a policy says about its config, by name."""
+    section = Recipe.find(policy_type, "small").sections["policy"]
+    return {name: json.dumps(value) for name, value in section.items() if name != "type"}
 
 
 def policy_job(policy_type: str, flags: Mapping[str, str], setting: Setting) -> Job:

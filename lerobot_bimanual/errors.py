@@ -49,8 +49,8 @@ class KeyposeFailure(BimanualError):
     """A keypose that one arm cannot reach; ends the episode as a failure.
 
     Attributes:
-        arm: Name of the arm, or "both".
-        reason: What prevented the motion.
+        arm: name of the arm, or "both".
+        reason: what prevented the motion.
     """
 
     def __init__(self, arm: str, reason: str):

@@ -7,7 +7,7 @@ from rich.table import Table
 from lerobot_bimanual.statistics import SuccessRate
 
 
-def success_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
+def rates_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
     """One row per entry of `rates`, who acted -> success, with the 95 % Wilson interval."""
     table = Table(title=title)
     table.add_column("who acts")

@@ -1,14 +1,13 @@
-"""The `leaderboard` verb: results of many benchmarks, side by side, as a page of documentation."""
+"""Results of many benchmarks, side by side, as a page of documentation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import get_args
 
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig
+from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.recipes import PolicyName
-from lerobot_bimanual.results import ResultRow
 from lerobot_bimanual.statistics import SuccessRate
 
 PAGE = """\
@@ -22,12 +21,13 @@ plays the mean keyposes of 30 training episodes whatever the scene; of a task wi
 
 {success}
 
-What each was trained on, and for how long by the clock on the machine named in its row:
+What each was trained on, for how long by the clock on the machine named in its row, and with which flags of
+`lerobot-bimanual benchmark` beyond those of the recipe as it is today:
 
 {training}
 
 A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. One
-cell again:
+cell again, that of the last line:
 
 ```bash
 {command}
@@ -36,35 +36,12 @@ cell again:
 ABSENT = "–"
 
 
-@dataclass
-class LeaderboardConfig:
-    """Flags of the `leaderboard` verb."""
-
-    results: Path = field(kw_only=True)  # folder of the files that `benchmark` has written, of one recipe
-    output: Path | None = None  # Markdown file; without it the page is printed
-
-
-def leaderboard(config: LeaderboardConfig) -> None:
-    """Write the success of all policies on all tasks side by side, from the results of `benchmark`.
-
-    Examples:
-        lerobot-bimanual leaderboard --results=results/small
-        lerobot-bimanual leaderboard --results=results/small --output=docs/results.md
-    """
-    page = render(config.results)
-    if config.output is None:
-        print(page)
-    else:
-        config.output.parent.mkdir(parents=True, exist_ok=True)
-        config.output.write_text(page, encoding="utf-8")
-
-
 def render(folder: Path) -> str:
     """The page of the results in a folder.
 
     Raises:
-        BimanualError: There are none, they are of several recipes, or two are of the same task and policy.
-        BadResult: A file is no result.
+        BimanualError: there are none, they are of several recipes, or two are of the same task and policy.
+        BadResult: a file is no result.
     """
     rows = [ResultRow.read(path) for path in sorted(folder.glob("*.json"))]
     recipes = sorted({row.recipe for row in rows})
@@ -73,23 +50,23 @@ def render(folder: Path) -> str:
             f"{folder} holds results of {', '.join(recipes) or 'no'} recipe(s), but must hold those of one; "
             "`lerobot-bimanual benchmark` writes them to OUTPUT/results"
         )
+    lines = [(row, config_of(row)) for row in sorted(rows, key=lambda row: (_place(row), row.policy))]
     cells = {(_place(row), row.policy): row for row in rows}
     if len(cells) != len(rows):
         raise BimanualError(
             f"{folder} holds two results of the same task, variation and policy; keep one of them"
         )
-    example = next(iter(cells.values()))
     return PAGE.format(
         recipe=recipes[0],
         folder=folder.as_posix(),
         success=_success(cells),
-        training=_training(rows),
-        command=f"lerobot-bimanual benchmark --policy={example.policy} --task={example.task} --recipe={example.recipe}",
+        training=_training(lines),
+        command=command(lines[-1][1]),
     )
 
 
 def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
-    policies = [name for name in get_args(PolicyName) if any(policy == name for _, policy in cells)]
+    policies = sorted({policy for _, policy in cells})
     lines = []
     for place in sorted({place for place, _ in cells}):
         row = next(row for (where, _), row in cells.items() if where == place)
@@ -101,9 +78,9 @@ def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
 
 
-def _training(rows: Sequence[ResultRow]) -> str:
+def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
     lines = []
-    for row in sorted(rows, key=lambda row: (_place(row), get_args(PolicyName).index(row.policy))):
+    for row, config in trained:
         machine = row.machine.gpu or f"{row.machine.cpus} cores"
         validated = ", ".join(
             f"{validation.step}: {sum(episode.success for episode in validation.episodes)}/{len(validation.episodes)}"
@@ -111,10 +88,11 @@ def _training(rows: Sequence[ResultRow]) -> str:
         )
         demos, minutes = str(len(row.dataset.seeds)), f"{row.training_seconds / 60:.1f}"
         steps = f"{row.checkpoint_step} of {row.flags['steps']}"
-        lines.append([f"`{_place(row)}`", f"`{row.policy}`", demos, steps, minutes, machine, validated])
-    return markdown_table(
-        ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"], lines
-    )
+        beyond = f"`{words}`" if (words := beyond_recipe(config)) else ABSENT
+        policy = f"`{row.policy}`"
+        lines.append([f"`{_place(row)}`", policy, demos, steps, minutes, machine, validated, beyond])
+    headings = ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"]
+    return markdown_table([*headings, "beyond the recipe"], lines)
 
 
 def _place(row: ResultRow) -> str:

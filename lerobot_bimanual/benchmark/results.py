@@ -5,19 +5,24 @@ import platform
 import re
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
+from lerobot_bimanual.benchmark.json_file import parse_json, read_json
 from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.statistics import SuccessRate
 
 SCHEMA_VERSION = 1
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
+PLACES = ("dataset.root", "output_dir")
+"""Training flags that only say where things lie; a row does without them."""
+
 RATES = "rates"
 """Key of the success rates in the file; they follow from the episodes and are there for readers."""
 
@@ -31,10 +36,10 @@ class EpisodeResult:
     """One episode.
 
     Attributes:
-        seed: Seed of the reset, in the split of the row.
-        success: Whether it was solved.
-        variation: Index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
-        failure: Why it was not solved; None if the evaluation does not tell, or if it was.
+        seed: seed of the reset, in the split of the row.
+        success: whether it was solved.
+        variation: index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
+        failure: why it was not solved; None if the evaluation does not tell, or if it was.
         state_hash: SHA-256 of the simulation's final state; None if the evaluation does not tell.
     """
 
@@ -58,9 +63,9 @@ class DatasetRecord:
     """What the policy learned from.
 
     Attributes:
-        command: Command line that makes the dataset again, with task, view, image size and every other option.
-        seeds: Seed of each demonstration, in the split `train`.
-        versions: Package -> version with which it was made.
+        command: command line that makes the dataset again, with task, view, image size and every other option.
+        seeds: seed of each demonstration, in the split `train`.
+        versions: package -> version with which it was made.
     """
 
     command: str
@@ -89,27 +94,28 @@ class ResultRow:
     """One policy on one task.
 
     Attributes:
-        schema_version: Version of this table of fields.
-        task: Name of the task.
-        variation: Index of the variation, or `any`.
-        policy: Type of the policy.
+        schema_version: version of this table of fields.
+        task: name of the task.
+        variation: index of the variation, or `any`.
+        policy: type of the policy.
         recipe: `small` or `paper`.
-        flags: Flags of the training command by name, but for folders.
-        dataset: What the policy learned from.
-        checkpoint_step: Optimiser steps of the checkpoint that was tested.
-        checkpoint_sha256: Of its `model.safetensors`.
-        validation: Every checkpoint on the validation split; from this the tested one was chosen.
-        split: Split of `episodes`, `expert` and `blind`.
-        episodes: The policy, one entry per seed.
-        expert: The expert on the same seeds.
-        blind: The blind control on the same seeds, on each variation if `variation` is `any`.
-        training_seconds: Wall time of the training command.
-        machine: Where it ran.
-        versions: Package -> version.
-        date: Day of the evaluation, ISO 8601.
+        flags: flags of the training command by name, but for folders.
+        dataset: what the policy learned from.
+        checkpoint_step: optimiser steps of the checkpoint that was tested.
+        checkpoint_sha256: of its `model.safetensors`.
+        validation: every checkpoint on the validation split, from which the tested one was chosen; empty where there
+            was only one, so that nothing was to be chosen.
+        split: split of `episodes`, `expert` and `blind`.
+        episodes: the policy, one entry per seed.
+        expert: the expert on the same seeds.
+        blind: the blind control on the same seeds, on each variation if `variation` is `any`.
+        training_seconds: wall time of the training command.
+        machine: where it ran.
+        versions: package -> version.
+        date: day of the evaluation, ISO 8601.
 
     Raises:
-        ValueError: A value is impossible or contradicts another.
+        ValueError: a value is impossible or contradicts another.
     """
 
     schema_version: int
@@ -146,12 +152,17 @@ class ResultRow:
             ("episodes", seeds and len(set(seeds)) == len(seeds), "must not be empty nor repeat a seed"),
             (
                 "checkpoint_step",
-                self.checkpoint_step in {validation.step for validation in self.validation},
-                "must be among the validated steps",
+                self.checkpoint_step in self._candidates,
+                "must be among the validated steps, or the last one if none was validated",
             ),
         ):
             if not holds:
                 raise ValueError(f"field {name!r} is {getattr(self, name)!r}, but {rule}")
+
+    @property
+    def _candidates(self) -> set[int]:
+        steps = {validation.step for validation in self.validation}
+        return steps or {int(self.flags.get("steps", "0"))}
 
     @property
     def rates(self) -> dict[str, SuccessRate]:
@@ -164,17 +175,17 @@ class ResultRow:
         return json.dumps(asdict(self) | {RATES: _rates_as_json(self)}, indent=1) + "\n"
 
     @classmethod
-    def from_json(cls, text: str) -> Self:
+    def from_json(cls, text: str | bytes) -> Self:
         """The row of such a text.
 
         Raises:
-            BadResult: The text is no JSON, a field is missing, unknown or of another kind, its value is impossible,
+            BadResult: the text is no JSON, a field is missing, unknown or of another kind, its value is impossible,
                 or the success rates are not those of the episodes.
         """
         try:
-            content = json.loads(text)
-        except ValueError as error:
-            raise BadResult(f"a result must be JSON: {error}") from error
+            content = parse_json(text)
+        except BimanualError as error:
+            raise BadResult(f"a result {error}") from error
         rates = content.pop(RATES, None) if isinstance(content, dict) else None
         row = _decode(cls, content, "result")
         if rates != _rates_as_json(row):
@@ -186,10 +197,10 @@ class ResultRow:
         """The row in a file.
 
         Raises:
-            BadResult: The file cannot be read, or as in `from_json`.
+            BadResult: the file cannot be read, or as in `from_json`.
         """
         try:
-            return cls.from_json(path.read_text(encoding="utf-8"))
+            return cls.from_json(path.read_bytes())
         except (OSError, BadResult) as error:
             raise BadResult(f"{path}: {error}") from error
 
@@ -203,34 +214,40 @@ def read_evaluation(path: Path, first_seed: int) -> tuple[EpisodeResult, ...]:
     """Episodes of a `lerobot-eval` result of one task; LeRobot counts seeds up from the first, without listing them.
 
     Raises:
-        BadResult: The evaluation was of several tasks.
+        BadResult: the file is no such result, or the evaluation was of several tasks.
     """
-    tasks = json.loads(path.read_text())["per_task"]
-    if len(tasks) != 1:
-        raise BadResult(f"{path} holds {len(tasks)} tasks, but must hold one; choose a single --task")
-    successes = tasks[0]["metrics"]["successes"]
-    return tuple(EpisodeResult(first_seed + index, bool(success)) for index, success in enumerate(successes))
+    with _reading(path):
+        tasks = read_json(path)["per_task"]
+        if len(tasks) != 1:
+            raise BadResult(f"{path} holds {len(tasks)} tasks, but must hold one; choose a single --task")
+        successes = tasks[0]["metrics"]["successes"]
+        return tuple(
+            EpisodeResult(first_seed + index, bool(success)) for index, success in enumerate(successes)
+        )
 
 
 def read_certificate(path: Path) -> tuple[EpisodeResult, ...]:
     """Episodes of a `lerobot-bimanual certify` result of one task.
 
     Raises:
-        BadResult: The certificate is of several tasks.
+        BadResult: the file is no such result, or the certificate is of several tasks.
     """
-    episodes = json.loads(path.read_text())["episodes"]
-    if len(tasks := {episode["task"] for episode in episodes}) != 1:
-        raise BadResult(f"{path} holds the tasks {sorted(tasks)}, but must hold one; choose a single --task")
-    return tuple(
-        EpisodeResult(
-            seed=episode["seed"],
-            success=bool(episode["success"]),
-            variation=episode["variation"],
-            failure=episode["failure"] or None,
-            state_hash=episode["state_hash"],
+    with _reading(path):
+        episodes = read_json(path)["episodes"]
+        if len(tasks := {episode["task"] for episode in episodes}) != 1:
+            raise BadResult(
+                f"{path} holds the tasks {sorted(tasks)}, but must hold one; choose a single --task"
+            )
+        return tuple(
+            EpisodeResult(
+                seed=episode["seed"],
+                success=bool(episode["success"]),
+                variation=episode["variation"],
+                failure=episode["failure"] or None,
+                state_hash=episode["state_hash"],
+            )
+            for episode in episodes
         )
-        for episode in episodes
-    )
 
 
 def versions() -> dict[str, str]:
@@ -242,6 +259,15 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue  # LeRobot's own policies do without ours
     return found
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Say of a file of another form that it is one."""
+    try:
+        yield
+    except (LookupError, TypeError) as error:
+        raise BadResult(f"{path} is not of the form that its program writes: {error!r}") from error
 
 
 def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from io import StringIO
 from typing import Any
 
-from lerobot_bimanual.flags import CONFIG_FLAG, Flag, flags_of
+from lerobot_bimanual.cli.flags import CONFIG_FLAG, Flag, flags_of
 
 COLUMN = 28
 MAX_WIDTH = 110

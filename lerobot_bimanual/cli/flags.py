@@ -36,11 +36,11 @@ class Flag:
     """One field of a config as the command line sees it.
 
     Attributes:
-        name: Without dashes; dotted for a field of a nested dataclass.
-        kind: The field's annotation without `| None`.
-        optional: Whether the annotation allows None.
-        default: The default value; `dataclasses.MISSING` if the flag is required.
-        owner: The dataclass that declares the field.
+        name: without dashes; dotted for a field of a nested dataclass.
+        kind: the field's annotation without `| None`.
+        optional: whether the annotation allows None.
+        default: the default value; `dataclasses.MISSING` if the flag is required.
+        owner: the dataclass that declares the field.
     """
 
     name: str
@@ -88,7 +88,7 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     """Build a config from command-line words.
 
     Raises:
-        BadCommandLine: A word is no flag, a flag is unknown or lacks its value, or a value does not fit.
+        BadCommandLine: a word is no flag, a flag is unknown or lacks its value, or a value does not fit.
     """
     import draccus
     from draccus.utils import DraccusException
