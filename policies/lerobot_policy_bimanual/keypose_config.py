@@ -24,12 +24,16 @@ from lerobot_bimanual.dataset.schema import (
 )
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, whole
 from lerobot_policy_bimanual.optimizers import LambConfig
 
 DTYPES = ("float32", "bfloat16")
 DECODINGS = ("voxel", "expectation")
 OPTIMIZERS = ("adamw", "lamb")
 LR_SCHEDULES = ("cosine", "constant")
+LEARNED_LANGUAGE = "learned"
+CLIP_PREFIX = "clip:"
 
 SCHEDULE_STEPS = 1_000_000
 """LeRobot shrinks a longer schedule to the length of the training, which is what we want for any length."""
@@ -81,61 +85,72 @@ class KeyposePolicyConfig(PreTrainedConfig):
         }
     )
     cameras: tuple[str, ...] = CAMERA_NAMES
-    workspace_lower: tuple[float, float, float] = VOXEL_WORKSPACE.lower
-    workspace_upper: tuple[float, float, float] = VOXEL_WORKSPACE.upper
-    voxel_size: int = 100
-    rotation_bin_deg: float = 5.0
-    keypose_horizon: int = 25
-    decode: str = "voxel"
+    workspace_lower: tuple[float, float, float] = reals(VOXEL_WORKSPACE.lower, -100, 100)
+    workspace_upper: tuple[float, float, float] = reals(VOXEL_WORKSPACE.upper, -100, 100)
+    voxel_size: int = whole(100, 1, 512)
+    rotation_bin_deg: float = real(5.0, 0.5, 180)
+    keypose_horizon: int = whole(25, 2, 1000)
+    decode: str = choice("voxel", DECODINGS)
 
     # Language.
-    language_encoder: str = "learned"
-    language_tokens: int = 77
-    language_dim: int = 512
+    language_encoder: str = LEARNED_LANGUAGE
+    language_tokens: int = whole(77, 1, 1024)
+    language_dim: int = whole(512, 1, 8192)
 
     # Execution.
-    dtype: str = "float32"
-    compile: bool = False
+    dtype: str = choice("float32", DTYPES)
+    compile: bool = flag(False)
 
     # Augmentation.
-    augmentation: bool = True
-    augmentation_shift_m: tuple[float, float, float] = (0.125, 0.125, 0.125)
-    augmentation_yaw_deg: float = 45.0
-    augmentation_yaw_step_deg: float = 5.0
+    augmentation: bool = flag(True)
+    augmentation_shift_m: tuple[float, float, float] = reals((0.125, 0.125, 0.125), 0, 10)
+    augmentation_yaw_deg: float = real(45.0, 0, 180)
+    augmentation_yaw_step_deg: float = real(5.0, 0.01, 180)
 
     # Training preset.
-    optimizer: str = "adamw"
-    optimizer_lr: float = 5e-4
-    optimizer_weight_decay: float = 1e-2
-    optimizer_grad_clip_norm: float = 5.0
-    lr_schedule: str = "cosine"
-    warmup_fraction: float = 0.05
-    final_lr_fraction: float = 0.02
+    optimizer: str = choice("adamw", OPTIMIZERS)
+    optimizer_lr: float = real(5e-4, 0, 10)
+    optimizer_weight_decay: float = real(1e-2, 0, 10)
+    optimizer_grad_clip_norm: float = real(5.0, 0, 1e6)
+    lr_schedule: str = choice("cosine", LR_SCHEDULES)
+    warmup_fraction: float = real(0.05, 0, 1)
+    final_lr_fraction: float = real(0.02, 0, 1)
 
     def __post_init__(self):
-        """Refuse values that no policy can work with."""
+        """Refuse values that no policy can work with.
+
+        Raises:
+            BadConfig: A value is of another type or out of its range, or values do not fit together.
+            InvalidChoice: A word is none of the choices.
+            UnknownCamera: A camera does not exist.
+        """
         super().__post_init__()
-        for option, valid in (
-            ("dtype", DTYPES),
-            ("decode", DECODINGS),
-            ("optimizer", OPTIMIZERS),
-            ("lr_schedule", LR_SCHEDULES),
+        check_fields(self)
+        encoder = self.language_encoder
+        if not isinstance(encoder, str) or (
+            encoder != LEARNED_LANGUAGE and not encoder.startswith(CLIP_PREFIX)
         ):
-            if getattr(self, option) not in valid:
-                raise InvalidChoice(option, getattr(self, option), valid)
-        if self.language_encoder != "learned" and not self.language_encoder.startswith("clip:"):
             raise InvalidChoice(
-                "language_encoder", self.language_encoder, ("learned", "clip:<local path or hub id>")
+                "language_encoder", encoder, (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
             )
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise UnknownCamera(camera, CAMERA_NAMES)
-        if not self.cameras or self.keypose_horizon < 2:
-            raise ValueError(
-                f"cameras={self.cameras} must name at least one camera, and "
-                f"keypose_horizon={self.keypose_horizon} must be at least 2"
+        if not self.cameras or len(set(self.cameras)) < len(self.cameras):
+            raise BadConfig(f"cameras={list(self.cameras)} must name at least one camera, and none twice")
+        for lower, upper in zip(self.workspace_lower, self.workspace_upper, strict=True):
+            if lower >= upper:
+                raise BadConfig(
+                    f"workspace_lower={list(self.workspace_lower)} must be below "
+                    f"workspace_upper={list(self.workspace_upper)} on every axis"
+                )
+        if 360 % self.rotation_bin_deg:
+            raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
+        if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) - {NormalizationMode.IDENTITY}:
+            raise BadConfig(
+                f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "
+                "the policy normalises one observation itself, with constants"
             )
-        _ = self.codec  # refuses bins and bounds that do not fit
 
     @property
     def workspace(self) -> Workspace:

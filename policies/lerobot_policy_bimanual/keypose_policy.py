@@ -1,7 +1,8 @@
 """What all keypose policies share: LeRobot's contract around a network that predicts the next keypose."""
 
 from abc import abstractmethod
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
@@ -11,6 +12,7 @@ from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.keypose.weights import load_weights
 from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 from lerobot_policy_bimanual.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.nn.language import make_language
@@ -56,6 +58,16 @@ class KeyposePolicy(PreTrainedPolicy):
             observation: What is seen.
             target: The label in training, for heads that are conditioned on it; None at inference.
         """
+
+    @classmethod
+    def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:
+        """Load the weights of a checkpoint, strictly on every way that LeRobot takes: by default it warns only.
+
+        Raises:
+            CheckpointError: Some are missing, too many, of another shape or not finite.
+        """
+        load_weights(model, Path(model_file))
+        return model
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.fields import choice, flag, real, require_multiple, whole, wholes
 from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 
 TRANSLATION_HEADS = ("dense", "factorised")
@@ -34,40 +35,35 @@ class PerActConfig(KeyposePolicyConfig):
         activation_checkpointing: Recompute the dense head in the backward pass: less memory, more time.
     """
 
-    channels: int = 64
-    token_dim: int = 128
-    num_latents: int = 2048
-    latent_dim: int = 512
-    depth: int = 6
-    heads: int = 8
-    feedforward_multiplier: int = 4
-    attention_dropout: float = 0.1
-    translation_head: str = "dense"
-    voxel_cells: int = 0
-    projection_dilations: tuple[int, ...] = ()
-    activation_checkpointing: bool = False
+    channels: int = whole(64, 1, 1024)
+    token_dim: int = whole(128, 2, 8192)
+    num_latents: int = whole(2048, 1, 65536)
+    latent_dim: int = whole(512, 1, 8192)
+    depth: int = whole(6, 1, 64)
+    heads: int = whole(8, 1, 128)
+    feedforward_multiplier: int = whole(4, 1, 16)
+    attention_dropout: float = real(0.1, 0, 0.9)
+    translation_head: str = choice("dense", TRANSLATION_HEADS)
+    voxel_cells: int = whole(0, 0, 100)
+    projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
+    activation_checkpointing: bool = flag(False)
 
     def __post_init__(self):
-        """Refuse sizes that do not fit together."""
+        """Refuse sizes that do not fit together, too.
+
+        Raises:
+            BadConfig: As in the base, or they do not.
+        """
         super().__post_init__()
-        if self.translation_head not in TRANSLATION_HEADS:
-            raise InvalidChoice("translation_head", self.translation_head, TRANSLATION_HEADS)
-        if self.voxel_cells and (self.voxel_cells < 2 or self.translation_head == "dense"):
-            raise ValueError(
+        if self.voxel_cells == 1 or (self.voxel_cells and self.translation_head == "dense"):
+            raise BadConfig(
                 f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
             )
-        if self.projection_dilations and (
-            min(self.projection_dilations) < 1 or self.translation_head == "dense"
-        ):
-            raise ValueError(
-                f"projection_dilations={list(self.projection_dilations)} must be [], or numbers of voxels "
-                "from 1 with translation_head=factorised"
+        if self.projection_dilations and self.translation_head == "dense":
+            raise BadConfig(
+                f"projection_dilations={list(self.projection_dilations)} must be [] without "
+                "translation_head=factorised"
             )
-        self._require_multiple("voxel_size", PATCH, "a patch is five voxels wide")
-        self._require_multiple("token_dim", 2, "half of a token is proprioception")
-        self._require_multiple("latent_dim", self.heads, "the heads share the latent evenly")
-
-    def _require_multiple(self, option: str, divisor: int, why: str) -> None:
-        value = getattr(self, option)
-        if value < divisor or value % divisor:
-            raise ValueError(f"{option}={value} must be a multiple of {divisor}: {why}")
+        require_multiple(self, "voxel_size", PATCH, "a patch is five voxels wide")
+        require_multiple(self, "token_dim", 2, "half of a token is proprioception")
+        require_multiple(self, "latent_dim", self.heads, "the heads share the latent evenly")

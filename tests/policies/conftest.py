@@ -157,9 +157,14 @@ def written_out() -> ModuleType:
     return load_written_out()
 
 
-@pytest.fixture
-def tiny() -> dict[str, Any]:
+@pytest.fixture(scope="session")
+def tiny_peract() -> dict[str, Any]:
     return dict(TINY_PERACT)
+
+
+@pytest.fixture
+def tiny(tiny_peract: dict[str, Any]) -> dict[str, Any]:
+    return dict(tiny_peract)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 import torch
 import torch.nn.functional as F  # noqa: N812
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
 from lerobot_policy_bimanual.nn.rvt import RVTNetwork
 from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation, best_voxel
@@ -320,5 +320,5 @@ def test_a_batch_decodes_like_its_samples():
     ],
 )
 def test_sizes_that_do_not_fit_are_refused(option, value, message):
-    with pytest.raises((ValueError, InvalidChoice), match=message):
+    with pytest.raises(BimanualError, match=message):
         RVTLFConfig(device="cpu", **{option: value})

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
+from lerobot_policy_bimanual.keypose.fields import require_multiple
 from lerobot_policy_bimanual.peract_config import PerActConfig
 
 
@@ -15,4 +16,4 @@ class PerAct2Config(PerActConfig):
     def __post_init__(self):
         """Refuse latents that two arms cannot share."""
         super().__post_init__()
-        self._require_multiple("num_latents", 2, "the arms share the latents evenly")
+        require_multiple(self, "num_latents", 2, "the arms share the latents evenly")

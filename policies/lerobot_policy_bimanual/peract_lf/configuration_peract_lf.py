@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from lerobot.configs import PreTrainedConfig
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_policy_bimanual.keypose.fields import choice
 from lerobot_policy_bimanual.peract_config import PerActConfig
 
 
@@ -18,10 +18,4 @@ class PerActLFConfig(PerActConfig):
         leader: The arm that decides first, "left" or "right" (the paper's).
     """
 
-    leader: str = "right"
-
-    def __post_init__(self):
-        """Refuse a leader that is no arm."""
-        super().__post_init__()
-        if self.leader not in ARMS:
-            raise InvalidChoice("leader", self.leader, ARMS)
+    leader: str = choice("right", ARMS)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from lerobot.configs import PreTrainedConfig
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.fields import choice, real, require_multiple, whole
 from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 
 
@@ -33,37 +34,29 @@ class RVTLFConfig(KeyposePolicyConfig):
         heatmap_sigma_px: Standard deviation of the Gaussian that a heatmap is trained towards.
     """
 
-    voxel_size: int = 220
-    leader: str = "right"
-    patch: int = 11
-    point_radius: float = 0.012
-    channels: int = 64
-    token_dim: int = 128
-    attention_dim: int = 512
-    depth: int = 8
-    heads: int = 8
-    feedforward_multiplier: int = 4
-    attention_dropout: float = 0.1
-    heatmap_sigma_px: float = 1.5
+    voxel_size: int = whole(220, 1, 512)
+    leader: str = choice("right", ARMS)
+    patch: int = whole(11, 1, 99)
+    point_radius: float = real(0.012, 0, 0.2)
+    channels: int = whole(64, 1, 1024)
+    token_dim: int = whole(128, 8, 8192)
+    attention_dim: int = whole(512, 1, 8192)
+    depth: int = whole(8, 2, 64)
+    heads: int = whole(8, 1, 128)
+    feedforward_multiplier: int = whole(4, 1, 16)
+    attention_dropout: float = real(0.1, 0, 0.9)
+    heatmap_sigma_px: float = real(1.5, 0.01, 20)
 
     def __post_init__(self):
-        """Refuse a leader that is no arm, and sizes that do not fit together."""
+        """Refuse sizes that do not fit together, too.
+
+        Raises:
+            BadConfig: As in the base, or they do not.
+        """
         super().__post_init__()
-        if self.leader not in ARMS:
-            raise InvalidChoice("leader", self.leader, ARMS)
-        if self.patch < 1 or self.patch % 2 == 0:
-            raise ValueError(f"patch={self.patch} must be odd: kernels of this width need a centre")
-        for option, divisor, why in (
-            ("voxel_size", self.patch, "an image is cut into whole patches"),
-            ("token_dim", 8, "each half is normalised in four groups"),
-            ("attention_dim", self.heads, "the heads share the width evenly"),
-            ("depth", 2, "half of the blocks stay within a view"),
-        ):
-            value = getattr(self, option)
-            if value < divisor or value % divisor:
-                raise ValueError(f"{option}={value} must be a multiple of {divisor}: {why}")
-        if self.point_radius < 0 or self.heatmap_sigma_px <= 0:
-            raise ValueError(
-                f"point_radius={self.point_radius} must not be negative, and "
-                f"heatmap_sigma_px={self.heatmap_sigma_px} must be positive"
-            )
+        if self.patch % 2 == 0:
+            raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
+        require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
+        require_multiple(self, "token_dim", 8, "each half is normalised in four groups")
+        require_multiple(self, "attention_dim", self.heads, "the heads share the width evenly")
+        require_multiple(self, "depth", 2, "half of the blocks stay within a view")
