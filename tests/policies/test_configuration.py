@@ -35,7 +35,7 @@ def test_command_line_flags_reach_the_config():
     )
     assert config.cameras == ("front", "left_wrist")
     assert config.augmentation_shift_m == (0.1, 0.1, 0.05)
-    assert config.codec.voxels == 25
+    assert config.codec.bins.voxels == 25
 
 
 def test_config_survives_saving(tmp_path):

@@ -18,8 +18,8 @@ from lerobot_policy_bimanual.checkpoint.processors import (
     register_steps_of,
 )
 from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.weights import WeightCount, check_weights
-from lerobot_policy_bimanual.keypose_config import LEARNED_LANGUAGE, KeyposePolicyConfig
 
 WEIGHTS_FILE = "model.safetensors"
 

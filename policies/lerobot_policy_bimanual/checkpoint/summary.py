@@ -1,7 +1,7 @@
 """What a checked checkpoint is, in a few lines."""
 
 from lerobot_policy_bimanual.checkpoint.check import CheckedCheckpoint
-from lerobot_policy_bimanual.keypose_config import LEARNED_LANGUAGE, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 
 OWN = "config, its ranges, processor steps and their options, names, shapes, types and values of all weights"
 LEROBOTS = "config, names of processor steps (all LeRobot's own), values of all weights (finite)"

@@ -12,8 +12,8 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.geometry.rotations import rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 SHOWN_VOXELS = 100
 """Voxels per axis that the scene is shown with, at most."""
@@ -125,9 +125,9 @@ def look(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     arms = []
     for arm in ARMS:
         index, volume = arm.ordinal, probabilities[arm.ordinal]
-        hot, heat = _hottest(volume, codec.voxel_centers, codec.voxel_size_m)
+        hot, heat = _hottest(volume, codec.voxel_centers, codec.bins.voxel_size_m)
         x, y, z = true_bins.voxel[0, index].tolist()
-        within = all(0 <= place < codec.voxels for place in (x, y, z))
+        within = all(0 <= place < codec.bins.voxels for place in (x, y, z))
         rotation = _of_class(prediction.rotation[0, index], chosen_bins.rotation[0, index]).tolist()
         gripper = _of_class(prediction.gripper_open[0, index], chosen_bins.gripper_open[0, index])
         collisions = _of_class(

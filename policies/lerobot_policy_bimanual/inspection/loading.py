@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from lerobot.configs import PreTrainedConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch.utils.data import default_collate
@@ -15,8 +16,8 @@ from lerobot_bimanual.errors import DatasetError, SchemaMismatch
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.checkpoint.config_file import read_config
 from lerobot_policy_bimanual.errors import CheckpointError
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 Batch = dict[str, Any]
 
@@ -30,7 +31,11 @@ def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batc
     """
     config = read_config(checkpoint)
     if not isinstance(config, KeyposePolicyConfig):
-        raise CheckpointError(f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes")
+        known = PreTrainedConfig.get_known_choices().items()
+        fit = ", ".join(name for name, kind in known if issubclass(kind, KeyposePolicyConfig))
+        raise CheckpointError(
+            f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes. Policies that do: {fit}"
+        )
     check_checkpoint(checkpoint)
     # One prediction does not pay for compiling, and there may be fewer devices of its kind than in training.
     config = replace(config, compile=False, device=str(config.device).partition(":")[0])

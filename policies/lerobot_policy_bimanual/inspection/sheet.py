@@ -6,8 +6,8 @@ from PIL import Image, ImageDraw, ImageFont
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_euler_xyz
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection
+from lerobot_policy_bimanual.inspection.projection import VIEWPOINTS
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, AXIS_COLORS, INK, PAPER, draw_scene
-from lerobot_policy_bimanual.inspection.viewpoint import VIEWPOINTS
 
 Color = tuple[int, int, int]
 

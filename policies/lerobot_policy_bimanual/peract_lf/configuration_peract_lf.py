@@ -6,7 +6,7 @@ from lerobot.configs import PreTrainedConfig
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_policy_bimanual.keypose.fields import choice
-from lerobot_policy_bimanual.peract_config import PerActConfig
+from lerobot_policy_bimanual.peract.config import PerActConfig
 
 
 @PreTrainedConfig.register_subclass("peract_lf")

@@ -43,7 +43,6 @@ VIEWS = (
 
 ROWS = [view.row for view in VIEWS]
 COLUMNS = [view.column for view in VIEWS]
-DEPTHS = [view.depth for view in VIEWS]
 
 
 def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:

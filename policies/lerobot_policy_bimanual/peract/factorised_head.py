@@ -17,11 +17,13 @@ import torch.nn.functional as F  # noqa: N812
 from einops import rearrange
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.conv3d import PATCH, ActivatedConv3d, activate
-from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.activation import activate
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
-from lerobot_policy_bimanual.nn.projections import ProjectionConv2d, project
+from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
+from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.projections import ProjectionConv2d, project
 
 BEAM = 8
 """Patches whose voxels are scored at inference."""
@@ -164,18 +166,13 @@ class FactorisedTranslationHead(nn.Module):
     The patches' own features join the trunk's answers, as the voxels' do in the paper's decoder: what lies in a patch
     need not pass through the latents.
 
-    Args:
-        arms: Arms to predict.
-        channels: Channels of the stem.
-        token_dim: Width of the trunk's answers.
-        cells: Into which each axis of a voxel is cut; 0 for voxels as a whole.
-        dilations: Of `ProjectionConv2d`. With any, what lies along the lines scores the patches, too.
+    With `projection_dilations`, what lies along the lines scores the patches, too.
     """
 
-    def __init__(
-        self, *, arms: int, channels: int, token_dim: int, cells: int, dilations: Sequence[int] = ()
-    ):
+    def __init__(self, config: PerActConfig, *, arms: int):
         super().__init__()
+        channels, token_dim = config.channels, config.token_dim
+        cells, dilations = config.voxel_cells, config.projection_dilations
         self.refine = ActivatedConv3d(token_dim + token_dim // 2, token_dim, 3)
         self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
         self.voxel_logits = nn.ModuleList(

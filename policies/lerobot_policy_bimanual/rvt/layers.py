@@ -6,22 +6,13 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.conv3d import LEAK, activate, init_activated
+from lerobot_policy_bimanual.nn.activation import activate, init_activated, init_linear
 
 NORM_GROUPS = 4
 """Groups of every group norm (RVT code)."""
 
 LOW_TAPS = 3
 """Coarse pixels that a fine kernel as wide as the upsampling factor can read along one axis."""
-
-
-def _init(layer: nn.Conv2d, *, activated: bool) -> nn.Conv2d:
-    if activated:
-        nn.init.kaiming_uniform_(layer.weight, a=LEAK, nonlinearity="leaky_relu")
-    else:
-        nn.init.xavier_uniform_(layer.weight)
-    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
-    return layer
 
 
 class Conv2d(nn.Conv2d):
@@ -37,7 +28,7 @@ class Conv2d(nn.Conv2d):
     def __init__(self, inputs: int, outputs: int, kernel: int, *, activated: bool):
         super().__init__(inputs, outputs, kernel, padding=kernel // 2, padding_mode="replicate")
         self.activated = activated
-        _init(self, activated=activated)
+        (init_activated if activated else init_linear)(self)
 
     def forward(self, input: Tensor) -> Tensor:
         """(b, inputs, h, w) -> (b, outputs, h, w)."""
@@ -50,8 +41,9 @@ class PatchConv2d(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, patch: int):
         super().__init__()
-        self.conv = _init(nn.Conv2d(inputs, outputs, patch, stride=patch), activated=True)
+        self.conv = nn.Conv2d(inputs, outputs, patch, stride=patch)
         self.norm = nn.GroupNorm(NORM_GROUPS, outputs)
+        init_activated(self.conv)
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, inputs, v, v) -> (b, p^2, outputs), columns fastest."""
@@ -78,7 +70,8 @@ class SkipConv2d(nn.Module):
 
     def __init__(self, channels: int):
         super().__init__()
-        self.conv = _init(nn.Conv2d(2 * channels, channels, 3), activated=True)
+        self.conv = nn.Conv2d(2 * channels, channels, 3)
+        init_activated(self.conv)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
         """(b, c, v, v) twice -> (b, c, v, v); the first half of the weights belongs to `x`."""
@@ -117,7 +110,8 @@ class UpsampledConv2d(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, factor: int):
         super().__init__()
-        self.conv = _init(nn.Conv2d(inputs, outputs, factor), activated=True)
+        self.conv = nn.Conv2d(inputs, outputs, factor)
+        init_activated(self.conv)
         self.register_buffer("phases", phase_matrix(factor), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.fields import choice, flag, real, require_multiple, whole, wholes
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
 
 TRANSLATION_HEADS = ("dense", "factorised")
 PATCH = 5
+"""Voxels per patch along each axis (PerAct2 code)."""
 
 
 @dataclass

@@ -7,16 +7,13 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
-from lerobot_policy_bimanual.nn.conv3d import (
-    ActivatedConv3d,
-    activate,
-    init_activated,
-    pad_replicate,
-)
-from lerobot_policy_bimanual.nn.pooling import pool
+from lerobot_policy_bimanual.nn.activation import activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
-from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
+from lerobot_policy_bimanual.peract.config import PerActConfig
+from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, pad_replicate
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +94,10 @@ class LogitConv3d(nn.Module):
 class DenseTranslationHead(nn.Module):
     """Patches up to voxels, joined with the voxel stem; weights shared by the arms except the last layer."""
 
-    def __init__(self, *, arms: int, channels: int, token_dim: int, checkpointing: bool):
+    def __init__(self, config: PerActConfig, *, arms: int):
         super().__init__()
-        self.checkpointing = checkpointing
+        channels, token_dim = config.channels, config.token_dim
+        self.checkpointing = config.activation_checkpointing
         self.coarse = ActivatedConv3d(token_dim, channels, 5)
         self.upsample = UpsampledConv3d(channels, channels)
         self.join = SkipConv3d(channels)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.conv3d import LEAK
+from lerobot_policy_bimanual.nn.activation import LEAK
 
 
 def project(features: Tensor) -> list[Tensor]:

@@ -1,11 +1,7 @@
-"""Perceiver IO: a few latents read a long sequence, think, and answer one query per token."""
+"""Pre-norm attention and feed-forward, as PerAct and RVT both use them."""
 
-import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
-
-CROSS_HEAD_DIM = 64
-"""Both cross-attentions have a single head of this width (PerAct2 code)."""
 
 
 class Attention(nn.Module):
@@ -77,56 +73,3 @@ class Block(nn.Module):
         """(b, n, dim) -> (b, n, dim)."""
         x = x + self.attention(x)
         return x + self.feed_forward(x)
-
-
-class PerceiverIO(nn.Module):
-    """The trunk: one stream of latents per arm, which meet in one last block.
-
-    All latents read the input together. They are then split evenly among the streams, each with weights of
-    its own. With two or more streams a last block runs over all latents; it is the only place after the
-    reading where the arms talk. With one stream it is left out, which is the single-arm PerAct.
-    """
-
-    def __init__(
-        self,
-        *,
-        streams: int,
-        token_dim: int,
-        num_latents: int,
-        latent_dim: int,
-        depth: int,
-        heads: int,
-        multiplier: int,
-        dropout: float,
-    ):
-        super().__init__()
-        # Standard deviation 1, not the usual 0.02: the decoder has no residual, and small codes leave it
-        # unable to tell its queries apart (design study: 44 cm against 8 cm of error after equal steps).
-        self.latents = nn.Parameter(torch.randn(num_latents, latent_dim))
-        self.read = Attention(
-            latent_dim, context_dim=token_dim, heads=1, head_dim=CROSS_HEAD_DIM, dropout=dropout
-        )
-        self.read_feed_forward = nn.ModuleList(FeedForward(latent_dim, multiplier) for _ in range(streams))
-
-        def block() -> Block:
-            return Block(latent_dim, heads=heads, multiplier=multiplier, dropout=dropout)
-
-        self.streams = nn.ModuleList(nn.Sequential(*(block() for _ in range(depth))) for _ in range(streams))
-        self.combine = block() if streams > 1 else nn.Identity()
-        self.answer = nn.ModuleList(
-            Attention(token_dim, context_dim=latent_dim, heads=1, head_dim=CROSS_HEAD_DIM)
-            for _ in range(streams)
-        )
-
-    def forward(self, tokens: Tensor, queries: Tensor) -> Tensor:
-        """Read `tokens` (b, t, token_dim), answer `queries` (b, q, token_dim): (b, streams, q, token_dim)."""
-        latents = self.latents.expand(len(tokens), -1, -1)
-        latents = latents + self.read(latents, tokens)
-        parts = []
-        for part, feed_forward, stream in zip(
-            latents.chunk(len(self.streams), dim=1), self.read_feed_forward, self.streams, strict=True
-        ):
-            parts.append(stream(part + feed_forward(part)))
-        parts = self.combine(torch.cat(parts, dim=1)).chunk(len(self.streams), dim=1)
-        answers = [answer(queries, part) for answer, part in zip(self.answer, parts, strict=True)]
-        return torch.stack(answers, dim=1)

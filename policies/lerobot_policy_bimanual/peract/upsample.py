@@ -12,8 +12,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.conv3d import LEAK, PATCH, activate, init_activated
+from lerobot_policy_bimanual.nn.activation import LEAK, activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
+from lerobot_policy_bimanual.peract.config import PATCH
 
 KERNEL = 5
 COARSE_TAPS = 3

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.cameras_torch import unproject
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
@@ -23,7 +24,6 @@ from lerobot_bimanual.dataset.schema import (
     image_key,
 )
 from lerobot_bimanual.errors import SchemaMismatch
-from lerobot_policy_bimanual.nn.point_cloud import unproject_planar
 
 PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""
@@ -73,7 +73,8 @@ def observe(
     points, colours = [], []
     for camera in cameras:
         index = CAMERA_NAMES.index(camera)
-        points.append(unproject_planar(batch[depth_key(camera)], intrinsics[:, index], poses[:, index]))
+        depth_m = batch[depth_key(camera)][:, 0] / 1000
+        points.append(unproject(depth_m, intrinsics[:, index], poses[:, index]))
         colours.append(batch[image_key(camera)].flatten(2))
     return Observation(
         points=torch.cat(points, dim=2),

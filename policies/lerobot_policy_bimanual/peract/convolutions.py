@@ -7,16 +7,8 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-PATCH = 5
-"""Voxels per patch along each axis (PerAct2 code)."""
-
-LEAK = 0.02
-"""Slope of every LeakyReLU (PerAct2 code; not PyTorch's 0.01)."""
-
-
-def activate(x: Tensor) -> Tensor:
-    """LeakyReLU of the PerAct family, in place: callers hand over a fresh tensor."""
-    return F.leaky_relu(x, LEAK, inplace=True)
+from lerobot_policy_bimanual.nn.activation import activate, init_activated
+from lerobot_policy_bimanual.peract.config import PATCH
 
 
 class _PadReplicate(torch.autograd.Function):
@@ -56,18 +48,6 @@ def pad_replicate(x: Tensor, before: int, after: int) -> Tensor:
     A negative `after` drops voxels instead.
     """
     return _PadReplicate.apply(x, before, after)  # pyright: ignore[reportReturnType]
-
-
-def init_activated(layer: nn.Conv3d | nn.Linear) -> None:
-    """Kaiming-uniform weights and zero bias, for layers followed by `activate`."""
-    nn.init.kaiming_uniform_(layer.weight, a=LEAK, nonlinearity="leaky_relu")
-    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
-
-
-def init_linear(layer: nn.Conv3d | nn.Linear) -> None:
-    """Xavier-uniform weights and zero bias, for layers without activation."""
-    nn.init.xavier_uniform_(layer.weight)
-    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
 
 
 class ActivatedConv3d(nn.Module):

@@ -1,8 +1,10 @@
 """What all keypose policies have in common in their configs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from lerobot.configs import NormalizationMode, PreTrainedConfig
 from lerobot.optim import (
     AdamWConfig,
@@ -11,6 +13,7 @@ from lerobot.optim import (
     OptimizerConfig,
 )
 
+from lerobot_bimanual import codec
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import KeyposeCodec
 from lerobot_bimanual.dataset.schema import (
@@ -26,7 +29,7 @@ from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, whole
-from lerobot_policy_bimanual.optimizers import LambConfig
+from lerobot_policy_bimanual.keypose.lamb import LambConfig
 
 DTYPES = ("float32", "bfloat16")
 DECODINGS = ("voxel", "expectation")
@@ -49,8 +52,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
         workspace_upper: Upper corner of the workspace in metres.
         voxel_size: Voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
         rotation_bin_deg: Width of the rotation bins; 72 bins per axis.
-        keypose_horizon: Keyposes over which the time feature falls from +1 to -1 (PerAct2 code: 25, its
-            longest episode). Fewer make it a stronger signal for short tasks.
+        keypose_horizon: Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes
+            one more than the most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it
+            a stronger signal for short tasks.
         decode: "voxel" commands the centre of the most probable voxel (the paper's), "expectation" the mean
             over the 3x3x3 voxels around it. The latter halved the error in our study but lost pushes that the
             rounding had helped, so choose on validation episodes.
@@ -89,7 +93,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     workspace_upper: tuple[float, float, float] = reals(VOXEL_WORKSPACE.upper, -100, 100)
     voxel_size: int = whole(100, 1, 512)
     rotation_bin_deg: float = real(5.0, 0.5, 180)
-    keypose_horizon: int = whole(25, 2, 1000)
+    keypose_horizon: int | None = whole(None, 2, 1000)
     decode: str = choice("voxel", DECODINGS)
 
     # Language.
@@ -160,7 +164,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     @property
     def codec(self) -> KeyposeCodec:
         """The discretisation of keyposes."""
-        return KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg)
+        return KeyposeCodec(codec.KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg))
 
     @property
     def observation_keys(self) -> tuple[str, ...]:
@@ -187,6 +191,29 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 "`lerobot-bimanual generate`, or choose cameras with --policy.cameras"
             )
         self.input_features = {key: self.input_features[key] for key in self.observation_keys}
+
+    def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
+        """The `keypose_horizon`, which is set by a dataset if it is not set.
+
+        The last row of an episode in the view `keyframes` has seen all its keyposes executed, so the largest step of
+        the dataset is the number of keyposes of its longest episode.
+
+        Args:
+            dataset_stats: LeRobot's statistics of the dataset; None where there is none.
+
+        Raises:
+            BadConfig: There is neither a horizon nor a dataset that tells one.
+        """
+        if self.keypose_horizon is None:
+            largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))
+            if not np.isfinite(largest):
+                raise BadConfig(
+                    "keypose_horizon is not set, and there are no statistics of a dataset with "
+                    f"{KEYPOSE_STEP} to take it from: set --policy.keypose_horizon"
+                )
+            self.keypose_horizon = max(2, 1 + round(float(largest)))
+            check_fields(self)
+        return self.keypose_horizon
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""

@@ -1,43 +1,51 @@
 """What all keypose policies share: LeRobot's contract around a network that predicts the next keypose."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
-from torch import Tensor
+from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import SchemaMismatch
-from lerobot_policy_bimanual.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
+from lerobot_policy_bimanual.keypose.observation import Observation, check_depth_unit, observe
 from lerobot_policy_bimanual.keypose.weights import load_weights
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
-from lerobot_policy_bimanual.losses import keypose_errors, keypose_losses
-from lerobot_policy_bimanual.nn.language import make_language
+from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
-from lerobot_policy_bimanual.processing import Observation, check_depth_unit, observe
 
 
 class KeyposePolicy(PreTrainedPolicy):
     """Predicts, from one RGB-D observation, the next keypose of both arms.
 
-    A subclass owns the network and says how to run it in `predict`. The policy keeps no state between calls:
+    A subclass says what the network is, and in which form it sees the scene. The policy keeps no state between calls:
     how far the episode has come stands in the observation.
 
     Args:
         config: The policy's config.
-        **kwargs: `dataset_stats` and `dataset_meta`, which LeRobot passes in training; not needed.
+        dataset_stats: Statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
+        **kwargs: `dataset_meta`, which LeRobot passes, too; not needed.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     config_class = KeyposePolicyConfig  # pyright: ignore[reportAssignmentType]
     name = "keypose"  # pyright: ignore[reportAssignmentType]
 
-    def __init__(self, config: KeyposePolicyConfig, **kwargs: Any):
+    def __init__(
+        self,
+        config: KeyposePolicyConfig,
+        dataset_stats: Mapping[str, Mapping[str, Any]] | None = None,
+        **kwargs: Any,
+    ):
         super().__init__(config)
         config.validate_features()
+        self.keypose_horizon = config.fit_keypose_horizon(dataset_stats)
         self.codec = config.codec
         self.augmentation = SceneAugmentation(
             workspace=config.workspace,
@@ -45,12 +53,18 @@ class KeyposePolicy(PreTrainedPolicy):
             yaw_deg=config.augmentation_yaw_deg,
             yaw_step_deg=config.augmentation_yaw_step_deg,
         )
-        self.language = make_language(
-            config.language_encoder, tokens=config.language_tokens, dim=config.language_dim
-        )
+        self.language = _make_language(config)
+        self.network = self.make_network()
         self._depth_checked = False
 
     @abstractmethod
+    def make_network(self) -> nn.Module:
+        """A new network, called as `network(scene, proprio, language, target)`, which predicts both arms."""
+
+    @abstractmethod
+    def scene(self, observation: Observation) -> Tensor:
+        """The cloud as the network sees it."""
+
     def predict(self, observation: Observation, target: DiscreteKeypose | None) -> KeyposePrediction:
         """Run the network.
 
@@ -58,9 +72,11 @@ class KeyposePolicy(PreTrainedPolicy):
             observation: What is seen.
             target: The label in training, for heads that are conditioned on it; None at inference.
         """
+        language = self.language(observation.instructions)
+        return self.network(self.scene(observation), observation.proprio, language, target)
 
     @classmethod
-    def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:
+    def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Load the weights of a checkpoint, strictly on every way that LeRobot takes: by default it warns only.
 
         Raises:
@@ -140,14 +156,14 @@ class KeyposePolicy(PreTrainedPolicy):
             check_depth_unit(batch, self.config.cameras)
             self._depth_checked = True
         return observe(
-            batch, cameras=self.config.cameras, keypose_horizon=self.config.keypose_horizon, motion=motion
+            batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
 
     def _target(self, keyposes: Tensor) -> DiscreteKeypose:
         """Bins of the labels; positions outside the workspace count as its nearest voxel."""
         bins = self.codec.encode(keyposes)
         return DiscreteKeypose(
-            bins.voxel.clamp(0, self.codec.voxels - 1),
+            bins.voxel.clamp(0, self.codec.bins.voxels - 1),
             bins.rotation,
             bins.gripper_open,
             bins.ignore_collisions,
@@ -169,3 +185,10 @@ class KeyposePolicy(PreTrainedPolicy):
     def _full_precision(like: Tensor) -> torch.autocast:
         """LeRobot may train under autocast; world coordinates in bfloat16 would be off by centimetres."""
         return torch.autocast(like.device.type, enabled=False)
+
+
+def _make_language(config: KeyposePolicyConfig) -> nn.Module:
+    sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
+    if config.language_encoder.startswith(CLIP_PREFIX):
+        return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
+    return LearnedLanguage(**sizes)

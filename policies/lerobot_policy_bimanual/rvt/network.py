@@ -4,20 +4,21 @@ import torch
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import DiscreteKeypose
-from lerobot_policy_bimanual.nn.conv3d import activate, init_linear
-from lerobot_policy_bimanual.nn.perceiver import Block
-from lerobot_policy_bimanual.nn.point_renderer import VIEW_CHANNELS
+from lerobot_policy_bimanual.nn.activation import activate, init_linear
+from lerobot_policy_bimanual.nn.attention import Block
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
-from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation
-from lerobot_policy_bimanual.nn.rvt_layers import (
+from lerobot_policy_bimanual.rvt.config import RVTConfig
+from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt.layers import (
     Conv2d,
     NormedLinear,
     PatchConv2d,
     SkipConv2d,
     UpsampledConv2d,
 )
-from lerobot_policy_bimanual.nn.rvt_views import VIEWS
+from lerobot_policy_bimanual.rvt.point_renderer import VIEW_CHANNELS
+from lerobot_policy_bimanual.rvt.views import VIEWS
 
 
 class RVTNetwork(nn.Module):
@@ -28,70 +29,30 @@ class RVTNetwork(nn.Module):
     if it is told the keypose of another arm.
 
     Args:
-        size: Pixels per side of a view and voxels per axis, a multiple of `patch`.
-        patch: Pixels per side of a patch, odd; also the width of the upsampling's kernels.
-        channels: Pixel feature channels.
-        token_dim: Width of the image tokens outside the attention; half pixels, half proprioception.
-        attention_dim: Width within it.
-        depth: Attention blocks, an even number.
-        heads: Heads of the attentions.
-        feedforward_multiplier: Inner over outer width of the feed-forwards.
-        attention_dropout: Of the attention weights.
+        config: All sizes.
         proprio_dim: Numbers in the proprioception vector.
-        language_dim: Width of the language tokens.
-        rotation_bins: Bins per rotation axis.
-        heatmap_sigma_px: Standard deviation of the heatmaps' targets.
     """
 
-    def __init__(
-        self,
-        *,
-        size: int,
-        patch: int,
-        channels: int,
-        token_dim: int,
-        attention_dim: int,
-        depth: int,
-        heads: int,
-        feedforward_multiplier: int,
-        attention_dropout: float,
-        proprio_dim: int,
-        language_dim: int,
-        rotation_bins: int,
-        heatmap_sigma_px: float,
-    ):
+    def __init__(self, config: RVTConfig, *, proprio_dim: int):
         super().__init__()
-        self.rotation_bins = rotation_bins
-        self.heatmap_sigma_px = heatmap_sigma_px
-        self.patches = size // patch
+        channels, token_dim, patch = config.channels, config.token_dim, config.patch
+        self.rotation_bins = config.codec.bins.rotation_bins
+        self.heatmap_sigma_px = config.heatmap_sigma_px
+        self.patches = config.voxel_size // patch
         self.stem = Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
         self.patchify = PatchConv2d(channels, token_dim // 2, patch)
         self.proprio = NormedLinear(proprio_dim, token_dim // 2)
-        self.language = NormedLinear(language_dim, token_dim)
+        self.language = NormedLinear(config.language_dim, token_dim)
         self.positions = nn.Parameter(torch.randn(len(VIEWS) * self.patches**2, token_dim))
-        self.widen = nn.Linear(token_dim, attention_dim)
-        self.narrow = nn.Linear(attention_dim, token_dim)
-
-        def blocks() -> nn.Sequential:
-            return nn.Sequential(
-                *(
-                    Block(
-                        attention_dim,
-                        heads=heads,
-                        multiplier=feedforward_multiplier,
-                        dropout=attention_dropout,
-                    )
-                    for _ in range(depth // 2)
-                )
-            )
-
-        self.within_views, self.over_views = blocks(), blocks()
+        self.widen = nn.Linear(token_dim, config.attention_dim)
+        self.narrow = nn.Linear(config.attention_dim, token_dim)
+        self.within_views, self.over_views = _blocks(config), _blocks(config)
         self.coarse = Conv2d(token_dim, channels, patch, activated=True)
         self.upsample = UpsampledConv2d(channels, channels, patch)
         self.join = SkipConv2d(channels)
         self.heatmap = Conv2d(channels, 1, 3, activated=False)
         features = token_dim + channels
-        last = nn.Linear(features // 2, 3 * rotation_bins + 2 + 2)
+        last = nn.Linear(features // 2, 3 * self.rotation_bins + 2 + 2)
         self.pose_head = nn.Sequential(
             nn.Linear(len(VIEWS) * features, features),
             nn.ReLU(),
@@ -101,6 +62,8 @@ class RVTNetwork(nn.Module):
         )
         for layer in (self.widen, self.narrow, last):
             init_linear(layer)
+        if config.compile:
+            self.compile()  # in place: the names in the checkpoint stay the same
 
     def forward(
         self, views: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
@@ -151,3 +114,18 @@ class RVTNetwork(nn.Module):
         tokens = self.over_views(torch.cat([words, images], dim=1))[:, words.shape[1] :]
         answers = self.narrow(tokens).unflatten(1, (len(VIEWS), -1)).flatten(0, 1)
         return answers.transpose(1, 2).unflatten(2, (self.patches, self.patches))
+
+
+def _blocks(config: RVTConfig) -> nn.Sequential:
+    """Half of the attention blocks."""
+    return nn.Sequential(
+        *(
+            Block(
+                config.attention_dim,
+                heads=config.heads,
+                multiplier=config.feedforward_multiplier,
+                dropout=config.attention_dropout,
+            )
+            for _ in range(config.depth // 2)
+        )
+    )
