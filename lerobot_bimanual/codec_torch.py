@@ -36,7 +36,7 @@ class KeyposeCodec:
     """A `codec.KeyposeCodec` on tensors of any device.
 
     Attributes:
-        bins: The same in NumPy, which says how space and angles are cut.
+        bins: the same in NumPy, which says how space and angles are cut.
     """
 
     bins: NumpyKeyposeCodec

@@ -29,10 +29,10 @@ class CheckedCheckpoint:
     """What a checkpoint holds, found out by reading.
 
     Attributes:
-        folder: Where it is.
-        config: Its config.
-        steps: Names of processor steps by file.
-        weights: How many weights, of which kind.
+        folder: where it is.
+        config: its config.
+        steps: names of processor steps by file.
+        weights: how many weights, of which kind.
     """
 
     folder: Path
@@ -48,7 +48,7 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
     checked, as it would mean to build them.
 
     Args:
-        folder: A folder `pretrained_model`.
+        folder: a folder `pretrained_model`.
 
     Raises:
         CheckpointError: Something is missing, damaged, unknown or does not fit.

@@ -26,8 +26,8 @@ def check_processors(
     """Check both processor files of a folder, and the tensors that they name.
 
     Args:
-        folder: A folder `pretrained_model`.
-        allowed: By file, the steps that it must list, in order: their names, and their options by name. None for any
+        folder: a folder `pretrained_model`.
+        allowed: by file, the steps that it must list, in order: their names, and their options by name. None for any
             steps of LeRobot's registry.
 
     Returns:

@@ -49,15 +49,15 @@ class ArmInspection:
     """One arm's prediction and truth.
 
     Attributes:
-        arm: Whose.
-        predicted: The chosen keypose.
-        true: The label.
-        hot: The most probable voxels, the coldest first.
+        arm: whose.
+        predicted: the chosen keypose.
+        true: the label.
+        hot: the most probable voxels, the coldest first.
         heat: (n,) their probabilities.
         true_voxel_probability: 0 if the label lies outside the workspace.
-        rotation_probabilities: Of the chosen bin of each Euler axis.
-        gripper_probability: Of the chosen state of the gripper.
-        collision_probability: Of the chosen collision flag.
+        rotation_probabilities: of the chosen bin of each Euler axis.
+        gripper_probability: of the chosen state of the gripper.
+        collision_probability: of the chosen collision flag.
     """
 
     arm: Arm
@@ -87,11 +87,11 @@ class Inspection:
     """One sample.
 
     Attributes:
-        instruction: The sentence.
-        keypose_step: Keyposes executed before.
-        scene: Occupied voxels of the workspace.
+        instruction: the sentence.
+        keypose_step: keyposes executed before.
+        scene: occupied voxels of the workspace.
         rgb: (n, 3) uint8, their colours.
-        arms: Left first.
+        arms: left first.
     """
 
     instruction: str

@@ -68,8 +68,8 @@ def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
     """A dataset with labels.
 
     Args:
-        dataset: Folder of a dataset, or of both its views; `keyframes` is taken then.
-        config: Config of the policy that is to read it.
+        dataset: folder of a dataset, or of both its views; `keyframes` is taken then.
+        config: config of the policy that is to read it.
 
     Raises:
         DatasetError: There is no dataset.

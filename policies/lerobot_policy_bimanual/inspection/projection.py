@@ -13,9 +13,9 @@ class Viewpoint:
     """A direction to look from. The robots stand at low x and look along +x, the left one at high y.
 
     Attributes:
-        name: What is written above the picture.
-        azimuth_deg: Bearing of the viewer as seen from the workspace, from +x towards +y.
-        elevation_deg: Height of the viewer, 90 for straight above.
+        name: what is written above the picture.
+        azimuth_deg: bearing of the viewer as seen from the workspace, from +x towards +y.
+        elevation_deg: height of the viewer, 90 for straight above.
     """
 
     name: str
@@ -44,8 +44,8 @@ class Frame:
     """A viewpoint with a scale.
 
     Attributes:
-        viewpoint: The direction.
-        pixels_per_m: Scale.
+        viewpoint: the direction.
+        pixels_per_m: scale.
         origin_px: (2,) column and row of the world's origin.
     """
 

@@ -35,8 +35,8 @@ def draw_sheet(inspection: Inspection, origin: str) -> Image.Image:
     """Three views side by side above one card per arm.
 
     Args:
-        inspection: What to draw.
-        origin: Which policy and which sample, for the line below the title.
+        inspection: what to draw.
+        origin: which policy and which sample, for the line below the title.
     """
     width = GAP + len(VIEWPOINTS) * (VIEW_WIDTH + GAP)
     cards_top = HEADER_HEIGHT + LABEL_HEIGHT + VIEW_HEIGHT + GAP

@@ -28,10 +28,10 @@ class SceneAugmentation:
     """A yaw about the vertical axis through the workspace's centre, then a shift.
 
     Attributes:
-        workspace: Both keyposes must stay inside.
-        shift_m: Largest shift along x, y, z; uniform.
-        yaw_deg: Largest yaw to either side.
-        yaw_step_deg: Yaws are multiples of this, uniform over them, so that they keep rotation bins exact.
+        workspace: both keyposes must stay inside.
+        shift_m: largest shift along x, y, z; uniform.
+        yaw_deg: largest yaw to either side.
+        yaw_step_deg: yaws are multiples of this, uniform over them, so that they keep rotation bins exact.
     """
 
     workspace: Workspace

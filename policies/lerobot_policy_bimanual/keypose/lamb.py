@@ -19,11 +19,11 @@ class Lamb(torch.optim.Optimizer):
     arithmetic stays on the device: no value is read back.
 
     Args:
-        params: Parameters or parameter groups.
-        lr: Learning rate.
-        betas: Decay rates of both moments.
-        eps: Added to the root of the second moment.
-        weight_decay: Weight decay inside the direction.
+        params: parameters or parameter groups.
+        lr: learning rate.
+        betas: decay rates of both moments.
+        eps: added to the root of the second moment.
+        weight_decay: weight decay inside the direction.
     """
 
     def __init__(

@@ -22,8 +22,8 @@ def keypose_losses(
     The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
 
     Args:
-        prediction: What the network says.
-        target: Bins of the labels.
+        prediction: what the network says.
+        target: bins of the labels.
         offset: (b, arms, 3) where in their voxels they lie; see `TranslationPrediction.cross_entropy`.
     """
     return {

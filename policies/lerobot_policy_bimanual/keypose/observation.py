@@ -61,10 +61,10 @@ def observe(
     """Read a batch.
 
     Args:
-        batch: Keys of `lerobot_bimanual.dataset.schema`: RGB float in [0, 1] (b, 3, h, w), depth in
+        batch: keys of `lerobot_bimanual.dataset.schema`: RGB float in [0, 1] (b, 3, h, w), depth in
             millimetres (b, 1, h, w), calibration of all five cameras, state, fingers, keypose step, `task`.
-        cameras: Cameras to use. Their image sizes may differ.
-        keypose_horizon: Keyposes over which the time feature falls from +1 to -1.
+        cameras: cameras to use. Their image sizes may differ.
+        keypose_horizon: keyposes over which the time feature falls from +1 to -1.
         motion: (b, 4, 4) world-frame motion of the whole scene, or None.
     """
     extrinsics = batch[CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))

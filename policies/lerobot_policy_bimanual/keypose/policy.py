@@ -28,8 +28,8 @@ class KeyposePolicy(PreTrainedPolicy):
     how far the episode has come stands in the observation.
 
     Args:
-        config: The policy's config.
-        dataset_stats: Statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
+        config: the policy's config.
+        dataset_stats: statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
         **kwargs: `dataset_meta`, which LeRobot passes, too; not needed.
     """
 
@@ -69,8 +69,8 @@ class KeyposePolicy(PreTrainedPolicy):
         """Run the network.
 
         Args:
-            observation: What is seen.
-            target: The label in training, for heads that are conditioned on it; None at inference.
+            observation: what is seen.
+            target: the label in training, for heads that are conditioned on it; None at inference.
         """
         language = self.language(observation.instructions)
         return self.network(self.scene(observation), observation.proprio, language, target)
@@ -96,7 +96,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """Training loss on a batch with labels.
 
         Args:
-            batch: The keys of `processing.observe`, and `observation.next_keypose` (b, 18).
+            batch: the keys of `processing.observe`, and `observation.next_keypose` (b, 18).
 
         Returns:
             The loss, and its parts in nats with prediction errors per arm in cm and degrees.

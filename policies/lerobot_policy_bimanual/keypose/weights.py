@@ -20,9 +20,9 @@ class WeightCount:
     """What a file of tensors holds.
 
     Attributes:
-        tensors: Their number.
-        parameters: The number of their elements.
-        dtypes: The types of their elements, sorted.
+        tensors: their number.
+        parameters: the number of their elements.
+        dtypes: the types of their elements, sorted.
     """
 
     tensors: int
@@ -44,8 +44,8 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> W
     """Check a file of tensors, one tensor at a time.
 
     Args:
-        file: In the format of safetensors, which holds data and no programs.
-        expected: Tensors by name whose shape and type the file's must have, of any device; None where only the
+        file: in the format of safetensors, which holds data and no programs.
+        expected: tensors by name whose shape and type the file's must have, of any device; None where only the
             file tells which there are.
 
     Raises:

@@ -60,9 +60,9 @@ class ClipLanguage(nn.Module):
     (CLIP and PerAct2 code).
 
     Args:
-        source: Local path or hub id of a CLIP model in the transformers format.
-        tokens: Tokens per instruction.
-        dim: Expected width of the token features.
+        source: local path or hub id of a CLIP model in the transformers format.
+        tokens: tokens per instruction.
+        dim: expected width of the token features.
 
     Raises:
         ImportError: If transformers is not installed.

@@ -22,11 +22,11 @@ class LeaderFollower(nn.Module):
     passes between the networks, no gradient does.
 
     Args:
-        make_network: Builds a network for one arm, given `proprio_dim`, the length of its proprioception. It is called
+        make_network: builds a network for one arm, given `proprio_dim`, the length of its proprioception. It is called
             as `network(scene, proprio, language, target)` and returns a `KeyposePrediction` of one arm.
-        proprio_dim: Numbers of proprioception per arm, without the leader's keypose.
-        leader: The arm that decides first.
-        codec: The discretisation of keyposes.
+        proprio_dim: numbers of proprioception per arm, without the leader's keypose.
+        leader: the arm that decides first.
+        codec: the discretisation of keyposes.
     """
 
     def __init__(
@@ -49,10 +49,10 @@ class LeaderFollower(nn.Module):
         """Predict the next keypose of both arms.
 
         Args:
-            scene: What both networks see, passed on as it is.
+            scene: what both networks see, passed on as it is.
             proprio: (b, 2 proprio_dim), left arm first.
             language: (b, tokens, dim).
-            target: Label of both arms in training, moved by the same augmentation as the scene; None at
+            target: label of both arms in training, moved by the same augmentation as the scene; None at
                 inference.
 
         Returns:

@@ -18,22 +18,22 @@ class PerActConfig(KeyposePolicyConfig):
     `docs/policies.md` has the flags of a small one that trains in minutes on a laptop's CPU.
 
     Args:
-        channels: Voxel feature channels.
-        token_dim: Width of the Perceiver's input tokens, half voxels and half proprioception.
+        channels: voxel feature channels.
+        token_dim: width of the Perceiver's input tokens, half voxels and half proprioception.
         num_latents: Perceiver latents per network, shared evenly by the arms that it predicts.
-        latent_dim: Width of the latents.
-        depth: Self-attention blocks per arm.
-        heads: Heads of the self-attentions.
-        feedforward_multiplier: Inner over outer width of the feed-forwards.
-        attention_dropout: Dropout of attention weights.
+        latent_dim: width of the latents.
+        depth: self-attention blocks per arm.
+        heads: heads of the self-attentions.
+        feedforward_multiplier: inner over outer width of the feed-forwards.
+        attention_dropout: dropout of attention weights.
         translation_head: "dense", the paper's softmax over all voxels, or "factorised", the same distribution
             as patch times voxel in patch, several times cheaper.
-        voxel_cells: With the factorised head, cells into which each axis of a voxel is cut, so that
+        voxel_cells: with the factorised head, cells into which each axis of a voxel is cut, so that
             `decode=expectation` answers finer than a voxel; 0 for none (departure from the paper otherwise).
-        projection_dilations: With the factorised head, dilations of further convolutions over what lies in line
+        projection_dilations: with the factorised head, dilations of further convolutions over what lies in line
             with a voxel along each axis, so that it sees that many voxels further to every side. Places in the air,
             far from all things, want [3,9] at 25 voxels; none for one voxel (departure from the paper otherwise).
-        activation_checkpointing: Recompute the dense head in the backward pass: less memory, more time.
+        activation_checkpointing: recompute the dense head in the backward pass: less memory, more time.
     """
 
     channels: int = whole(64, 1, 1024)

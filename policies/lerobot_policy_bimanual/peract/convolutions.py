@@ -82,8 +82,8 @@ class PatchConv3d(nn.Module):
     """Convolution of every patch to one token, and LeakyReLU; a reshape and one matrix product.
 
     Args:
-        inputs: Channels of the map.
-        outputs: Width of a token.
+        inputs: channels of the map.
+        outputs: width of a token.
         centred: PerAct2 centres patch i on voxel 5i instead of covering voxels 5i to 5i + 4, by padding two
             voxels in front, so the last two voxels of every axis are in no patch.
     """

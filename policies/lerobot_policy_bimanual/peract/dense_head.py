@@ -111,9 +111,9 @@ class DenseTranslationHead(nn.Module):
 
         Args:
             stem: (b, channels, v, v, v) voxel features.
-            patches: Ignored; the factorised head needs them.
+            patches: ignored; the factorised head needs them.
             answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
-            target_voxel: Ignored; the factorised head needs it.
+            target_voxel: ignored; the factorised head needs it.
 
         Returns:
             The distribution, and pooled features (b, arms, feature_dim) of stem, answers and fine map.

@@ -1,8 +1,8 @@
 """A cheaper translation head: the same distribution over voxels, factored into patch and voxel in patch.
 
 p(voxel) = p(patch) p(voxel | patch) is exact, so nothing is lost but the second factor is only evaluated for
-the patches that matter: the true one in training, the most probable ones at inference. It replaces the
-full-resolution decoder, about five times cheaper per step at 25 voxels (design study).
+the patches that matter: the true one in training, the most probable ones at inference. So it needs no decoder at full
+resolution.
 
 A third factor may tell where in the voxel the position lies: each axis of a voxel is cut into cells, and each voxel
 has one softmax per axis over them. Coarse voxels, which are cheap, then need not mean coarse answers.
@@ -195,8 +195,8 @@ class FactorisedTranslationHead(nn.Module):
 
         Returns:
             The distribution, and features (b, arms, feature_dim): pooled stem and answers, and the token of
-            the chosen patch. The stem is only max-pooled, as a softmax over all voxels would cost as much as
-            the rest of the head (design study).
+            the chosen patch. The stem is only max-pooled: a softmax over all voxels would be the one step
+            here that touches every voxel more than once.
         """
         A, P = answers.shape[1], answers.shape[-1]
         own = patches[:, None].expand(-1, A, -1, -1, -1, -1)

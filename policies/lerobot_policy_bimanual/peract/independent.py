@@ -13,8 +13,8 @@ class IndependentArms(nn.Module):
     """Predicts each arm's keypose from the scene and that arm's own proprioception.
 
     Args:
-        config: Sizes of both networks.
-        proprio_dim: Numbers of proprioception per arm.
+        config: sizes of both networks.
+        proprio_dim: numbers of proprioception per arm.
     """
 
     def __init__(self, config: PerActConfig, *, proprio_dim: int):

@@ -25,9 +25,9 @@ class PerActNetwork(nn.Module):
     (PerAct2), 33 240 669 for one (PerAct), and 33 241 181 for one that is told the keypose of the other.
 
     Args:
-        config: All sizes.
-        arms: Arms to predict; they share the latents evenly.
-        proprio_dim: Numbers in the proprioception vector.
+        config: all sizes.
+        arms: arms to predict; they share the latents evenly.
+        proprio_dim: numbers in the proprioception vector.
     """
 
     def __init__(self, config: PerActConfig, *, arms: int, proprio_dim: int):
@@ -63,7 +63,7 @@ class PerActNetwork(nn.Module):
             grid: (b, 10, v, v, v) as made by `voxelise`.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
-            target: Label of the arms in training; see `FactorisedTranslationHead`.
+            target: label of the arms in training; see `FactorisedTranslationHead`.
         """
         stem = self.stem(grid)  # (b, channels, v, v, v)
         patches = self.patchify(stem)  # (b, p^3, token_dim / 2), and as a map

@@ -20,9 +20,9 @@ class ProjectionConv2d(nn.Conv2d):
     voxels away on either side is reached, each in one way: half of a grid of 25.
 
     Args:
-        channels: Channels of the projections.
-        width: Channels of what is made of them.
-        dilations: Of the layers after the first; none for the 3 x 3 convolution alone.
+        channels: channels of the projections.
+        width: channels of what is made of them.
+        dilations: of the layers after the first; none for the 3 x 3 convolution alone.
     """
 
     def __init__(self, channels: int, width: int, dilations: Sequence[int]):

@@ -1,8 +1,26 @@
-"""PerAct2 written out step by step, with nothing done cleverly.
+"""PerAct and PerAct2 written out step by step, with nothing done cleverly: read this first.
 
-The policies' network computes the same function faster. Here every arm runs through every layer on its own,
-maps are really upsampled and concatenated, attention is two matrix products, and labels are one-hot vectors.
-Everything takes the parameters of a `PerActNetwork` by name, so that gradients can be compared too.
+The method is that of Shridhar et al., "Perceiver-Actor", 2022 (https://arxiv.org/abs/2209.05451), for one arm, and of
+Grotz et al., "PerAct2", 2024 (https://arxiv.org/abs/2407.00278), for two. A keypose is where a hand goes next. To predict
+it is to classify: which voxel, which bin of each Euler angle, gripper open or closed, collisions heeded or ignored. The
+steps, with the paper's sizes, in the order of this file:
+
+1. `voxelise` ("Keyframes and Voxelization" in the PerAct paper): the points that the cameras see, averaged in 100^3
+   voxels with ten channels.
+2. `network` ("PerAct Agent"): a 1x1x1 convolution to 64 channels, the stem; patches of 5^3 voxels, 20^3 of them, each
+   joined with proprioception, so that it is a token of 128 numbers; 77 language tokens in front.
+3. `trunk`, a Perceiver IO: 2048 latents read the 8077 tokens by cross-attention, think in 6 blocks of self-attention, and
+   answer one query per token. With two arms, PerAct2's step, each arm has half of the latents and its own 6 blocks; then
+   one block over all latents lets the arms agree.
+4. The rest of `network`, for each arm: the answers for the patches, upsampled to 100^3 and joined with the stem, give one
+   logit per voxel. What is pooled from stem, answers and fine map gives 3 x 72 logits of angles, and two and two of the
+   gripper and of collisions.
+5. `one_hot_loss` ("Training Details"): the sum of the cross-entropies of all parts of both arms.
+
+The policies' network (`network.PerActNetwork`) computes the same function faster. Here every arm runs through every layer
+on its own, maps are really upsampled and concatenated, attention is two matrix products, and labels are one-hot vectors.
+All takes the parameters of a `PerActNetwork` by name, so that the tests compare outputs and gradients, and
+`benchmarks/policies.py` compares time and memory. Shapes: b samples, v voxels per axis, p patches per axis, t tokens.
 """
 
 from collections.abc import Mapping
@@ -14,21 +32,58 @@ from torch import Tensor
 Parameters = Mapping[str, Tensor]
 
 
+def voxelise(points: Tensor, colours: Tensor, lower: Tensor, upper: Tensor, voxels: int) -> Tensor:
+    """Average the points of every voxel, one point and one voxel at a time.
+
+    Args:
+        points: (b, 3, n) world positions in metres.
+        colours: (b, 3, n) RGB in [-1, 1].
+        lower: (3,) corner of the workspace.
+        upper: (3,) corner of the workspace.
+        voxels: per axis.
+
+    Returns:
+        (b, 10, v, v, v): mean position, mean colour, index of the voxel over their number, and whether it is occupied.
+    """
+    grid = torch.zeros(len(points), 10, voxels, voxels, voxels, dtype=points.dtype)
+    for sample in range(len(points)):
+        members: dict[tuple[int, ...], list[Tensor]] = {}
+        for point, colour in zip(points[sample].T, colours[sample].T, strict=True):
+            if bool(((point >= lower) & (point < upper)).all()):
+                index = tuple(((point - lower) / ((upper - lower) / voxels)).floor().long().tolist())
+                members.setdefault(index, []).append(torch.cat([point, colour]))
+        for x in range(voxels):
+            for y in range(voxels):
+                for z in range(voxels):
+                    cell = members.get((x, y, z), [])
+                    if cell:
+                        grid[sample, :6, x, y, z] = torch.stack(cell).mean(0)
+                    grid[sample, 6:9, x, y, z] = torch.tensor([x, y, z]) / voxels
+                    grid[sample, 9, x, y, z] = float(bool(cell))
+    return grid
+
+
 def leaky(x: Tensor) -> Tensor:
+    """The activation of all layers (PerAct2 code)."""
     return F.leaky_relu(x, 0.02)
 
 
 def conv(x: Tensor, weight: Tensor, bias: Tensor, stride: int = 1, padding: int | None = None) -> Tensor:
+    """A 3-D convolution whose border repeats the map's; without `stride` and `padding` it keeps the size."""
     width = weight.shape[-1] // 2 if padding is None else padding
     return F.conv3d(F.pad(x, (width,) * 6, mode="replicate"), weight, bias, stride)
 
 
 def upsampled_conv(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """From patches (b, c, p, p, p) to voxels (b, d, 5 p, 5 p, 5 p)."""
     return leaky(conv(F.interpolate(x, scale_factor=5, mode="trilinear", align_corners=False), weight, bias))
 
 
 def spatial_softmax(x: Tensor) -> Tensor:
-    """(b, c, x, y, z) -> (b, c, 3): softmax over all voxels, then expected coordinates."""
+    """Where every channel of a map (b, c, x, y, z) peaks, (b, c, 3) in [-1, 1].
+
+    A softmax over all voxels at the temperature 0.01 (PerAct2 code), then the expected coordinates.
+    """
     probability = (x.flatten(2) / 0.01).softmax(-1)
     axes = [torch.linspace(-1, 1, n, dtype=x.dtype, device=x.device) for n in x.shape[2:]]
     coordinates = torch.stack(torch.meshgrid(*axes, indexing="ij")).flatten(1)  # (3, voxels)
@@ -36,10 +91,12 @@ def spatial_softmax(x: Tensor) -> Tensor:
 
 
 def pool(x: Tensor) -> Tensor:
+    """What the pose heads are told of a map (b, c, x, y, z): where each channel peaks, and how high, (b, 4 c)."""
     return torch.cat([spatial_softmax(x).flatten(1), x.flatten(2).max(-1).values], dim=1)
 
 
 def attention(p: Parameters, name: str, x: Tensor, context: Tensor | None, heads: int) -> Tensor:
+    """Queries `x` (b, n, d) look at `context` (b, m, e), or at each other: (b, n, d). Both are normalised first."""
     x = F.layer_norm(x, x.shape[-1:], p[f"{name}.norm.weight"], p[f"{name}.norm.bias"])
     if context is None:
         context = x
@@ -58,18 +115,23 @@ def attention(p: Parameters, name: str, x: Tensor, context: Tensor | None, heads
 
 
 def feed_forward(p: Parameters, name: str, x: Tensor) -> Tensor:
+    """Every token on its own through a gated layer (GEGLU), four times as wide."""
     x = F.layer_norm(x, x.shape[-1:], p[f"{name}.norm.weight"], p[f"{name}.norm.bias"])
     value, gate = F.linear(x, p[f"{name}.widen.weight"], p[f"{name}.widen.bias"]).chunk(2, dim=-1)
     return F.linear(value * F.gelu(gate), p[f"{name}.narrow.weight"], p[f"{name}.narrow.bias"])
 
 
 def block(p: Parameters, name: str, x: Tensor, heads: int) -> Tensor:
+    """Self-attention and feed-forward, each added to what it read."""
     x = x + attention(p, f"{name}.attention", x, None, heads)
     return x + feed_forward(p, f"{name}.feed_forward", x)
 
 
 def trunk(p: Parameters, tokens: Tensor, arms: int, heads: int) -> list[Tensor]:
-    """Tokens (b, t, token_dim) -> per arm (b, t, token_dim)."""
+    """Perceiver IO: what each arm's latents answer to every token, (b, t, token_dim) per arm.
+
+    Without the last block, and with one arm's latents only, it is the trunk of PerAct.
+    """
     name = "perceiver"
     latents = p[f"{name}.latents"].repeat(len(tokens), 1, 1)
     latents = latents + attention(p, f"{name}.read", latents, tokens, 1)
@@ -87,11 +149,20 @@ def trunk(p: Parameters, tokens: Tensor, arms: int, heads: int) -> list[Tensor]:
 def network(
     p: Parameters, grid: Tensor, proprio: Tensor, language: Tensor, *, arms: int, heads: int
 ) -> tuple[Tensor, Tensor]:
-    """The dense PerAct network.
+    """From the voxel grid to the logits of all parts of the keypose.
+
+    Args:
+        p: parameters by name, of a `PerActNetwork` with the dense translation head.
+        grid: (b, 10, v, v, v).
+        proprio: (b, n) gripper, fingers and time, of all arms that are predicted.
+        language: (b, words, language_dim).
+        arms: arms to predict, 1 (PerAct) or 2 (PerAct2).
+        heads: heads of the self-attentions.
 
     Returns:
         Translation logits (b, arms, v, v, v), and the pose heads' outputs (b, arms, 3 * bins + 4).
     """
+    # 2. Tokens: (b, 64, v, v, v), (b, 64, p, p, p), and (b, words + p^3, 128).
     stem = leaky(conv(grid, p["stem.conv.weight"], p["stem.conv.bias"]))
     patches = leaky(conv(stem, p["patchify.conv.weight"], p["patchify.conv.bias"], stride=5, padding=2))
     body = leaky(F.linear(proprio, p["proprio.weight"], p["proprio.bias"]))
@@ -100,6 +171,7 @@ def network(
     words = F.linear(language, p["language.weight"], p["language.bias"])
     tokens = torch.cat([words, patches.flatten(2).transpose(1, 2)], dim=1) + p["positions"]
 
+    # 3. and 4. For each arm: up to voxels again, and pooled for the pose.
     translation, pose = [], []
     for arm, answer in enumerate(trunk(p, tokens, arms, heads)):
         answer = answer[:, words.shape[1] :].transpose(1, 2).reshape(len(grid), -1, size, size, size)
@@ -143,23 +215,3 @@ def one_hot_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tens
                     F.one_hot(torch.tensor(index, device=pose.device), len(logits)) * logits.log_softmax(0)
                 ).sum()
     return total.mean()
-
-
-def voxelise(points: Tensor, colours: Tensor, lower: Tensor, upper: Tensor, voxels: int) -> Tensor:
-    """Grid (b, 10, v, v, v) of points (b, 3, n), one point and one voxel at a time."""
-    grid = torch.zeros(len(points), 10, voxels, voxels, voxels, dtype=points.dtype)
-    for sample in range(len(points)):
-        members: dict[tuple[int, ...], list[Tensor]] = {}
-        for point, colour in zip(points[sample].T, colours[sample].T, strict=True):
-            if bool(((point >= lower) & (point < upper)).all()):
-                index = tuple(((point - lower) / ((upper - lower) / voxels)).floor().long().tolist())
-                members.setdefault(index, []).append(torch.cat([point, colour]))
-        for x in range(voxels):
-            for y in range(voxels):
-                for z in range(voxels):
-                    cell = members.get((x, y, z), [])
-                    if cell:
-                        grid[sample, :6, x, y, z] = torch.stack(cell).mean(0)
-                    grid[sample, 6:9, x, y, z] = torch.tensor([x, y, z]) / voxels
-                    grid[sample, 9, x, y, z] = float(bool(cell))
-    return grid

@@ -83,8 +83,8 @@ class UpsampledConv3d(nn.Module):
         """(b, inputs, n, n, n) -> (b, outputs, PATCH * n + 2, ...), channels last in memory.
 
         Args:
-            x: Coarse map.
-            kernel: From `kernel()`.
+            x: coarse map.
+            kernel: from `kernel()`.
 
         Returns:
             The fine map with its border repeated once on all sides, as the next convolution wants it.

@@ -17,8 +17,8 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
     Args:
         points: (b, 3, n) world positions in metres.
         colours: (b, 3, n) RGB in [-1, 1].
-        workspace: The box that the grid fills.
-        voxels: Voxels per axis.
+        workspace: the box that the grid fills.
+        voxels: voxels per axis.
 
     Returns:
         (b, 10, voxels, voxels, voxels) float32, channels as in `GRID_CHANNELS`. Without gradient.

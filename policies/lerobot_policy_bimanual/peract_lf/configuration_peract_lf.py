@@ -15,7 +15,7 @@ class PerActLFConfig(PerActConfig):
     """PerAct-LF: one PerAct per arm, the follower's being told the leader's next keypose.
 
     Args:
-        leader: The arm that decides first, "left" or "right" (the paper's).
+        leader: the arm that decides first, "left" or "right" (the paper's).
     """
 
     leader: str = choice("right", ARMS)

@@ -14,18 +14,18 @@ class RVTConfig(KeyposePolicyConfig):
     The recipe `small` of `lerobot-bimanual benchmark` has the flags of networks that train on a laptop's CPU.
 
     Args:
-        voxel_size: Pixels per side of every view, and so the voxels per axis from which positions are chosen
+        voxel_size: pixels per side of every view, and so the voxels per axis from which positions are chosen
             (RVT code: 220 of both).
-        patch: Pixels per side of a patch; odd, so that kernels of this width have a centre.
-        point_radius: Radius of a rendered point in units of the workspace's half edge.
-        channels: Pixel feature channels.
-        token_dim: Width of the image tokens outside the attention, half pixels and half proprioception.
-        attention_dim: Width of the tokens within it.
-        depth: Attention blocks; the first half within each view, the second half over all of them.
-        heads: Heads of the attentions.
-        feedforward_multiplier: Inner over outer width of the feed-forwards.
-        attention_dropout: Dropout of attention weights.
-        heatmap_sigma_px: Standard deviation of the Gaussian that a heatmap is trained towards.
+        patch: pixels per side of a patch; odd, so that kernels of this width have a centre.
+        point_radius: radius of a rendered point in units of the workspace's half edge.
+        channels: pixel feature channels.
+        token_dim: width of the image tokens outside the attention, half pixels and half proprioception.
+        attention_dim: width of the tokens within it.
+        depth: attention blocks; the first half within each view, the second half over all of them.
+        heads: heads of the attentions.
+        feedforward_multiplier: inner over outer width of the feed-forwards.
+        attention_dropout: dropout of attention weights.
+        heatmap_sigma_px: standard deviation of the Gaussian that a heatmap is trained towards.
     """
 
     voxel_size: int = whole(220, 1, 512)

@@ -24,7 +24,7 @@ class HeatmapTranslation:
 
     Attributes:
         logits: (b, arms, views, v, v) float32; the pixels are those of `VIEWS`, one per row of voxels.
-        sigma_px: Standard deviation of the training target.
+        sigma_px: standard deviation of the training target.
     """
 
     logits: Tensor
@@ -87,8 +87,8 @@ def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
 
     Args:
         xy: (n, v, v), indexed by x and y.
-        xz: Likewise.
-        yz: Likewise.
+        xz: likewise.
+        yz: likewise.
 
     Returns:
         (n, 3) int64.

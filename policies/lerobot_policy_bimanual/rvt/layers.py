@@ -19,10 +19,10 @@ class Conv2d(nn.Conv2d):
     """Convolution with replicate borders that keeps the image size.
 
     Args:
-        inputs: Channels read.
-        outputs: Channels written.
-        kernel: Odd width of the kernel.
-        activated: Whether a LeakyReLU follows.
+        inputs: channels read.
+        outputs: channels written.
+        kernel: odd width of the kernel.
+        activated: whether a LeakyReLU follows.
     """
 
     def __init__(self, inputs: int, outputs: int, kernel: int, *, activated: bool):

@@ -29,8 +29,8 @@ class RVTNetwork(nn.Module):
     if it is told the keypose of another arm.
 
     Args:
-        config: All sizes.
-        proprio_dim: Numbers in the proprioception vector.
+        config: all sizes.
+        proprio_dim: numbers in the proprioception vector.
     """
 
     def __init__(self, config: RVTConfig, *, proprio_dim: int):
@@ -74,7 +74,7 @@ class RVTNetwork(nn.Module):
             views: (b, 5, 10, size, size) as made by `render_views`.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
-            target: Ignored; nothing here is conditioned on the label.
+            target: ignored; nothing here is conditioned on the label.
         """
         stem = self.stem(views.flatten(0, 1))  # (b 5, channels, size, size)
         answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)

@@ -38,9 +38,9 @@ def render_views(
     Args:
         points: (b, 3, n) world positions in metres.
         colours: (b, 3, n) RGB in [-1, 1].
-        workspace: The box that the views span, stretched to the cube [-1, 1]^3.
-        size: Pixels per side.
-        radius: Of a point, in units of the cube's half edge (RVT code: 0.012, so 1.3 of 220 pixels).
+        workspace: the box that the views span, stretched to the cube [-1, 1]^3.
+        size: pixels per side.
+        radius: of a point, in units of the cube's half edge (RVT code: 0.012, so 1.3 of 220 pixels).
 
     Returns:
         (b, views, 10, size, size) float32, channels as in `VIEW_CHANNELS`. Without gradient.
@@ -70,8 +70,8 @@ def _nearest_points(scaled: Tensor, content: Tensor, inside: Tensor, size: int, 
         scaled: (b, 3, n) positions in voxels.
         content: (b, 6, n) what makes points different.
         inside: (b, 1, n) which points exist.
-        size: Pixels per side.
-        radius: Of a point, in units of the cube's half edge.
+        size: pixels per side.
+        radius: of a point, in units of the cube's half edge.
 
     Returns:
         (b, views, size, size) int64 indices; n where there is no point.

@@ -20,10 +20,10 @@ class View:
     """One orthographic view.
 
     Attributes:
-        name: The face that is seen.
-        row: Signed axis along which the image's rows count, from its top.
-        column: Signed axis along which its columns count, from its left.
-        depth: Signed axis along which it looks.
+        name: the face that is seen.
+        row: signed axis along which the image's rows count, from its top.
+        column: signed axis along which its columns count, from its left.
+        depth: signed axis along which it looks.
     """
 
     name: str
@@ -50,7 +50,7 @@ def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
 
     Args:
         voxel: (..., 3) int64 indices.
-        size: Voxels per axis, and pixels per side of a view.
+        size: voxels per axis, and pixels per side of a view.
 
     Returns:
         Rows and columns (..., views) int64.
