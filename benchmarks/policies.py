@@ -1,6 +1,6 @@
 """PerAct2 against its written-out formulation, stage by stage and whole: time and peak memory, in one run.
 
-The written-out formulation (tests/policies/written_out.py) has the structure of PerAct2's reference code: every
+The written-out formulation (`peract/reference.py`) has the structure of PerAct2's reference code: every
 arm decodes on its own, maps are really upsampled and concatenated. Both compute the same function of the same
 weights. On a CPU times are CPU times and memory is resident (needs Linux); on a GPU times are taken by events,
 after one call to warm up, and memory is what PyTorch allocated. Memory counts beyond what was there before the
