@@ -1,10 +1,19 @@
 """Errors that users see: each says what was got, what is allowed and how to go on."""
 
 from collections.abc import Iterable
+from typing import Any
 
 
 class BimanualError(Exception):
     """Base of all errors raised on purpose; the command line prints them as one line."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel between processes as a message; by default an error is made again from its constructor's arguments."""
+        return _from_message, (type(self), self.args), vars(self)
+
+
+def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualError:
+    return kind.__new__(kind, *args)
 
 
 def _choices(valid: Iterable[str]) -> str:
@@ -49,8 +58,8 @@ class KeyposeFailure(BimanualError):
     """A keypose that one arm cannot reach; ends the episode as a failure.
 
     Attributes:
-        arm: Name of the arm, or "both".
-        reason: What prevented the motion.
+        arm: name of the arm, or "both".
+        reason: what prevented the motion.
     """
 
     def __init__(self, arm: str, reason: str):

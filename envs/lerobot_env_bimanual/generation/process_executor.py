@@ -1,13 +1,9 @@
-"""Worker processes: one per core, with LeRobot imported once for all of them, gone as soon as their parent is."""
+"""The worker processes of this machine, with LeRobot imported once for all of them."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
@@ -16,16 +12,14 @@ from types import TracebackType
 from typing import Self
 
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.generation import worker
-from lerobot_env_bimanual.generation.candidates import Shard
 from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
+from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
+from lerobot_env_bimanual.generation.staging import plain_write_errors
+from lerobot_env_bimanual.workers import WorkerDied, WorkerPool, worker_context
 
-START_METHOD = "forkserver"
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
-"""Imported once, in the process that workers are forked from: seven seconds of LeRobot and torch. Not MuJoCo, as
-an OpenGL driver does not survive a fork."""
+"""Seven seconds of LeRobot and torch."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +43,9 @@ class ProcessExecutor:
     """
 
     def __init__(self, workers: int):
-        use_one_thread_per_process()
-        context = multiprocessing.get_context(START_METHOD)
-        context.set_forkserver_preload([*PRELOADED])
-        self._others = multiprocessing.active_children()
+        context = worker_context()
         self._tally = _Tally(context.Value("q", 0), context.Value("d", 0.0))
-        self._pool = ProcessPoolExecutor(
-            workers or os.cpu_count() or 1, context, _start_worker, (self._tally,)
-        )
+        self._pool = WorkerPool(workers, _prepare, (self._tally,), PRELOADED)
 
     def __enter__(self) -> Self:
         return self
@@ -64,11 +53,8 @@ class ProcessExecutor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Stop the processes; at once if the block failed, as what they have not finished is lost anyway."""
-        if error is not None:
-            for child in set(multiprocessing.active_children()) - set(self._others):
-                child.terminate()
-        self._pool.shutdown(cancel_futures=True)
+        """Stop the processes."""
+        self._pool.__exit__(kind, error, traceback)
 
     @property
     def successes(self) -> int:
@@ -84,38 +70,33 @@ class ProcessExecutor:
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
     ) -> Iterator[None]:
         """See `Executor`."""
-        yield from self._watch(
-            [self._pool.submit(_record, settings, shard, folder(shard.name)) for shard in shards]
-        )
+        with _finished_shards_kept():
+            yield from self._pool.run(_record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S)
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""
-        yield from self._watch([self._pool.submit(_merge, job) for job in jobs])
+        with _finished_shards_kept():
+            yield from self._pool.run(_merge, jobs, POLL_S)
 
-    def _watch(self, futures: Sequence[Future]) -> Iterator[None]:
-        waiting = set(futures)
-        while waiting:
-            done, waiting = wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED)
-            try:
-                for future in done:
-                    future.result()
-            except BrokenProcessPool as error:
-                raise DatasetError(
-                    "a worker process died, most likely killed for want of memory. Finished shards are kept: "
-                    "repeat the command, perhaps with fewer --workers"
-                ) from error
-            yield
+
+@contextmanager
+def _finished_shards_kept() -> Iterator[None]:
+    try:
+        yield
+    except WorkerDied as error:
+        raise DatasetError(f"{error}. Finished shards are kept") from error
 
 
 _tally: _Tally | None = None
 """Of this worker's parent."""
 
 
-def _start_worker(tally: _Tally) -> None:
+def _prepare(tally: _Tally) -> None:
+    from lerobot_env_bimanual.generation.shard import quieten_libraries
+
     global _tally
     _tally = tally
-    prepare_worker()
-    worker.load_libraries()
+    quieten_libraries()
 
 
 def _count_success() -> None:
@@ -125,7 +106,7 @@ def _count_success() -> None:
 
 
 @contextmanager
-def _count_cpu_time() -> Iterator[None]:
+def _cpu_time_counted() -> Iterator[None]:
     assert _tally is not None
     start_s = time.process_time()
     yield
@@ -133,14 +114,15 @@ def _count_cpu_time() -> Iterator[None]:
         _tally.cpu_seconds.value += time.process_time() - start_s
 
 
-def _record(settings: GenerationSettings, shard: Shard, target: Path) -> None:
-    with _count_cpu_time():
-        worker.record(settings, shard, target, _count_success)
+def _record(work: tuple[GenerationSettings, Shard, Path]) -> None:
+    from lerobot_env_bimanual.generation.shard import record_shard
+
+    with _cpu_time_counted():
+        record_shard(*work, _count_success)
 
 
 def _merge(job: MergeJob) -> None:
-    from lerobot_env_bimanual.generation.merging import merge_shards
-    from lerobot_env_bimanual.generation.staging import plain_write_errors
+    from lerobot_env_bimanual.generation.merge import merge_shards
 
-    with _count_cpu_time(), plain_write_errors(job.root):
+    with _cpu_time_counted(), plain_write_errors(job.root):
         merge_shards(job)

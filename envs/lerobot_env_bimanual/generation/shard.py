@@ -1,43 +1,58 @@
-"""Records one shard: a few candidates of one task, as complete LeRobot datasets."""
+"""Records one shard, in whichever process: a few candidates of one task, as complete LeRobot datasets."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.dataset.provenance import Recipe, SkippedSeed
+from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
+from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
-from lerobot_env_bimanual.generation.sealing import seal
+from lerobot_env_bimanual.generation.checksums import write_report
+from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 
+_recorder: tuple[tuple[GenerationSettings, str], Recorder] | None = None
+"""Of the last shard: a compiled world and its images, kept because the next shard is most likely of the same task."""
+
+
+def quieten_libraries() -> None:
+    """Keep what recording uses quiet and on one core."""
+    import av.logging
+    import datasets
+    import pyarrow
+    import torch
+
+    torch.set_num_threads(1)
+    pyarrow.set_cpu_count(1)
+    datasets.disable_progress_bars()
+    av.logging.set_libav_level(av.logging.ERROR)
+    logging.getLogger("lerobot").setLevel(logging.CRITICAL)
+
 
 def record_shard(
-    settings: GenerationSettings,
-    shard: Shard,
-    recorder: Recorder,
-    target: Path,
-    on_episode: Callable[[], None],
+    settings: GenerationSettings, shard: Shard, target: Path, on_episode: Callable[[], None] = lambda: None
 ) -> None:
     """Record a shard and move it to `target` in one piece.
 
     Args:
         settings: what is recorded.
         shard: its candidates.
-        recorder: of the shard's task.
         target: folder of the finished shard.
         on_episode: called after each success.
 
     Raises:
         DatasetError: the shard cannot be written.
     """
-    episodes: list[Recipe] = []
+    recorder = _recorder_of(settings, shard.candidates[0].task)
+    episodes: list[EpisodeKey] = []
     skipped: list[SkippedSeed] = []
     with plain_write_errors(target), new_folder(target.parent.parent) as folder:
         with ExitStack() as stack:
@@ -48,23 +63,27 @@ def record_shard(
                     skipped.append(SkippedSeed(**vars(candidate), reason=reason))
                     continue
                 if not writers:  # a dataset without episodes is none: wait for the first
-                    writers = [
-                        stack.enter_context(_writer(settings, folder, view)) for view in settings.views
-                    ]
+                    writers = [stack.enter_context(_writer(settings, folder, view)) for view in settings.views]
                 write_episode(episode, writers)
                 episodes.append(candidate)
                 on_episode()
-        seal(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
+        write_report(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
         place_shard(folder, target)
 
 
-def make_recorder(settings: GenerationSettings, task: str) -> Recorder:
-    """The recorder of one of the tasks."""
-    codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
-    return Recorder(task, settings.split, settings.cameras, (settings.height, settings.width), codec)
+def _recorder_of(settings: GenerationSettings, task: str) -> Recorder:
+    global _recorder
+    key = settings, task
+    if _recorder is None or _recorder[0] != key:
+        if _recorder is not None:
+            _recorder[1].close()
+        codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
+        size = settings.height, settings.width
+        _recorder = key, Recorder(task, settings.split, settings.cameras, size, codec)
+    return _recorder[1]
 
 
-def _record(recorder: Recorder, candidate: Recipe) -> tuple[Episode | None, str]:
+def _record(recorder: Recorder, candidate: EpisodeKey) -> tuple[Episode | None, str]:
     """The episode, or none and the reason."""
     try:
         outcome, episode = recorder.record(candidate.seed, candidate.variation)
@@ -74,7 +93,7 @@ def _record(recorder: Recorder, candidate: Recipe) -> tuple[Episode | None, str]
     return episode, reason
 
 
-def _writer(settings: GenerationSettings, folder: Path, view) -> ViewWriter:
+def _writer(settings: GenerationSettings, folder: Path, view: View) -> ViewWriter:
     return ViewWriter(
         folder / view,
         settings.repo_id,

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
 from lerobot_bimanual.dataset.reader import INFO_FILE, RecordedDataset, episode_table
-from lerobot_env_bimanual.generation.faults import Fault
+from lerobot_env_bimanual.verification.fault import Fault
 
 IMAGE_TYPES = ("video", "image")
 

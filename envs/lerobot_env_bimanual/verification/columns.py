@@ -14,7 +14,7 @@ from lerobot_bimanual.dataset.provenance import Recipe
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
-from lerobot_env_bimanual.generation.faults import Fault, first_of
+from lerobot_env_bimanual.verification.fault import Fault, first_of
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
