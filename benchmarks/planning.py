@@ -20,7 +20,7 @@ from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
-from lerobot_env_bimanual.motion.goals import goal_postures
+from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
@@ -104,7 +104,7 @@ def rehearse_both(scene: Scene, task: Task, variation: Variation) -> bool | None
 def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
     rng = np.random.default_rng(0)
     scene = Scene()
-    arms = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+    arms = {arm: scene.arm_pair.kinematics[arm] for arm in ARMS}
     for index in range(problems):
         arm = ARMS[index % 2]
         pose = random_hand(arm, rng)

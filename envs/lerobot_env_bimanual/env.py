@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,53 +12,29 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidChoice, KeyposeFailure
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import observation_space, observe_images, observe_vectors
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
+from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.options import MAX_KEYPOSES, SPLITS, EnvOptions
+from lerobot_env_bimanual.options import SPLITS, EnvOptions, variation_index
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.rendering import Renderer, calibration
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
-
-SUCCESS_TICKS = 10
-"""Consecutive control ticks, half a second, that all conditions have to hold."""
 
 SIMULATION_UNSTABLE = "simulation_unstable"
 RENDER_CAMERA = "front"
 RENDER_SIZE = (480, 640)
 
 
-@dataclass
-class EpisodeProgress:
-    """What an episode remembers besides the state of its scene."""
-
-    seed: int
-    variation: Variation
-    instruction: str
-    rng: np.random.Generator
-    conditions: dict[str, bool]
-    ticks: int = 0
-    keyposes: int = 0
-    held_ticks: int = 0
-    line_fallbacks: int = 0
-    failure: str = ""
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether the conditions held long enough."""
-        return self.held_ticks >= SUCCESS_TICKS and not self.failure
-
-    @property
-    def terminated(self) -> bool:
-        """Whether the verdict is known."""
-        return self.succeeded or bool(self.failure)
+type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
+"""Sees the environment and the joint action (16,) before every control tick."""
 
 
 class BimanualEnv(gym.Env):
@@ -78,18 +54,13 @@ class BimanualEnv(gym.Env):
 
     Args:
         task: registered task name.
-        variation: index, or "any" to draw one per episode.
-        split: "train", "val" or "test"; the same seed means different episodes in each.
-        cameras: cameras of the observation.
-        image_size: side in pixels, or (height, width).
-        obs: "rgbd", "rgb" (no depth) or "state" (no images).
-        control_mode: "joint" and "keypose" take one kind of action and are strict; "auto" declares joint actions
-            and takes both.
-        video_dir: if set, every episode's motion is filmed to a file there.
-        max_keyposes: keyposes until an episode is truncated.
-        render_quality: of `render` and of films, "observation" or "high". On one CPU core a frame costs 25 ms or
-            300 ms, so "high", with shadows and anti-aliasing, is for pictures of a few episodes.
+        options: everything else that can be chosen.
         render_mode: only "rgb_array".
+        keywords: single options by name, instead of `options`.
+
+    Attributes:
+        options: as given.
+        tick_observers: called in turn before every control tick.
 
     Raises:
         BimanualError: an option is outside its choices; the message lists them.
@@ -100,41 +71,24 @@ class BimanualEnv(gym.Env):
     def __init__(
         self,
         task: str,
-        variation: int | str = "any",
-        split: str = "test",
-        cameras: str | Sequence[str] = CAMERA_NAMES,
-        image_size: int | str | Sequence[int] = 256,
-        obs: str = "rgbd",
-        control_mode: str = "auto",
-        video_dir: str | Path | None = None,
-        max_keyposes: int = MAX_KEYPOSES,
-        render_quality: str = "observation",
+        options: EnvOptions | None = None,
         render_mode: str | None = "rgb_array",
+        **keywords: Any,
     ):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidChoice("render_mode", render_mode, self.metadata["render_modes"])
         self.task_definition = get_task(task)
-        spec = self.task_definition.spec
-        self.settings = EnvOptions.parse(
-            spec,
-            variation=variation,
-            split=split,
-            cameras=cameras,
-            image_size=image_size,
-            obs=obs,
-            control_mode=control_mode,
-            video_dir=video_dir,
-            max_keyposes=max_keyposes,
-            render_quality=render_quality,
-        )
+        self.task = self.task_definition.spec.name
+        self.options = EnvOptions.of(**keywords) if options is None else options
+        self._variation = self._variation_index(self.options.variation)
         self.render_mode = render_mode
-        self.task = spec.name
-        self.tick_listener: Callable[[BimanualEnv, NDArray[np.float32]], None] | None = None
-        self._actions = ActionReader(self.settings.control_mode, PANDA_PAIR)
+        self.tick_observers: list[TickObserver] = []
+        self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
-        self.observation_space = observation_space(self.settings)
+        self.observation_space = observation_space(self.options)
         self._scene: Scene | None = None
         self._planner: KeyposePlanner | None = None
+        self._reset: EpisodeReset | None = None
         self._observer: Renderer | None = None
         self._frame_renderer: Renderer | None = None
         self._progress: EpisodeProgress | None = None
@@ -146,6 +100,7 @@ class BimanualEnv(gym.Env):
         if self._scene is None:
             self._scene = Scene(self.task_definition.spec.props)
             self._planner = KeyposePlanner(self._scene)
+            self._reset = EpisodeReset(self.task_definition, self._scene)
         return self._scene
 
     @property
@@ -164,7 +119,7 @@ class BimanualEnv(gym.Env):
         """The episode's instruction, in words; before the first episode the canonical one."""
         if self._progress is None:
             spec = self.task_definition.spec
-            return spec.instructions_for(spec.variations[self.settings.variation or 0])[0]
+            return spec.instructions_for(spec.variations[self._variation or 0])[0]
         return self._progress.instruction
 
     @property
@@ -175,8 +130,8 @@ class BimanualEnv(gym.Env):
     @property
     def _max_episode_steps(self) -> int:
         """Upper bound of steps per episode, under the name that LeRobot asks for."""
-        if self.settings.control_mode == "keypose":
-            return self.settings.max_keyposes
+        if self.options.control_mode == "keypose":
+            return self.options.max_keyposes
         return self.task_definition.spec.horizon_ticks
 
     def reset(
@@ -187,28 +142,49 @@ class BimanualEnv(gym.Env):
         Args:
             seed: non-negative integer that determines the episode; without it one is drawn from the generator
                 that the last given seed started.
-            options: not used.
+            options: `{"variation": index}` chooses the variation of this episode alone.
 
         Raises:
+            UnknownVariation: the task has no such variation.
+            InvalidChoice: there is no such option.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
+        variation = self._variation
+        for name, value in (options or {}).items():
+            if name != "variation":
+                raise InvalidChoice("an option of reset", name, ["variation"])
+            variation = self._variation_index(value)
         super().reset(seed=seed)
         self._finish_video()
-        scene = self.scene
-        self._progress = self._draw_episode(
-            int(self.np_random.integers(2**31)) if seed is None else int(seed)
+        _ = self.scene
+        assert self._reset is not None  # made with the scene
+        progress = self._draw_episode(
+            int(self.np_random.integers(2**31)) if seed is None else int(seed), variation
         )
-        self.task_definition.reset(scene, self._progress.variation, self._progress.rng)
-        self._progress.conditions = self.task_definition.check(scene, self._progress.variation)
+        self._progress = progress
+        progress.draws = self._reset.start(progress.variation, progress.rng)
+        progress.conditions = self._check()
         return self.observe(), self._info()
 
-    def _draw_episode(self, seed: int) -> EpisodeProgress:
+    def _variation_index(self, variation: object) -> int | None:
+        return variation_index(variation, self.task, len(self.task_definition.spec.variations))
+
+    def _draw_episode(self, seed: int, fixed: int | None) -> EpisodeProgress:
         """Draw variation and instruction; always both, so that fixing a variation changes nothing else."""
         spec = self.task_definition.spec
-        rng = np.random.default_rng(np.random.SeedSequence([SPLITS[self.settings.split], spec.id, seed]))
+        rng = np.random.default_rng(np.random.SeedSequence([SPLITS[self.options.split], spec.id, seed]))
         drawn, sentence = int(rng.integers(len(spec.variations))), int(rng.integers(len(spec.instructions)))
-        variation = spec.variations[drawn if self.settings.variation is None else self.settings.variation]
-        return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng, {})
+        variation = spec.variations[drawn if fixed is None else fixed]
+        return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng)
+
+    @contextmanager
+    def observed_by(self, observer: TickObserver) -> Iterator[None]:
+        """Have somebody see every control tick while the `with` block runs."""
+        self.tick_observers.append(observer)
+        try:
+            yield
+        finally:
+            self.tick_observers.remove(observer)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -237,7 +213,7 @@ class BimanualEnv(gym.Env):
     def _truncated(self) -> bool:
         progress = self.progress
         horizon = self.task_definition.spec.horizon_ticks
-        return progress.ticks >= horizon or progress.keyposes >= self.settings.max_keyposes
+        return progress.ticks >= horizon or progress.keyposes >= self.options.max_keyposes
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
@@ -253,27 +229,28 @@ class BimanualEnv(gym.Env):
         progress.keyposes += 1
 
     def _tick(self, joint_action: NDArray[np.float32]) -> None:
-        if self.tick_listener is not None:
-            self.tick_listener(self, joint_action)
+        for observer in self.tick_observers:
+            observer(self, joint_action)
         scene, progress = self.scene, self.progress
         scene.tick(joint_action)
-        progress.ticks += 1
-        progress.conditions = self.task_definition.check(scene, progress.variation)
-        progress.held_ticks = progress.held_ticks + 1 if all(progress.conditions.values()) else 0
+        progress.note(self._check())
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
-        if self.settings.video_dir is not None:
-            self._film(self.settings.video_dir)
+        if self.options.video_dir is not None:
+            self._film(Path(self.options.video_dir))
+
+    def _check(self) -> dict[str, bool]:
+        return check(self.task_definition.conditions(self.progress.variation), self.scene)
 
     def observe(self) -> dict[str, Any]:
         """The observation of the present state; see `lerobot_env_bimanual.episode.observations` for its arrays."""
-        settings = self.settings
+        options = self.options
         observation: dict[str, Any] = {}
-        if settings.obs != "state":
+        if options.obs != "state":
             if self._observer is None:
-                self._observer = Renderer(self.scene, settings.cameras, settings.height, settings.width)
-            observation |= observe_images(settings, self._observer.render())
-        views = calibration(self.scene, settings.height, settings.width)
+                self._observer = Renderer(self.scene, options.camera_names, options.height, options.width)
+            observation |= observe_images(options, self._observer.render())
+        views = calibration(self.scene, options.height, options.width)
         return observation | observe_vectors(self.scene, self.progress.keyposes, views)
 
     def _info(self) -> dict[str, Any]:
@@ -292,13 +269,13 @@ class BimanualEnv(gym.Env):
 
     def _render_frame(self) -> NDArray[np.uint8]:
         if self._frame_renderer is None:
-            quality = self.settings.render_quality
+            quality = self.options.render_quality
             self._frame_renderer = Renderer(self.scene, (RENDER_CAMERA,), *RENDER_SIZE, quality=quality)
         return self._frame_renderer.render()[RENDER_CAMERA][0]
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
-            episode = f"v{self.variation}_{self.settings.split}_seed{self.progress.seed}"
+            episode = f"v{self.variation}_{self.options.split}_seed{self.progress.seed}"
             self._video = VideoWriter(folder, f"{self.task}_{episode}")
         self._video.add(self._render_frame())
 
@@ -333,4 +310,4 @@ class BimanualEnv(gym.Env):
             if renderer is not None:
                 renderer.close()
         self._observer = self._frame_renderer = None
-        self._scene = self._planner = self._progress = None
+        self._scene = self._planner = self._reset = self._progress = None

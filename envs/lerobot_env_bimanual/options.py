@@ -1,17 +1,18 @@
-"""The environment's options, read from Python or command-line values and checked in one place."""
+"""The environment's options: one dataclass for Gymnasium's keywords, LeRobot's command lines and our own verbs."""
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownVariation
-from lerobot_env_bimanual.task import TaskSpec
 
 ANY_VARIATION = "any"
+
 SPLITS = {"train": 0, "val": 1, "test": 2}
 """Number of each split in an episode's seed sequence, so that one integer means three different episodes."""
 
@@ -19,113 +20,120 @@ ObservationMode = Literal["rgbd", "rgb", "state"]
 ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
-MAX_KEYPOSES = 25
-"""Keyposes per episode until it is truncated (RLBench's evaluation in PerAct2 allows as many)."""
-
 MIN_IMAGE_SIDE = 8
 
 
-@dataclass(frozen=True)
+@dataclass
 class EnvOptions:
-    """Options of one `BimanualEnv`, valid by construction.
+    """Options of one environment besides its task, valid by construction.
 
-    Attributes:
-        variation: index of the variation of every episode, or `None` to draw one per episode.
-        split: "train", "val" or "test".
-        cameras: cameras of the observation, in order.
-        height: image height in pixels.
-        width: image width in pixels.
-        obs: "rgbd", "rgb" (no depth) or "state" (no images).
-        control_mode: "auto", "joint" or "keypose".
-        video_dir: where each episode's motion is filmed, or `None`.
-        max_keyposes: keyposes until an episode is truncated.
-        render_quality: "observation" or "high", of rendered frames and films.
+    The types are those that LeRobot's command lines can read; Python may also give `cameras` as a sequence,
+    `image_size` as `(height, width)` and `video_dir` as a path.
+
+    Raises:
+        UnknownCamera: the scene has no such camera.
+        InvalidChoice: another option is outside its choices.
     """
 
-    variation: int | None
-    split: str
-    cameras: tuple[str, ...]
-    height: int
-    width: int
-    obs: ObservationMode
-    control_mode: ControlMode
-    video_dir: Path | None
-    max_keyposes: int
-    render_quality: RenderQuality
+    # Index of the variation of every episode, or `any` to draw one per episode.
+    variation: int | str = ANY_VARIATION
+    # `train`, `val` or `test`: the same seed means different episodes in each. Datasets are generated from `train`, so
+    # an evaluation with the default never sees a demonstrated episode.
+    split: str = "test"
+    # Cameras of the observation, separated by commas.
+    cameras: str = ",".join(CAMERA_NAMES)
+    # Side of the images in pixels, or height and width as in `480x640`.
+    image_size: int | str = 256
+    # `rgbd`, `rgb` (no depth) or `state` (no images).
+    obs: str = "rgbd"
+    # `joint` and `keypose` take one kind of action and are strict. `auto` declares joint actions and executes joint
+    # actions and keyposes alike, told apart by their length: LeRobot sizes a policy's output by the declared action,
+    # and this way ACT and keypose policies run with the same command.
+    control_mode: str = "auto"
+    # Folder for a film of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
+    # per keypose.)
+    video_dir: str | None = None
+    # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
+    max_keyposes: int = 25
+    # Of `render` and of films, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
+    # shadows and anti-aliasing, is for pictures of a few episodes.
+    render_quality: str = "observation"
+
+    def __post_init__(self) -> None:
+        """Bring every option into its one form, and refuse what is outside its choices."""
+        self.cameras = ",".join(_camera_names(self.cameras))
+        height, width = _image_size(self.image_size)
+        self.image_size = height if height == width else f"{height}x{width}"
+        self.video_dir = None if self.video_dir is None else _folder(self.video_dir)
+        for option, choices in (
+            ("split", tuple(SPLITS)),
+            ("obs", get_args(ObservationMode)),
+            ("control_mode", get_args(ControlMode)),
+            ("render_quality", get_args(RenderQuality)),
+        ):
+            if getattr(self, option) not in choices:
+                raise InvalidChoice(option, getattr(self, option), choices)
+        if type(self.max_keyposes) is not int or self.max_keyposes < 1:
+            raise InvalidChoice("max_keyposes", self.max_keyposes, ["an integer of at least 1"])
 
     @classmethod
-    def parse(
-        cls,
-        spec: TaskSpec,
-        *,
-        variation: int | str,
-        split: str,
-        cameras: str | Sequence[str],
-        image_size: int | str | Sequence[int],
-        obs: str,
-        control_mode: str,
-        video_dir: str | Path | None,
-        max_keyposes: int,
-        render_quality: str,
-    ) -> Self:
-        """Read the options of a task's environment.
-
-        Args:
-            spec: the task.
-            variation: index, or "any".
-            split: key of `SPLITS`.
-            cameras: names, as a sequence or separated by commas.
-            image_size: side of a square image, `(height, width)`, or the text "256" or "480x640".
-            obs: an `ObservationMode`.
-            control_mode: a `ControlMode`.
-            video_dir: folder, created when the first video is written.
-            max_keyposes: at least 1.
-            render_quality: a `RenderQuality`.
+    def of(cls, **keywords: Any) -> Self:
+        """The options that keywords give.
 
         Raises:
-            UnknownVariation: the task has no such variation.
-            UnknownCamera: the scene has no such camera.
-            InvalidChoice: another option is outside its choices.
+            InvalidChoice: a keyword is no option.
         """
-        height, width = _parse_image_size(image_size)
-        if max_keyposes < 1:
-            raise InvalidChoice("max_keyposes", max_keyposes, ["an integer of at least 1"])
-        return cls(
-            variation=_parse_variation(spec, variation),
-            split=_one_of("split", split, tuple(SPLITS)),
-            cameras=_parse_cameras(cameras),
-            height=height,
-            width=width,
-            obs=_one_of("obs", obs, get_args(ObservationMode)),
-            control_mode=_one_of("control_mode", control_mode, get_args(ControlMode)),
-            video_dir=None if video_dir is None else Path(video_dir),
-            max_keyposes=max_keyposes,
-            render_quality=_one_of("render_quality", render_quality, get_args(RenderQuality)),
-        )
+        names = [field.name for field in fields(EnvOptions)]
+        for name in keywords:
+            if name not in names:
+                guess = difflib.get_close_matches(name, names, n=1)
+                hint = f" (did you mean {guess[0]!r}?)" if guess else ""
+                raise InvalidChoice("an option of the environment" + hint, name, names)
+        return cls(**keywords)
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Cameras of the observation, in order."""
+        return tuple(self.cameras.split(","))
+
+    @property
+    def height(self) -> int:
+        """Height of the images in pixels."""
+        return _image_size(self.image_size)[0]
+
+    @property
+    def width(self) -> int:
+        """Width of the images in pixels."""
+        return _image_size(self.image_size)[1]
+
+    def keywords(self) -> dict[str, Any]:
+        """These options by name, as `BimanualEnv` takes them."""
+        return {field.name: getattr(self, field.name) for field in fields(EnvOptions)}
 
 
-def _one_of[T](option: str, value: object, choices: tuple[T, ...]) -> T:
-    for choice in choices:
-        if value == choice:
-            return choice
-    raise InvalidChoice(option, value, map(str, choices))
+def variation_index(variation: object, task: str, count: int) -> int | None:
+    """Index that an option `variation` means for a task; `None` to draw one per episode.
 
+    Args:
+        variation: index, also as a text, or "any".
+        task: name of the task.
+        count: how many variations it has.
 
-def _parse_variation(spec: TaskSpec, variation: int | str) -> int | None:
+    Raises:
+        UnknownVariation: the task has no such variation.
+    """
     if variation == ANY_VARIATION:
         return None
-    try:
-        index = int(variation)
-    except ValueError:
-        index = -1
-    if not 0 <= index < len(spec.variations):
-        raise UnknownVariation(spec.name, variation, len(spec.variations))
-    return index
+    if isinstance(variation, str) and variation.isdecimal():
+        variation = int(variation)
+    if isinstance(variation, bool) or not isinstance(variation, int) or not 0 <= variation < count:
+        raise UnknownVariation(task, variation, count)
+    return variation
 
 
-def _parse_cameras(cameras: str | Sequence[str]) -> tuple[str, ...]:
+def _camera_names(cameras: str | Sequence[str]) -> tuple[str, ...]:
     names = cameras.split(",") if isinstance(cameras, str) else cameras
-    chosen = tuple(dict.fromkeys(name.strip() for name in names))
+    chosen = tuple(dict.fromkeys(str(name).strip() for name in names))
     if not chosen:
         raise InvalidChoice("cameras", cameras, ["a non-empty list of " + ", ".join(CAMERA_NAMES)])
     for name in chosen:
@@ -134,15 +142,23 @@ def _parse_cameras(cameras: str | Sequence[str]) -> tuple[str, ...]:
     return chosen
 
 
-def _parse_image_size(image_size: int | str | Sequence[int]) -> tuple[int, int]:
+def _image_size(image_size: int | str | Sequence[int]) -> tuple[int, int]:
     sides = image_size.split("x") if isinstance(image_size, str) else image_size
     if isinstance(sides, int):
         sides = (sides,)
     try:
         height, width = int(sides[0]), int(sides[-1])
+        valid = len(sides) <= 2 and min(height, width) >= MIN_IMAGE_SIDE
     except (ValueError, IndexError, TypeError):
         height = width = 0
-    if len(sides) > 2 or min(height, width) < MIN_IMAGE_SIDE:
-        valid = f"a side of at least {MIN_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
-        raise InvalidChoice("image_size", image_size, [valid])
+        valid = False
+    if not valid:
+        choices = f"a side of at least {MIN_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
+        raise InvalidChoice("image_size", image_size, [choices])
     return height, width
+
+
+def _folder(path: object) -> str:
+    if not isinstance(path, str | Path):
+        raise InvalidChoice("video_dir", path, ["the path of a folder"])
+    return str(path)

@@ -87,11 +87,11 @@ class WorkerPool:
         """
         with _named_death():
             results = self._processes.map(function, items)
-            yield from tqdm(
-                results, label, done + len(items), initial=done, unit=unit, smoothing=0
-            )
+            yield from tqdm(results, label, done + len(items), initial=done, unit=unit, smoothing=0)
 
-    def run[Item](self, function: Callable[[Item], None], items: Sequence[Item], poll_s: float) -> Iterator[None]:
+    def run[Item](
+        self, function: Callable[[Item], None], items: Sequence[Item], poll_s: float
+    ) -> Iterator[None]:
         """Do something with each item, in any order; yields every `poll_s` seconds or more often until all is done.
 
         Raises:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import lerobot_env_bimanual.generation.build
 import lerobot_policy_bimanual.configurations  # noqa: F401  both define errors of their own
 from lerobot_bimanual.errors import BimanualError, KeyposeFailure
 

@@ -10,13 +10,14 @@ from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask
 from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert import campaign
-from lerobot_env_bimanual.expert.campaign import Campaign, Job
+from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.certificate import origin
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.evidence import Evidence, Witness
+from lerobot_env_bimanual.expert.outcome import Job, MoveReport, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-from lerobot_env_bimanual.expert.runner import MoveReport, Outcome, run_expert
+from lerobot_env_bimanual.expert.runner import run_expert
 
 NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
 SOLVED = Outcome(

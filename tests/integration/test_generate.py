@@ -7,6 +7,9 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
+from lerobot_env_bimanual.generation.merging import merge_shards
+from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import Recipe, SkippedSeed, installed_versions
@@ -16,11 +19,8 @@ from lerobot_env_bimanual.commands.generate import generate, regeneration_comman
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.executor import MergeJob
-from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
 from lerobot_env_bimanual.generation.staging import Staging
 
 pytestmark = pytest.mark.sim

@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from lerobot_env_bimanual.generation.replaying import Replayer, keyposes_of
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.replay import ReplayConfig, parse_episodes, replay
-from lerobot_env_bimanual.generation.replaying import Replayer, keyposes_of
 
 pytestmark = pytest.mark.sim
 

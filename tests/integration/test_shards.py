@@ -6,16 +6,16 @@ import shutil
 from pathlib import Path
 
 import pytest
-
-from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import regeneration_command
 from lerobot_env_bimanual.generation.building import build_dataset
 from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.merging import merge_shards
 from lerobot_env_bimanual.generation.sealing import SUMS_FILE, BrokenSeal, seal
-from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
+
+from lerobot_bimanual.dataset.writer import ViewWriter
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.commands.generate import regeneration_command
+from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import Staging
 
 pytestmark = pytest.mark.sim

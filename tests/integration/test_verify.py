@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
@@ -21,7 +22,6 @@ from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
 from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, generation_config, regenerate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
 
 pytestmark = pytest.mark.sim
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Literal
 from lerobot_bimanual.errors import BimanualError
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.expert.campaign import Campaign, Job
+    from lerobot_env_bimanual.expert.campaign import Campaign
+    from lerobot_env_bimanual.expert.outcome import Job
 
 EACH_VARIATION = "each"
 
@@ -92,11 +93,11 @@ def _check_variation(task: str, variation: str) -> None:
     from lerobot_env_bimanual.env import BimanualEnv
 
     if variation != EACH_VARIATION:
-        BimanualEnv(task, variation)
+        BimanualEnv(task, variation=variation)
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
-    from lerobot_env_bimanual.expert.campaign import Job
+    from lerobot_env_bimanual.expert.outcome import Job
     from lerobot_env_bimanual.options import ANY_VARIATION
     from lerobot_env_bimanual.tasks.registry import get_task
 

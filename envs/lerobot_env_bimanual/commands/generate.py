@@ -47,7 +47,9 @@ class GenerateConfig:
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
     repo_id: str | None = None  # LeRobot's name of the dataset; by default local/ and the folder's name
-    push_to_hub: bool = False  # upload the complete dataset to repo_id on the Hugging Face Hub; takes a single view
+    push_to_hub: bool = (
+        False  # upload the complete dataset to repo_id on the Hugging Face Hub; takes a single view
+    )
 
 
 def generate(config: GenerateConfig) -> None:

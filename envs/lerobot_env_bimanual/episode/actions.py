@@ -16,8 +16,6 @@ are not bad actions: they end the episode as a failure in every mode.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +24,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import JOINT_NAMES
 from lerobot_bimanual.errors import InvalidAction, KeyposeFailure
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import (
     ARM_KEYPOSE_DIM,
     KEYPOSE_DIM,
@@ -33,12 +32,8 @@ from lerobot_bimanual.keypose import (
     QUATERNION,
     BimanualKeypose,
 )
-from lerobot_env_bimanual.options import ControlMode
+from lerobot_env_bimanual.robots.arm_pair import ArmPair
 
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.robots.arm_pair import ArmPair
-
-JOINT_ACTION_DIM = len(JOINT_NAMES)
 JOINT_TOLERANCE_RAD = 0.1
 
 
@@ -50,7 +45,7 @@ class ActionReader:
         arm_pair: whose joint limits hold.
     """
 
-    def __init__(self, control_mode: ControlMode, arm_pair: ArmPair):
+    def __init__(self, control_mode: str, arm_pair: ArmPair):
         self._mode = control_mode
         self._strict = control_mode != "auto"
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)

@@ -8,7 +8,7 @@ dataset's without its prefix `observation.`. All arrays are fresh copies.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -18,9 +18,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
 from lerobot_env_bimanual.options import EnvOptions
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 PIXELS = "pixels"
 MM_PER_M = 1000.0
@@ -41,62 +39,62 @@ def env_key(dataset_key: str) -> str:
     return "agent_pos" if dataset_key == schema.STATE else dataset_key.removeprefix("observation.")
 
 
-def observation_space(settings: EnvOptions) -> spaces.Dict:
+def observation_space(options: EnvOptions) -> spaces.Dict:
     """Space of the observations that `observe` returns."""
-    size = (settings.height, settings.width)
+    size = (options.height, options.width)
     space: dict[str, spaces.Space[Any]] = {}
-    if settings.obs != "state":
+    if options.obs != "state":
         image = spaces.Box(0, 255, (*size, 3), np.uint8)
-        space[PIXELS] = spaces.Dict(dict.fromkeys(settings.cameras, image))
-    if settings.obs == "rgbd":
+        space[PIXELS] = spaces.Dict(dict.fromkeys(options.camera_names, image))
+    if options.obs == "rgbd":
         near, far = schema.DEPTH_MIN_M * MM_PER_M, schema.DEPTH_MAX_M * MM_PER_M
         depth = spaces.Box(near, far, (1, *size), np.float32)
-        space |= {env_key(schema.depth_key(camera)): depth for camera in settings.cameras}
+        space |= {env_key(schema.depth_key(camera)): depth for camera in options.camera_names}
     for key, (low, high) in _BOUNDS.items():
         space[env_key(key)] = spaces.Box(low, high, (len(schema.VECTORS[key]),), np.float32)
     return spaces.Dict(space)
 
 
 def observe_images(
-    settings: EnvOptions, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
+    options: EnvOptions, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
 ) -> dict[str, Any]:
     """Image part of an observation.
 
     Args:
-        settings: which images; not called in mode "state".
+        options: which images; not called in mode "state".
         images: per camera RGB uint8 (H, W, 3) and depth float32 (H, W) in metres along the optical axis.
 
     Returns:
         `pixels`, and in mode "rgbd" `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit,
         clipped to the range that datasets store.
     """
-    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in settings.cameras}}
-    if settings.obs == "rgbd":
-        for camera in settings.cameras:
+    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in options.camera_names}}
+    if options.obs == "rgbd":
+        for camera in options.camera_names:
             depth_m = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
             observation[env_key(schema.depth_key(camera))] = (depth_m * np.float32(MM_PER_M))[None]
     return observation
 
 
 def observe_vectors(
-    scene: Scene, keypose_step: int, calibration: tuple[NDArray[np.float32], NDArray[np.float32]]
+    view: SceneView, keypose_step: int, calibration: tuple[NDArray[np.float32], NDArray[np.float32]]
 ) -> dict[str, NDArray[np.float32]]:
     """Vector part of an observation.
 
     Args:
-        scene: what to measure.
+        view: what to measure.
         keypose_step: number of keyposes executed in this episode.
         calibration: (80,) extrinsics and (45,) intrinsics of all five cameras.
     """
     extrinsics, intrinsics = calibration
-    tcps = [scene.tcp(arm) for arm in ARMS]
+    tcps = [view.tcp(arm) for arm in ARMS]
     positions = np.stack([tcp.position for tcp in tcps])  # (2, 3)
     quaternions = quat_wxyz_canonical(np.stack([tcp.quat_wxyz for tcp in tcps]))  # (2, 4)
-    state = [[*scene.joint_positions(arm), scene.gripper_opening(arm)] for arm in ARMS]
+    state = [[*view.joint_positions(arm), view.gripper_opening(arm)] for arm in ARMS]
     vectors = {
         schema.STATE: np.concatenate(state),
         schema.EE_POSE: np.concatenate([positions, quaternions], axis=1).ravel(),
-        schema.GRIPPER_FINGERS: np.concatenate([scene.finger_positions(arm) for arm in ARMS]),
+        schema.GRIPPER_FINGERS: np.concatenate([view.finger_positions(arm) for arm in ARMS]),
         schema.KEYPOSE_STEP: np.array([keypose_step]),
         schema.CAMERA_EXTRINSICS: extrinsics,
         schema.CAMERA_INTRINSICS: intrinsics,

@@ -1,7 +1,7 @@
 """Going through a whole script without physics, to find out whether both arms can do it from here.
 
-Scripts read the scene while they run, so a rehearsal hands them a `RehearsalScene`: a scene with its own state,
-in which arms are moved by kinematics and grasped props move rigidly with the hand.
+Scripts read the scene while they run, so a rehearsal hands them a `RehearsalView`: a view with its own state, in which
+arms are moved by kinematics and grasped props move rigidly with the hand.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
@@ -10,27 +10,26 @@ from itertools import chain, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried
-from lerobot_env_bimanual.motion.collision import CollisionChecker
-from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
+from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
+from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
-from lerobot_env_bimanual.task import Stage
-from lerobot_env_bimanual.world.contacts import ContactQueries
-from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 Array = NDArray[np.floating]
-Script = Callable[[Scene], Iterable[Stage]]
+Script = Callable[[SceneView], Iterable[Stage]]
 Postures = dict[Arm, Array]
 type Steps = Generator[list[LineRequest], list[Array | None], str | None]
 
 MIN_MARGIN = 0.04
-"""Least distance of a joint to its limits at the end of a stage, as a fraction of its range (design study)."""
+"""Least distance of a joint to its limits at the end of a stage, as a fraction of its range."""
 MIN_MARGIN_ROUNDED = 0.03
 
 
@@ -38,16 +37,16 @@ class Rehearsal:
     """Goes through scripts without physics, to find out whether both arms can do them.
 
     Args:
-        scene: The world in which the scripts are to be played. It is read, never changed.
-        codecs: A script is gone through once for each, with its keyposes rounded to these voxels and bins; None
+        scene: the world in which the scripts are to be played. It is read, never changed.
+        codecs: a script is gone through once for each, with its keyposes rounded to these voxels and bins; None
             stands for the exact keyposes.
     """
 
-    def __init__(self, scene: Scene, codecs: Sequence[KeyposeCodec | None] = (None,)):
+    def __init__(self, scene: SceneView, codecs: Sequence[KeyposeCodec | None] = (None,)):
         self.scene = scene
-        self._walks = [_Walk(scene, codec) for codec in codecs]
+        self._runs = [_ScriptRun(scene, codec) for codec in codecs]
 
-    def objection(self, script: Script) -> str | None:
+    def infeasibility(self, script: Script) -> str | None:
         """What keeps both arms from going through a script from the scene's present state.
 
         Checked at first: no prop in an arm or right beside it. Checked at every stage: targets inside the workspace,
@@ -56,52 +55,51 @@ class Rehearsal:
         together.
 
         Args:
-            script: Yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
+            script: yields the stages when called with a scene, e.g. `lambda view: task.script(view, variation)`.
                 It is called with the rehearsal's own scenes, where earlier stages have had their effect.
 
         Returns:
             None if the script is feasible, else a short reason.
         """
-        walks = [walk.through(script) for walk in self._walks]
-        answers: Sequence[list[Array | None] | None] = [None] * len(walks)
-        while walks:
+        runs = [run.through(script) for run in self._runs]
+        answers: Sequence[list[Array | None] | None] = [None] * len(runs)
+        while runs:
             going, requests = [], []
-            for walk, lines in zip(walks, answers, strict=True):
+            for run, lines in zip(runs, answers, strict=True):
                 try:
-                    requests.append(next(walk) if lines is None else walk.send(lines))
-                    going.append(walk)
+                    requests.append(next(run) if lines is None else run.send(lines))
+                    going.append(run)
                 except StopIteration as end:
                     if end.value is not None:
                         return end.value
             found = iter(straight_lines(list(chain.from_iterable(requests))))
-            walks, answers = going, [list(islice(found, len(asked))) for asked in requests]
+            runs, answers = going, [list(islice(found, len(asked))) for asked in requests]
         return None
 
 
-class _Walk:
+class _ScriptRun:
     """One going through of a script, with the keyposes of one codec.
 
     Args:
-        scene: The world, read only.
-        codec: What keyposes are rounded to; None leaves them exact.
+        scene: the world, read only.
+        codec: what keyposes are rounded to; None leaves them exact.
     """
 
-    def __init__(self, scene: Scene, codec: KeyposeCodec | None):
+    def __init__(self, scene: SceneView, codec: KeyposeCodec | None):
         self._scene = scene
         self._codec = codec
         self._min_margin = MIN_MARGIN if codec is None else MIN_MARGIN_ROUNDED
-        self._view = RehearsalScene(scene)
-        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+        self._view = RehearsalView(scene)
+        self._kinematics = scene.arm_pair.kinematics
         self._checker = CollisionChecker(self._view)
         self._joints: Postures = {}
 
     def through(self, script: Script) -> Steps:
-        """Goes from stage to stage; at each it yields requests for lines, is sent them, and returns an objection."""
+        """Goes from stage to stage; at each it yields requests for lines, is sent them, and returns what is infeasible."""
         self._view.copy_from(self._scene)
-        commanded = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        commanded = by_arm(self._view.commanded)
         self._joints = {arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS}
-        self._checker.begin_standing()
-        if obstacle := self._checker.obstacle(self._joints[Arm.LEFT], self._joints[Arm.RIGHT]):
+        if obstacle := self._obstacle(self._checker.standing_rules):
             return f"too close: {obstacle}"
         keypose = self._present_keypose()
         for stage in script(self._view):
@@ -117,7 +115,7 @@ class _Walk:
 
     def _present_keypose(self) -> BimanualKeypose:
         """The keypose that keeps everything as it is."""
-        openings = self._view.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[:, -1]
+        openings = by_arm(self._view.commanded)[:, -1]
         targets = [
             Keypose(self._kinematics[arm].pose(self._joints[arm]), bool(openings[arm.ordinal] > 0.5), True)
             for arm in ARMS
@@ -143,9 +141,13 @@ class _Walk:
         self._view.move_arms(goals)
         for arm in ARMS:
             self._view.set_gripper(arm, keypose[arm].gripper_open, stage.holds(arm))
-        self._checker.begin_contact_motion()
-        obstacle = self._checker.obstacle(self._joints[Arm.LEFT], self._joints[Arm.RIGHT])
+        obstacle = self._obstacle(self._checker.contact_rules)
         return None if obstacle is None else f"collision of {obstacle}"
+
+    def _obstacle(self, rules: CollisionRules) -> str | None:
+        """What is in the way of the arms where they are now."""
+        self._checker.look()
+        return self._checker.obstacle(rules, self._joints[Arm.LEFT], self._joints[Arm.RIGHT])
 
     def _free_goals(self, targets: Mapping[Arm, Array]) -> Postures | str:
         candidates = {
@@ -156,10 +158,10 @@ class _Walk:
             if not postures:
                 return f"{arm} arm out of reach"
         now = self._joints
-        self._checker.begin_free_motion(targets, self._view.carried, now[Arm.LEFT], now[Arm.RIGHT])
-        for goals in ranked_combinations(candidates):
-            both = now | goals
-            if self._checker.free(both[Arm.LEFT], both[Arm.RIGHT]):
+        self._checker.look()
+        rules = self._checker.free_motion_rules(targets, self._view.carried, now[Arm.LEFT], now[Arm.RIGHT])
+        for goals, obstacle in free_goals(self._checker, rules, now, candidates):
+            if obstacle is None:
                 return goals
         return "no collision-free posture"
 
@@ -177,22 +179,15 @@ class _Walk:
         return ends
 
 
-class RehearsalScene(Scene):
-    """A scene to read from, whose arms are set rather than driven."""
+class RehearsalView(SceneView):
+    """A view of a state of its own, whose arms are set rather than driven."""
 
-    def __init__(self, scene: Scene):
-        self.arm_pair = scene.arm_pair
-        self.model = scene.model
-        self.data = mujoco.MjData(scene.model)
-        self.ticks = 0
-        self._contacts = ContactQueries(self.model, self.data)
-        self._commanded = scene.commanded
-        self._latched_unstable = False
+    def __init__(self, scene: SceneView):
+        super().__init__(scene.model, scene.arm_pair, scene.commanded)
         self._carried: dict[Arm, Carried] = {}
         self._carried_names: dict[Arm, str] = {}
-        self._index_arms()
 
-    def copy_from(self, scene: Scene) -> None:
+    def copy_from(self, scene: SceneView) -> None:
         """Start from another scene's present state."""
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = scene.data.qpos
@@ -208,7 +203,7 @@ class RehearsalScene(Scene):
 
     def move_arms(self, joints: Postures) -> None:
         """Set the arms' joints, (7,) rad each, and take carried props along."""
-        action = self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        action = by_arm(self._commanded)
         for arm, posture in joints.items():
             self.data.qpos[self._joint_qpos[arm.ordinal]] = posture
             action[arm.ordinal, :-1] = posture
@@ -224,7 +219,7 @@ class RehearsalScene(Scene):
         if (self.data.qpos[fingers] != travel_m).any():
             self.data.qpos[fingers] = travel_m
             self._refresh()
-        self._commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)[arm.ordinal, -1] = is_open
+        by_arm(self._commanded)[arm.ordinal, -1] = is_open
         if is_open:
             self._carried.pop(arm, None)
             self._carried_names.pop(arm, None)

@@ -8,49 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
-from typing import Literal, Self
+from typing import Self
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
+from lerobot_env_bimanual.expert.outcome import Job, Keyposes, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-from lerobot_env_bimanual.expert.runner import Move, Outcome, failed_to_start, run_episode
-from lerobot_env_bimanual.replay import ReplayMode
+from lerobot_env_bimanual.expert.runner import Move, failed_to_start, run_episode
 from lerobot_env_bimanual.workers import WorkerPool
 
 BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""
-
-type Keyposes = tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
-class Job:
-    """One episode to be played by some process.
-
-    Attributes:
-        task: name of the task.
-        variation: index, or "any".
-        split: split of the seed.
-        seed: seed of the reset.
-        control: one of `lerobot_env_bimanual.expert.controls.CONTROLS`.
-        discretise: voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact.
-        blind_keyposes: (18,) each, what the control `blind` plays.
-        replay: how the expert's episode is replayed afterwards, "none", "joint" or "keypose".
-    """
-
-    task: str
-    variation: str
-    split: str
-    seed: int
-    control: str
-    discretise: int = 0
-    blind_keyposes: Keyposes = ()
-    replay: ReplayMode | Literal["none"] = "none"
 
 
 class Campaign:
@@ -109,7 +82,7 @@ def play(job: Job) -> Outcome:
     key = (job.task, job.variation, job.split)
     if key not in _environments:
         _environments.clear()
-        _environments[key] = BimanualEnv(job.task, job.variation, job.split, obs="state")
+        _environments[key] = BimanualEnv(job.task, variation=job.variation, split=job.split, obs="state")
     env = _environments[key]
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)

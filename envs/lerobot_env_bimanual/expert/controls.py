@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +25,9 @@ from lerobot_bimanual.keypose import (
     BimanualKeypose,
     Keypose,
 )
-from lerobot_env_bimanual.expert.runner import Control, Move, expert, home_keypose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.env import BimanualEnv
 
 CONTROLS = ("expert", "noop", "random", "freeze_left", "freeze_right", "blind")
 RANDOM_KEYPOSES = 25
@@ -38,7 +35,7 @@ RANDOM_KEYPOSES = 25
 
 def make_control(
     name: str, seed: int, codec: KeyposeCodec | None = None, blind_keyposes: Sequence[ArrayLike] = ()
-) -> Control:
+) -> Player:
     """One of `CONTROLS`.
 
     Args:
@@ -65,7 +62,7 @@ def noop(env: BimanualEnv) -> Iterator[Move]:
         yield Move("hold", hold)
 
 
-def random(rng: np.random.Generator) -> Control:
+def random(rng: np.random.Generator) -> Player:
     """Keyposes drawn from the whole workspace, with random rotations and grippers."""
 
     def play(env: BimanualEnv) -> Iterator[Move]:
@@ -77,7 +74,7 @@ def random(rng: np.random.Generator) -> Control:
     return play
 
 
-def blind(keyposes: Sequence[ArrayLike]) -> Control:
+def blind(keyposes: Sequence[ArrayLike]) -> Player:
     """The same keyposes (18,) in every episode, whatever the scene."""
 
     def play(env: BimanualEnv) -> Iterator[Move]:

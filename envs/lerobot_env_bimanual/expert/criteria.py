@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
-from lerobot_env_bimanual.expert.runner import Outcome
+from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.tasks.registry import get_task
 
 MIN_EXPERT_RATE = 0.99

@@ -6,12 +6,8 @@ import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lerobot_env_bimanual.expert.runner import Outcome
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.expert.campaign import Job
+from lerobot_env_bimanual.expert.outcome import Job, Outcome
 
 
 class OutcomeLog:

@@ -8,10 +8,8 @@ memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +19,10 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key, observe_images
-from lerobot_env_bimanual.expert.runner import Move, Outcome, run_expert
+from lerobot_env_bimanual.expert.outcome import Outcome
+from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.world.rendering import Renderer
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import SceneState
+from lerobot_env_bimanual.world.scene import SceneState
 
 
 class Recorder:
@@ -67,10 +64,9 @@ class Recorder:
         Raises:
             PlacementFailure: the seed has no placement of the props that both arms can serve.
         """
-        self._env.settings = replace(self._env.settings, variation=variation)
         tape = _Tape()
-        with tape.listening(self._env):
-            outcome = run_expert(self._env, seed, self._codec, tape.start_stage)
+        with self._env.observed_by(tape.note_tick):
+            outcome = run_expert(self._env, seed, self._codec, tape.start_stage, variation)
         if not outcome.success:
             return outcome, None
         tape.states.append(self._env.scene.save_state())
@@ -88,11 +84,11 @@ class Recorder:
     def _render(self, state: SceneState) -> dict[str, NDArray]:
         env = self._env
         if self._renderer is None:
-            settings = env.settings
-            self._renderer = Renderer(env.scene, settings.cameras, settings.height, settings.width)
+            options = env.options
+            self._renderer = Renderer(env.scene, options.camera_names, options.height, options.width)
         env.scene.restore_state(state)
-        images = observe_images(replace(env.settings, obs="rgbd"), self._renderer.render())
-        return _camera_images(images, env.settings.cameras)
+        images = observe_images(replace(env.options, obs="rgbd"), self._renderer.render())
+        return _camera_images(images, env.options.camera_names)
 
 
 class _Tape:
@@ -105,14 +101,6 @@ class _Tape:
         self.stages: list[int] = []
         self.states: list[SceneState] = []
         self.hashes: list[str] = []
-
-    @contextmanager
-    def listening(self, env: BimanualEnv) -> Iterator[None]:
-        env.tick_listener = self.note_tick
-        try:
-            yield
-        finally:
-            env.tick_listener = None
 
     def start_stage(self, move: Move) -> None:
         self.keyposes.append(move.action)

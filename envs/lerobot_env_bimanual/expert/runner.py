@@ -1,14 +1,13 @@
 """Play one episode: the expert, or anything else that proposes one move after the other.
 
-Everything acts through `BimanualEnv.step`, so an expert has no power that a policy lacks. What an episode came
-to is an `Outcome`, a plain record that travels between processes and into JSON.
+Everything acts through `BimanualEnv.step`, so an expert has no power that a policy lacks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +15,12 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
-from lerobot_env_bimanual.expert.evidence import Evidence
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_TIP_ERROR_MM = 12.0
-"""At the end of a keypose; more is a hidden collision (design study)."""
+"""At the end of a keypose; more is a hidden collision: in free space it is below 3 mm (docs/tasks.md)."""
 
 OUT_OF_MOVES = "no move left"
 OUT_OF_TIME = "out of time"
@@ -44,85 +41,8 @@ class Move:
     presses: str | None = None
 
 
-type Control = Callable[[BimanualEnv], Iterator[Move]]
+type Player = Callable[[BimanualEnv], Iterator[Move]]
 """Whoever plays: started after the reset and resumed after each move, so it may look at the scene."""
-
-
-@dataclass(frozen=True)
-class MoveReport:
-    """How one keypose went.
-
-    Attributes:
-        name: what the move was for.
-        keypose: (18,) the commanded keypose.
-        ticks: control ticks it took.
-        tip_error_mm: distance of the left and the right tool centre point from their targets at its end; below
-            3 mm in free space.
-        arrived: whether both are within `MAX_TIP_ERROR_MM`, but for a hand that presses against what it is meant
-            to. If not, something was in the way. True also if the episode ended on the way.
-    """
-
-    name: str
-    keypose: tuple[float, ...]
-    ticks: int
-    tip_error_mm: tuple[float, ...]
-    arrived: bool
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one episode.
-
-    Attributes:
-        task: name of the task.
-        variation: index of the variation.
-        split: split of the seed.
-        seed: seed of the reset.
-        success: whether the episode was solved.
-        failure: why it was not; empty after a success.
-        last_move: name of the last move, empty if there was none.
-        unmet: conditions that did not hold at the end.
-        keyposes: one report per executed keypose.
-        ticks: control ticks since the reset.
-        draws: placements drawn at the reset.
-        line_fallbacks: contact moves for which there was no straight line.
-        unstable: whether MuJoCo warned.
-        state_hash: hash of the final state.
-        evidence: what else was found out about a success, if anybody looked.
-    """
-
-    task: str
-    variation: int
-    split: str
-    seed: int
-    success: bool
-    failure: str
-    last_move: str
-    unmet: tuple[str, ...]
-    keyposes: tuple[MoveReport, ...]
-    ticks: int
-    draws: int
-    line_fallbacks: int
-    unstable: bool
-    state_hash: str
-    evidence: Evidence | None = None
-
-    @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Outcome:
-        """The outcome that `dataclasses.asdict` and JSON have taken apart."""
-        evidence = fields["evidence"]
-        reports = (
-            report | {"keypose": tuple(report["keypose"]), "tip_error_mm": tuple(report["tip_error_mm"])}
-            for report in fields["keyposes"]
-        )
-        return cls(
-            **fields
-            | {
-                "unmet": tuple(fields["unmet"]),
-                "keyposes": tuple(MoveReport(**report) for report in reports),
-                "evidence": None if evidence is None else Evidence.from_dict(evidence),
-            }
-        )
 
 
 def run_expert(
@@ -130,6 +50,7 @@ def run_expert(
     seed: int,
     codec: KeyposeCodec | None = None,
     on_move: Callable[[Move], None] | None = None,
+    variation: int | None = None,
 ) -> Outcome:
     """Let the task's script play one episode.
 
@@ -138,12 +59,13 @@ def run_expert(
         seed: seed of the reset.
         codec: round every keypose to its voxels and bins, as a policy would command it.
         on_move: called before each keypose is executed.
+        variation: index; None leaves it to the environment's options.
     """
-    return run_episode(env, seed, expert(codec), on_move)
+    return run_episode(env, seed, expert(codec), on_move, variation)
 
 
-def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Control:
-    """The task's script as a control.
+def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Player:
+    """The task's script as a player.
 
     Args:
         codec: round every keypose to its voxels and bins.
@@ -163,27 +85,32 @@ def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Cont
     return play
 
 
-def home_keypose(scene: Scene) -> BimanualKeypose:
+def home_keypose(scene: SceneView) -> BimanualKeypose:
     """Where both arms are right after a reset, hands open."""
     left, right = (Keypose(scene.tcp(arm), gripper_open=True, ignore_collisions=True) for arm in ARMS)
     return BimanualKeypose(left, right)
 
 
 def run_episode(
-    env: BimanualEnv, seed: int, control: Control, on_move: Callable[[Move], None] | None = None
+    env: BimanualEnv,
+    seed: int,
+    player: Player,
+    on_move: Callable[[Move], None] | None = None,
+    variation: int | None = None,
 ) -> Outcome:
-    """Play one episode until it ends or the control has no move left.
+    """Play one episode until it ends or the player has no move left.
 
     Args:
-        env: environment whose control mode takes the control's actions.
+        env: environment whose control mode takes the player's actions.
         seed: seed of the reset.
-        control: who plays.
+        player: who plays.
         on_move: called before each move is executed.
+        variation: index; None leaves it to the environment's options.
     """
-    _, info = env.reset(seed=seed)
+    _, info = env.reset(seed=seed, options=None if variation is None else {"variation": variation})
     reports: list[MoveReport] = []
     last_move, failure = "", OUT_OF_MOVES
-    for move in control(env):
+    for move in player(env):
         if on_move is not None:
             on_move(move)
         ticks_before = info["ticks"]
@@ -215,17 +142,17 @@ def _outcome(env: BimanualEnv, **fields: Any) -> Outcome:
         **fields,
         task=env.task,
         variation=env.variation,
-        split=env.settings.split,
+        split=env.options.split,
         seed=env.progress.seed,
         ticks=env.progress.ticks,
-        draws=env.task_definition.draws,
+        draws=env.progress.draws,
         line_fallbacks=env.progress.line_fallbacks,
         unstable=env.scene.unstable,
         state_hash=env.state_hash(),
     )
 
 
-def _report(scene: Scene, move: Move, ticks: int, is_over: bool) -> MoveReport:
+def _report(scene: SceneView, move: Move, ticks: int, is_over: bool) -> MoveReport:
     target = BimanualKeypose.from_vector(move.action)
     errors_mm = {arm: 1000 * scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS}
     late = [arm for arm in ARMS if errors_mm[arm] > MAX_TIP_ERROR_MM]

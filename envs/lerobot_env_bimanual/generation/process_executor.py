@@ -71,7 +71,9 @@ class ProcessExecutor:
     ) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self._pool.run(_record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S)
+            yield from self._pool.run(
+                _record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S
+            )
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""

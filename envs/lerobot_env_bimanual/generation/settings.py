@@ -100,12 +100,16 @@ class GenerationSettings:
         """
         names = [field.name for field in fields(cls)]
         if not isinstance(options, Mapping):
-            raise DatasetError(f"settings of a dataset are an object with {', '.join(names)}, not {options!r}")
+            raise DatasetError(
+                f"settings of a dataset are an object with {', '.join(names)}, not {options!r}"
+            )
         if wrong := [*(name for name in names if name not in options), *(options.keys() - set(names))]:
             raise DatasetError(
                 f"settings of a dataset have {', '.join(names)}; missing or unknown: {', '.join(map(str, wrong))}"
             )
-        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in options.items()})
+        return cls(
+            **{name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values by option name."""

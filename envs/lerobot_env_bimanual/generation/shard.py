@@ -63,7 +63,9 @@ def record_shard(
                     skipped.append(SkippedSeed(**vars(candidate), reason=reason))
                     continue
                 if not writers:  # a dataset without episodes is none: wait for the first
-                    writers = [stack.enter_context(_writer(settings, folder, view)) for view in settings.views]
+                    writers = [
+                        stack.enter_context(_writer(settings, folder, view)) for view in settings.views
+                    ]
                 write_episode(episode, writers)
                 episodes.append(candidate)
                 on_episode()

@@ -137,7 +137,9 @@ class Staging:
             theirs = json.loads(stamp.read_text(encoding="utf-8"))
             settings, versions = theirs["settings"], theirs["versions"]
         except (ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"{stamp} is damaged ({error}): remove {self.folder} to start again") from error
+            raise DatasetError(
+                f"{stamp} is damaged ({error}): remove {self.folder} to start again"
+            ) from error
         self._refuse_other(settings, self.folder)
         if versions != mine["versions"]:
             raise DatasetError(

@@ -4,7 +4,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 
 class Carried:
@@ -55,7 +55,7 @@ def is_free(model: mujoco.MjModel, body: int) -> bool:
     return bool(joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
 
 
-def props_in_hands(scene: Scene) -> list[tuple[Arm, str]]:
+def props_in_hands(scene: SceneView) -> list[tuple[Arm, str]]:
     """The free props that both fingers of a hand touch now; the first hand has a prop that both hold."""
     model, held = scene.model, {}
     for arm in reversed(ARMS):
@@ -65,7 +65,7 @@ def props_in_hands(scene: Scene) -> list[tuple[Arm, str]]:
     return [(arm, prop) for prop, arm in sorted(held.items())]
 
 
-def _touched_by_both_fingers(scene: Scene, arm: Arm) -> set[int]:
+def _touched_by_both_fingers(scene: SceneView, arm: Arm) -> set[int]:
     """Root bodies of everything that touches both fingers."""
     model = scene.model
     bodies = model.geom_bodyid[scene.data.contact.geom.reshape(-1, 2)]

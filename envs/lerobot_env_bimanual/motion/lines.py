@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import rotation_vector
-from lerobot_env_bimanual.robots.jacobian import hand_frames
-from lerobot_env_bimanual.robots.kinematics import NEAR_GRID_SPAN_DEG, ArmKinematics
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
 
 STEP_M = 0.012
 STEP_RAD = 0.06
-"""Largest distance and turn of the hand between two knots (design study)."""
+"""Largest distance and turn of the hand between two knots."""
 MIN_KNOTS = 6
 MAX_JOINT_STEP_RAD = 0.25
 """A larger step between knots means that the path has jumped to another branch."""
@@ -33,8 +32,8 @@ KNOT_MARGIN_WEIGHT = 0.0005
 MAX_ENDS = 3
 """Postures at the end, of those with all values of the last joint, that are tried before the complete search."""
 NEAR_M = 0.15
-NEAR_RAD = np.deg2rad(NEAR_GRID_SPAN_DEG / 2)
-"""Shortest travel and turn of a hand for which they are looked for far from the last joint's present angle."""
+"""Shortest travel of a hand for which they are looked for far from the last joint's present angle; the shortest turn
+is half of what a near search covers."""
 DISTINCT_RAD = 0.2
 """Two of them differ in some joint by at least this much."""
 
@@ -111,10 +110,10 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
     """Postures (7,) at the end of a line to be tried, best first: near the start's, and away from joint limits.
 
     The last joint follows the hand, so the whole of its range is searched only for a hand that goes further than
-    `NEAR_M` or turns more than `NEAR_RAD`, or where the best posture near the start's has not led to a line.
+    `NEAR_M` or turns by more than half of `ArmKinematics.near_span_rad`, or where the best posture near the start's has not led to a line.
 
     Args:
-        request: The line.
+        request: the line.
         present: (4, 4) pose of the hand at its start.
     """
     kinematics, start, target = request.kinematics, request.start, request.target
@@ -126,7 +125,9 @@ def _end_postures(request: LineRequest, present: Array) -> Iterator[Array]:
     near = kinematics.ik(target, near_q7=start[-1])
     is_short = np.linalg.norm(target[:3, 3] - present[:3, 3]) < NEAR_M
     # The trace of one rotation times the inverse of another is 1 + 2 cos(angle between them).
-    if is_short and np.vdot(present[:3, :3], target[:3, :3]) > 1.0 + 2.0 * np.cos(NEAR_RAD):
+    if is_short and np.vdot(present[:3, :3], target[:3, :3]) > 1.0 + 2.0 * np.cos(
+        kinematics.near_span_rad / 2
+    ):
         yield from islice(ranked(near), 1)
     yield from islice(ranked(np.concatenate([near, kinematics.ik(target)])), MAX_ENDS)
 
@@ -144,7 +145,8 @@ def _project(
         start, count = requests[index].start, len(poses[index])
         straight.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
         in_base.append(requests[index].kinematics.in_base(poses[index]))
-    joints, found = _nearest_solutions(np.concatenate(straight), np.concatenate(in_base))
+    kinematics = requests[0].kinematics  # in the frame of its base one arm is like the other
+    joints, found = _nearest_solutions(kinematics, np.concatenate(straight), np.concatenate(in_base))
     borders = np.cumsum([len(part) for part in straight])[:-1]
     paths: dict[int, Array | None] = {}
     for index, knots, reached in zip(ends, np.split(joints, borders), np.split(found, borders), strict=True):
@@ -155,7 +157,9 @@ def _project(
     return paths
 
 
-def _nearest_solutions(joints: Array, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _nearest_solutions(
+    kinematics: ArmKinematics, joints: Array, targets: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Newton's method with least joint steps, from postures (n, 7) to poses (n, 4, 4) in the arm's base frame.
 
     Returns:
@@ -165,7 +169,7 @@ def _nearest_solutions(joints: Array, targets: Array) -> tuple[Array, NDArray[np
     damping = NEWTON_DAMPING * np.eye(6)
     open_knots = np.arange(len(joints))
     for _ in range(MAX_NEWTON_STEPS):
-        poses, jacobian = hand_frames(joints[open_knots])
+        poses, jacobian = kinematics.poses_and_jacobians(joints[open_knots])
         goals = targets[open_knots]
         error = np.empty((len(open_knots), 6))
         error[:, :3] = goals[:, :3, 3] - poses[:, :3, 3]

@@ -9,11 +9,12 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, JOINT_ACTION_DIM, by_arm
 from lerobot_bimanual.keyframes import GRIPPER_FRAMES
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
-from lerobot_env_bimanual.motion.collision import CollisionChecker
-from lerobot_env_bimanual.motion.goals import goal_postures, ranked_combinations, stays
+from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
+from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import (
@@ -23,8 +24,8 @@ from lerobot_env_bimanual.motion.time_law import (
     SpeedLimits,
     tick_fractions,
 )
-from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
-from lerobot_env_bimanual.world.scene import ACTION_DIM, Scene
+from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
+from lerobot_env_bimanual.world.scene import Scene
 
 Array = NDArray[np.floating]
 
@@ -33,12 +34,12 @@ REST_TICKS = 2
 GRIPPER_TICKS = GRIPPER_FRAMES
 """Waiting after a gripper command."""
 PATH_CHECK_RAD = 0.02
-"""Joint travel between two collision checks along a path (design study)."""
+"""Joint travel between two collision checks along a path."""
 MAX_GOALS = 4
 """Combinations of goal postures that are tried."""
 RRT_ITERATIONS = 1500
 RRT_SLOWDOWN = 1.6
-"""Paths around obstacles have corners, which are taken more slowly (design study)."""
+"""Paths around obstacles have corners, which are taken more slowly."""
 SWEEP = np.linspace(0.0, 1.0, 5)
 """Where along its own motion the other arm is looked at, when only one arm searches a way around obstacles."""
 
@@ -49,9 +50,9 @@ class Plan:
 
     Attributes:
         actions: (T, 16) float32 joint actions, one per control tick: motion, rest, and waiting for grippers.
-        motion_ticks: How many of them move the arms.
-        line_fallbacks: Arms whose straight line was infeasible and was replaced by a joint-space motion.
-        used_rrt: Whether obstacles had to be avoided by a search.
+        motion_ticks: how many of them move the arms.
+        line_fallbacks: arms whose straight line was infeasible and was replaced by a joint-space motion.
+        used_rrt: whether obstacles had to be avoided by a search.
     """
 
     actions: NDArray[np.float32]
@@ -82,12 +83,12 @@ class KeyposePlanner:
     nothing in the scene.
 
     Args:
-        scene: The world in which the plans will be executed.
+        scene: the world in which the plans will be executed.
     """
 
     def __init__(self, scene: Scene):
         self._scene = scene
-        self._kinematics = {arm: ArmKinematics.of(scene.arm_pair, arm) for arm in ARMS}
+        self._kinematics = scene.arm_pair.kinematics
         self._checker = CollisionChecker(scene)
 
     def plan(self, keypose: BimanualKeypose, rng: np.random.Generator) -> Plan:
@@ -98,13 +99,13 @@ class KeyposePlanner:
         motion included. An arm whose target is where it was last sent does not move.
 
         Args:
-            keypose: Targets of both arms.
-            rng: Used only if a way around obstacles has to be searched.
+            keypose: targets of both arms.
+            rng: used only if a way around obstacles has to be searched.
 
         Raises:
             KeyposeFailure: A target outside the workspace or out of reach, or no collision-free path.
         """
-        commanded = self._scene.commanded.reshape(len(ARMS), JOINTS_PER_ARM + 1)
+        commanded = by_arm(self._scene.commanded)
         motion = _Motion({arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS})
         straight: dict[Arm, Pose] = {}
         free: dict[Arm, Pose] = {}
@@ -137,17 +138,18 @@ class KeyposePlanner:
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}
         start = motion.start
-        self._checker.begin_free_motion(
+        self._checker.look()
+        rules = self._checker.free_motion_rules(
             targets, props_in_hands(self._scene), start[Arm.LEFT], start[Arm.RIGHT]
         )
-        goals, obstacle = self._free_goals(motion, candidates)
+        goals, obstacle = self._free_goals(motion, rules, candidates)
         for goal in goals:
             straight = {arm: JointPath.even(np.stack([start[arm], goal[arm]])) for arm in targets}
-            if self._is_free(motion.paths | straight):
+            if self._is_free(rules, motion.paths | straight):
                 for arm, path in straight.items():
                     motion.add(arm, path, FREE_SPEED)
                 return
-            around = self._search(motion, goal, rng)
+            around = self._search(motion, rules, goal, rng)
             if around is not None:
                 for arm, path in around.items():
                     motion.add(arm, path, FREE_SPEED.slowed(RRT_SLOWDOWN))
@@ -172,15 +174,13 @@ class KeyposePlanner:
         return goals
 
     def _free_goals(
-        self, motion: _Motion, candidates: dict[Arm, list[Array]]
+        self, motion: _Motion, rules: CollisionRules, candidates: dict[Arm, list[Array]]
     ) -> tuple[list[dict[Arm, Array]], str | None]:
         """The first few collision-free combinations of goal postures, and what stands in the way of others."""
         goals: list[dict[Arm, Array]] = []
         first_obstacle = None
         ends = {arm: path.knots[-1] for arm, path in motion.paths.items()}
-        for goal in ranked_combinations(candidates):
-            both = ends | goal
-            obstacle = self._checker.obstacle(both[Arm.LEFT], both[Arm.RIGHT])
+        for goal, obstacle in free_goals(self._checker, rules, ends, candidates):
             if obstacle is None:
                 goals.append(goal)
                 if len(goals) == MAX_GOALS:
@@ -188,15 +188,15 @@ class KeyposePlanner:
             first_obstacle = first_obstacle or obstacle
         return goals, first_obstacle
 
-    def _is_free(self, paths: dict[Arm, JointPath]) -> bool:
+    def _is_free(self, rules: CollisionRules, paths: dict[Arm, JointPath]) -> bool:
         """Whether both arms, moving along the same path parameter, stay free of collisions."""
         travel = max(np.abs(np.diff(path.knots, axis=0)).max(axis=1).sum() for path in paths.values())
         fractions = np.linspace(0.0, 1.0, int(np.ceil(travel / PATH_CHECK_RAD)) + 2)[1:]
         left, right = (paths[arm].at(fractions) for arm in ARMS)
-        return all(self._checker.free(*postures) for postures in zip(left, right, strict=True))
+        return all(self._checker.is_free(rules, *postures) for postures in zip(left, right, strict=True))
 
     def _search(
-        self, motion: _Motion, goal: dict[Arm, Array], rng: np.random.Generator
+        self, motion: _Motion, rules: CollisionRules, goal: dict[Arm, Array], rng: np.random.Generator
     ) -> dict[Arm, JointPath] | None:
         """Paths around obstacles for the arms in `goal`, in step: what was checked for both must be done by both."""
         others = {
@@ -206,10 +206,10 @@ class KeyposePlanner:
         def is_free(joints: Array) -> bool:
             moving = dict(zip(goal, joints.reshape(-1, JOINTS_PER_ARM), strict=True))
             if not others:
-                return self._checker.free(moving[Arm.LEFT], moving[Arm.RIGHT])
+                return self._checker.is_free(rules, moving[Arm.LEFT], moving[Arm.RIGHT])
             ((other, postures),) = others.items()
             swept = ({other: posture} | moving for posture in postures)
-            return all(self._checker.free(both[Arm.LEFT], both[Arm.RIGHT]) for both in swept)
+            return all(self._checker.is_free(rules, both[Arm.LEFT], both[Arm.RIGHT]) for both in swept)
 
         pair = self._scene.arm_pair
         knots = rrt_connect(
@@ -235,8 +235,8 @@ class KeyposePlanner:
         """Sample both paths at control ticks, then rest, then set the grippers.
 
         Args:
-            motion: Paths and speed limits of both arms.
-            keypose: For the grippers' final state.
+            motion: paths and speed limits of both arms.
+            keypose: for the grippers' final state.
             grippers: (2,) commanded openings at the start.
         """
         fractions = tick_fractions(
@@ -247,15 +247,13 @@ class KeyposePlanner:
         ticks = len(fractions)
         opened = np.array([float(keypose[arm].gripper_open) for arm in ARMS], dtype=np.float32)
         waiting = GRIPPER_TICKS if (opened != grippers).any() else 0
-        arm_actions = np.empty(
-            (ticks + REST_TICKS + waiting, len(ARMS), JOINTS_PER_ARM + 1), dtype=np.float32
-        )
+        arm_actions = np.empty((ticks + REST_TICKS + waiting, len(ARMS), ARM_ACTION_DIM), dtype=np.float32)
         for arm in ARMS:
             arm_actions[:ticks, arm.ordinal, :-1] = motion.paths[arm].at(fractions)
             arm_actions[ticks:, arm.ordinal, :-1] = motion.paths[arm].knots[-1]
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
-        return Plan(arm_actions.reshape(-1, ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)
+        return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)
 
 
 def _require_inside(arm: Arm, target: Pose) -> None:

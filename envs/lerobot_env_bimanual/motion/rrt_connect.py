@@ -69,9 +69,9 @@ def rrt_connect(
         goal: (d,) rad, free.
         lower: (d,) rad, smallest sampled joints.
         upper: (d,) rad, largest sampled joints.
-        is_free: Whether a posture (d,) is free of collisions.
-        rng: Source of all randomness.
-        max_iterations: Samples before giving up.
+        is_free: whether a posture (d,) is free of collisions.
+        rng: source of all randomness.
+        max_iterations: samples before giving up.
 
     Returns:
         Postures (n, d) from start to goal, or None.

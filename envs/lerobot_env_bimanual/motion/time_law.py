@@ -86,9 +86,9 @@ def tick_fractions(
     on the way so stretched, the minimum-jerk law is applied.
 
     Args:
-        paths: Both arms' paths.
-        kinematics: Both arms.
-        limits: Both arms' peak speeds.
+        paths: both arms' paths.
+        kinematics: both arms.
+        limits: both arms' peak speeds.
     """
     grid = np.union1d(np.linspace(0.0, 1.0, SAMPLES + 1), np.concatenate([path.fractions for path in paths]))
     seconds = np.zeros(len(grid) - 1)

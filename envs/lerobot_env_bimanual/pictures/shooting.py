@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import Move, Outcome, run_expert
+from lerobot_env_bimanual.expert.outcome import Outcome
+from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up
 from lerobot_env_bimanual.world.rendering import Renderer
@@ -105,16 +106,16 @@ def _shoot(order: Order) -> Shot:
     def start_move(move: Move) -> None:
         moves.append((move.name, len(states)))
 
-    env.tick_listener = lambda env, _: states.append(env.scene.save_state())
-    outcome = run_expert(env, order.seed, on_move=start_move)
+    with env.observed_by(lambda env, _: states.append(env.scene.save_state())):
+        outcome = run_expert(env, order.seed, on_move=start_move)
     states.append(env.scene.save_state())
 
     ends = [*(start for _, start in moves), outcome.ticks]
     camera = order.camera
     if camera == CLEAREST:
         camera = clearest_camera(env.scene, [states[end] for end in ends])
-    settings = env.settings
-    with Renderer(env.scene, (camera,), settings.height, settings.width, order.quality) as renderer:
+    options = env.options
+    with Renderer(env.scene, (camera,), options.height, options.width, order.quality) as renderer:
 
         def image(tick: int) -> NDArray[np.uint8]:
             env.scene.restore_state(states[tick])

@@ -1,5 +1,6 @@
 """What the rest of the world needs to know about a pair of arms, and nothing about which arms they are."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -8,37 +9,17 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 FINGERS = (1, 2)
-
-
-@dataclass(frozen=True)
-class HandGeometry:
-    """Outer sizes of a parallel-jaw hand around its tool centre point (TCP), in metres.
-
-    The TCP frame has z along the approach and y along the opening of the fingers.
-
-    Attributes:
-        half_thickness: half the hand's size along x.
-        half_width: half the hand's size along y, the direction in which the fingers open.
-        palm_behind_tcp: distance from the TCP back to the palm.
-        fingertip_beyond_tcp: distance from the TCP forward to the fingertips.
-        max_opening: distance between the pads of the open hand.
-    """
-
-    half_thickness: float
-    half_width: float
-    palm_behind_tcp: float
-    fingertip_beyond_tcp: float
-    max_opening: float
 
 
 @dataclass(frozen=True, eq=False)
 class ArmPair:
     """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
 
-    A new pair needs one instance of this class and one function that writes a single arm into a model. Names
-    are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
+    A new pair is one instance of this class: a function that writes a single arm into a model, and the kinematics of
+    that arm. Names are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
     `<arm>_actuator1..7`, `<arm>_gripper`, site `<arm>_tcp`, bodies `<arm>_base`, `<arm>_link1..7`,
     `<arm>_hand`, geoms `<arm>_pad1/2`, camera `<arm>_wrist`.
 
@@ -53,7 +34,7 @@ class ArmPair:
             servo still pushes on a thin object.
         gripper_open_ctrl: gripper command of an opening hand, m of finger travel.
         finger_travel_m: stroke of one finger.
-        hand: outer sizes of the hand.
+        kinematics_at: the kinematics of an arm whose base has this pose in the world, within the joint limits.
         add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
     """
 
@@ -65,7 +46,7 @@ class ArmPair:
     gripper_closed_ctrl: float
     gripper_open_ctrl: float
     finger_travel_m: float
-    hand: HandGeometry
+    kinematics_at: Callable[[Pose, np.ndarray, np.ndarray], ArmKinematics]
     add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
@@ -76,6 +57,13 @@ class ArmPair:
     def base_pose(self, arm: Arm) -> Pose:
         """World pose of an arm's base."""
         return self.base_poses[arm.ordinal]
+
+    @functools.cached_property
+    def kinematics(self) -> dict[Arm, ArmKinematics]:
+        """Kinematics of both arms at their places in the world."""
+        return {
+            arm: self.kinematics_at(self.base_pose(arm), self.joint_lower, self.joint_upper) for arm in ARMS
+        }
 
     def joint_names(self, arm: Arm) -> tuple[str, ...]:
         """The seven arm joints, base to wrist."""
@@ -89,10 +77,6 @@ class ArmPair:
     def finger_names(self, arm: Arm) -> tuple[str, ...]:
         """The two fingers: bodies, and slide joints of the same name."""
         return tuple(f"{arm.value}_finger{i}" for i in FINGERS)
-
-    def pad_names(self, arm: Arm) -> tuple[str, ...]:
-        """The geoms with which the fingers hold."""
-        return tuple(f"{arm.value}_pad{i}" for i in FINGERS)
 
     def base_body(self, arm: Arm) -> str:
         """Root body of the arm's subtree."""

@@ -5,7 +5,8 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.robots import panda
-from lerobot_env_bimanual.robots.arm_pair import ArmPair, HandGeometry
+from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_kinematics import PandaKinematics
 
 PANDA_PAIR = ArmPair(
     # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints
@@ -22,12 +23,6 @@ PANDA_PAIR = ArmPair(
     gripper_closed_ctrl=panda.GRIPPER_CLOSED_CTRL,
     gripper_open_ctrl=panda.FINGER_TRAVEL_M,
     finger_travel_m=panda.FINGER_TRAVEL_M,
-    hand=HandGeometry(
-        half_thickness=0.0316,
-        half_width=0.1025,
-        palm_behind_tcp=panda.TCP_M - panda.PALM_M,
-        fingertip_beyond_tcp=0.0100,
-        max_opening=2 * panda.FINGER_TRAVEL_M,
-    ),
+    kinematics_at=PandaKinematics,
     add_arm=panda.add_panda,
 )

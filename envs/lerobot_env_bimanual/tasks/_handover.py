@@ -8,15 +8,12 @@ cross at a right angle and never meet, and no hand is at a singularity of the Eu
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.task import Stage
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 HOVER_M = 0.10
 LIFT_TO_M = 1.12
@@ -28,7 +25,7 @@ LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
 RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(-1, 0, 1))
 
 
-def hand_over(scene: Scene, item: str, left_behind_m: float, right_behind_m: float) -> Iterator[Stage]:
+def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m: float) -> Iterator[Stage]:
     """Pick up, present, receive where the item really is, release, withdraw.
 
     Args:

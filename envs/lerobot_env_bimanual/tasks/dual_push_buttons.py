@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.button import Button
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 COLORS = {
     "olive": (0.5, 0.5, 0.0, 1.0),
@@ -103,7 +102,7 @@ class DualPushButtons(Task):
             scene.set_color(name, COLORS[color])
         return all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations(poses.values(), 2))
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, press."""
         left, right = scene.pose(LEFT).position[:2], scene.pose(RIGHT).position[:2]
         above, press = _hands(left, right, HOVER_Z_M), _hands(left, right, PRESS_Z_M)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,12 +22,12 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 COLORS = {
     "red": (1.0, 0.0, 0.0, 1.0),
@@ -94,7 +93,7 @@ class HandoverItem(Task):
         apart = all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations((target, *others), 2))
         return apart and not any(_between_fingers(other, target) for other in others)
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""
         yield from hand_over(scene, TARGET, LEFT_BEHIND_M, RIGHT_BEHIND_M)
 

@@ -12,7 +12,6 @@ item may lie anywhere in 50 x 40 cm. A motion that ignores the scene never succe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +20,12 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import hand_over
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
 AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
@@ -68,6 +67,6 @@ class HandoverItemEasy(Task):
         scene.place("item", AREA.sample(rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""
         yield from hand_over(scene, "item", LEFT_BEHIND_M, RIGHT_BEHIND_M)

@@ -13,7 +13,6 @@ since nothing on a sphere shows it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.ball import Ball
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 BALL = Ball("ball", radius_m=0.15, mass_kg=1.0, friction=0.3)
 AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.17, 0.17))
@@ -72,7 +71,7 @@ class LiftBall(Task):
         scene.place("ball", AREA.sample(rng, TABLE_HEIGHT_M + BALL.radius_m))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Beside, squeeze, lift."""
         ball = scene.pose("ball").position
         apart, pressed = BALL.radius_m + APPROACH_GAP_M, BALL.radius_m - SQUEEZE_DEPTH_M

@@ -13,7 +13,6 @@ horizontal hand off the table.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,11 +24,11 @@ from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.peg_stand import PegStand
 from lerobot_env_bimanual.props.serving_tray import ServingTray
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 STAND = PegStand("stand", height_m=0.122)
 TRAY = ServingTray("tray", mass_kg=0.45)
@@ -82,7 +81,7 @@ class LiftTray(Task):
         scene.place("item", tray.translated((0, 0, (TRAY.size_m[2] + ITEM.size_m[2]) / 2)))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Beside, grasp, lift."""
         tray = scene.pose("tray")
         beside, grasp = _hands(tray, BESIDE_M, TRAY_Z_M), _hands(tray, GRASP_M, TRAY_Z_M)

@@ -12,7 +12,6 @@ friction of one gripper holds it. A motion that ignores the scene succeeded in 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,11 +21,11 @@ from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.laptop import Laptop
 from lerobot_env_bimanual.props.riser import Riser
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 HOLDER = Riser("holder", size_m=(0.40, 0.30, 0.10))
 LAPTOP = Laptop("laptop")
@@ -91,7 +90,7 @@ class PickLaptop(Task):
         scene.place("laptop", holder @ Pose.upright(LAPTOP_OFFSET_M))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Behind, down, push, reach for the edge where it really is, grasp, lift, raise."""
         laptop = scene.pose("laptop")
         nominal = laptop.translated(-(PUSH_M + FINGER_HALF_M) * laptop.rotation[:, 1])

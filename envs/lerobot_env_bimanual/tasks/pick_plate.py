@@ -13,7 +13,6 @@ A motion that ignores the scene succeeded in 1 of 40 placements.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, Plate
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 PLATE = Plate("plate", radius_m=0.075, height_m=0.020, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.24, -0.155), half_size_m=(0.12, 0.175))
@@ -79,7 +78,7 @@ class PickPlate(Task):
         scene.place("plate", AREA.sample(rng, TABLE_HEIGHT_M))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, press, reach for the raised rim where it really is, grasp, lift, raise."""
         x, y, z = scene.pose("plate").position
         above = Pose.looking((x + PRESS_X_M, y, ABOVE_Z_M), approach=(0, 0, -1), opening=(0, 1, 0))

@@ -14,7 +14,6 @@ spread over 30 x 30 cm and +-20 degrees instead of +-10 degrees. The hands are c
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +23,11 @@ from lerobot_env_bimanual.conditions import AtRest, CentredOn
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 BOX = Box("box", size_m=(0.384, 0.192, 0.128), mass_kg=50.0, table_friction=0.42)
 TARGET = Target("target", size_m=(0.333, 0.198))
@@ -80,7 +79,7 @@ class PushBox(Task):
         scene.place("target", box @ Pose.upright((*TARGET_OFFSET_M, -BOX.size_m[2] / 2)))
         return all(hand.position[1] > MIN_WORLD_Y_M for hand in _hands(box, START_Y_M, ABOVE_Z_M))
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, down, push."""
         box = scene.pose("box")
         above = _hands(box, START_Y_M, ABOVE_Z_M)

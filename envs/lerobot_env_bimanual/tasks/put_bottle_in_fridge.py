@@ -13,7 +13,6 @@ motion that ignores the scene never succeeded (0 of 40).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +24,11 @@ from lerobot_env_bimanual.conditions import Inside, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 FRIDGE = Fridge("fridge")
 BOTTLE = Bottle("bottle")
@@ -104,7 +103,7 @@ class PutBottleInFridge(Task):
         scene.place("bottle", Pose.upright(bottle.position))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Fold, approach, grasp both, open the door, make way, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
         grasp = _hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)

@@ -13,7 +13,6 @@ where a motion that ignores the scene succeeds in 7 of 90 episodes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +23,11 @@ from lerobot_env_bimanual.conditions import Condition, Inside, Untouched
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))
@@ -91,7 +90,7 @@ class PutItemInDrawer(Task):
         scene.place("item", cabinet @ Pose.upright((*ITEM_OFFSET_M, CABINET.top_m + ITEM.size_m[2] / 2)))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, pull, bring over, drop, withdraw."""
         cabinet, item = scene.pose("cabinet"), scene.pose("item").position
         across, out = cabinet.rotation[:, 0], cabinet.rotation[:, 1]

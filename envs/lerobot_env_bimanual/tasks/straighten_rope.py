@@ -13,7 +13,6 @@ not be let go of, as in the original. A motion that ignores the scene never succ
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +23,11 @@ from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 ROPE = Rope("rope")
 PLATE_SIZE_M = (0.10, 0.06)
@@ -93,7 +92,7 @@ class StraightenRope(Task):
         scene.place("rope", middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, grasp, drag."""
         tail = scene.pose(ROPE.tail), scene.pose("tail_plate")
         head = scene.pose(ROPE.head), scene.pose("head_plate")

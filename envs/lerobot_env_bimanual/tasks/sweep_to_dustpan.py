@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,11 +27,11 @@ from lerobot_env_bimanual.props.broom import Broom
 from lerobot_env_bimanual.props.broom_stand import BroomStand
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
@@ -108,7 +107,7 @@ class SweepToDustpan(Task):
             scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m), yaw))
         return all(np.linalg.norm(a - b) >= CRUMB_DISTANCE_M for a, b in combinations(spots, 2))
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
         x, y, _ = scene.pose(BROOM.name).position
         pan = scene.pose(PAN.name)

@@ -16,7 +16,6 @@ tray in every fourth placement (design study), here in 4 of 40.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +25,11 @@ from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
-from lerobot_env_bimanual.task import Prehension, Stage, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")
@@ -101,7 +100,7 @@ class TakeTrayOutOfOven(Task):
         scene.place("tray", oven @ Pose.upright(TRAY_M))
         return True
 
-    def script(self, scene: Scene, variation: Variation) -> Iterator[Stage]:
+    def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp the handle, open, make way, grasp the tray, lift, take out, raise."""
         oven = scene.pose("oven")  # the door's way follows from its sizes: in a rehearsal it stays closed
 

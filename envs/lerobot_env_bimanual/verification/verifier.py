@@ -14,8 +14,8 @@ from lerobot_bimanual.dataset.content_hash import episode_hash
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.verification.fault import Fault
 from lerobot_env_bimanual.verification.columns import COLUMN_CHECKS
+from lerobot_env_bimanual.verification.fault import Fault
 from lerobot_env_bimanual.verification.images import ImageInspection
 from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
 from lerobot_env_bimanual.verification.simulation import SimulationChecks

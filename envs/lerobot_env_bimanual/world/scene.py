@@ -8,27 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S, build_spec
-from lerobot_env_bimanual.world.contacts import ContactQueries
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 TICK_S = 1 / CONTROL_HZ
 STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)
 MAX_SETTLE_TICKS = 8
 """Control ticks after placing the props, before the episode starts: at most 0.4 s, in which props come to rest."""
 
-ACTION_DIM = 2 * (JOINTS_PER_ARM + 1)
-CTRL_BYTES = ACTION_DIM * np.dtype(np.float64).itemsize
-GRIPPERS = slice(JOINTS_PER_ARM, None, JOINTS_PER_ARM + 1)
-"""The two gripper entries of a joint action."""
-
+CTRL_BYTES = JOINT_ACTION_DIM * np.dtype(np.float64).itemsize
 RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 """Model fields that a task may change at reset: where static props stand, and colours."""
 
@@ -70,33 +66,31 @@ class SceneState:
     unstable: bool
 
 
-class Scene:
+class Scene(SceneView):
     """A compiled world with its state.
 
     The order of an episode is `reset()`, any number of `place()`, `set_joint()` and `set_color()`, `settle()`,
     then `tick()` as often as wanted. Between calls all derived quantities of `data` (poses, contacts, camera
     frames) belong to the current positions and velocities.
 
-    Attributes:
-        model: compiled MuJoCo model.
-        data: its state; read it freely, change it only through this class.
+    Args:
+        props: the things besides robots and room, in the order in which they are compiled.
         arm_pair: the robots.
+
+    Attributes:
         ticks: control ticks since the episode started (settling not counted).
     """
 
     def __init__(self, props: Sequence[Prop] = (), arm_pair: ArmPair = PANDA_PAIR):
-        self.arm_pair = arm_pair
-        self.model = build_spec(props, arm_pair).compile()
-        self.data = mujoco.MjData(self.model)
+        self._home_action = np.array([*arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
+        super().__init__(build_spec(props, arm_pair).compile(), arm_pair, self._home_action)
         self.ticks = 0
-        self._contacts = ContactQueries(self.model, self.data)
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._latched_unstable = False
-        self._index_arms()
+        self._tree_of_dof = self.model.dof_treeid.copy()
+        self._index_actuators()
         self._ctrl_ramp = self._make_ctrl_ramp()
         self._ctrl_rows = np.empty_like(self._ctrl_ramp)
-        self._home_action = self._joint_action(arm_pair.home_joints, gripper=1.0)
-        self._commanded = self._home_action
         self._ctrl_target = self._to_ctrl(self._home_action)
         self.reset()
 
@@ -112,7 +106,7 @@ class Scene:
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
         self._commanded = self._home_action
         self._ctrl_target = self._to_ctrl(self._home_action)
-        self.data.ctrl[:ACTION_DIM] = self._ctrl_target
+        self.data.ctrl[:JOINT_ACTION_DIM] = self._ctrl_target
         self.ticks = 0
         self._latched_unstable = False
         self._refresh()
@@ -202,72 +196,6 @@ class Scene:
         """Time since the episode started."""
         return self.ticks * TICK_S
 
-    @property
-    def commanded(self) -> NDArray[np.float32]:
-        """The last joint action (16,)."""
-        return self._commanded.copy()
-
-    # -- arms ---------------------------------------------------------------------------------------------
-
-    def tcp(self, arm: Arm) -> Pose:
-        """World pose of the tool centre point: z approach, y opening of the fingers."""
-        site = self._tcp_site[arm.ordinal]
-        rotation = self.data.site_xmat[site].reshape(3, 3)
-        return Pose(self.data.site_xpos[site], matrix_to_quat_wxyz(rotation))
-
-    def joint_positions(self, arm: Arm) -> NDArray[np.float64]:
-        """(7,) rad."""
-        return self.data.qpos[self._joint_qpos[arm.ordinal]]
-
-    def joint_velocities(self, arm: Arm) -> NDArray[np.float64]:
-        """(7,) rad/s."""
-        return self.data.qvel[self._joint_dof[arm.ordinal]]
-
-    def finger_positions(self, arm: Arm) -> NDArray[np.float64]:
-        """(2,) m of travel, 0 closed."""
-        return self.data.qpos[self._finger_qpos[arm.ordinal]]
-
-    def gripper_opening(self, arm: Arm) -> float:
-        """Measured opening, 0 closed .. 1 open."""
-        return float(np.clip(self.finger_positions(arm).mean() / self.arm_pair.finger_travel_m, 0.0, 1.0))
-
-    # -- props --------------------------------------------------------------------------------------------
-
-    def pose(self, body: str) -> Pose:
-        """World pose of a body."""
-        index = self.model.body(body).id
-        return Pose(self.data.xpos[index], self.data.xquat[index])
-
-    def speed(self, body: str) -> float:
-        """Linear speed of a body's frame, m/s."""
-        return float(np.linalg.norm(self._velocity(body)[3:]))
-
-    def angular_speed(self, body: str) -> float:
-        """Angular speed of a body, rad/s."""
-        return float(np.linalg.norm(self._velocity(body)[:3]))
-
-    def joint_value(self, joint: str) -> float:
-        """Position of a hinge (rad) or slide (m)."""
-        return float(self.data.qpos[self.model.joint(joint).qposadr[0]])
-
-    # -- contacts -----------------------------------------------------------------------------------------
-
-    def contacts(self, body_a: str, body_b: str) -> bool:
-        """Whether two bodies, each with all bodies below it, touch."""
-        return self._contacts.between(body_a, body_b)
-
-    def touching(self, arm: Arm, body: str) -> bool:
-        """Whether the hand (palm or fingers) touches a body."""
-        return self.contacts(self.arm_pair.hand_body(arm), body)
-
-    def held(self, arm: Arm, body: str) -> bool:
-        """Whether both fingers of a hand touch a body."""
-        return all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
-
-    def arm_touches(self, arm: Arm, body: str) -> bool:
-        """Whether any part of the arm or its hand touches a body."""
-        return self.contacts(self.arm_pair.base_body(arm), body)
-
     # -- state --------------------------------------------------------------------------------------------
 
     def state_hash(self) -> str:
@@ -312,37 +240,26 @@ class Scene:
 
     # -- internals ----------------------------------------------------------------------------------------
 
-    def _index_arms(self) -> None:
-        """Look up, once, where each arm's quantities live in MuJoCo's flat arrays."""
-        model, pair = self.model, self.arm_pair
-        joints = [[model.joint(name) for name in pair.joint_names(arm)] for arm in ARMS]
-        fingers = [[model.joint(name) for name in pair.finger_names(arm)] for arm in ARMS]
-        self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
-        self._joint_dof = np.array([[joint.dofadr[0] for joint in arm] for arm in joints])  # (2, 7)
-        self._finger_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in fingers])  # (2, 2)
-        self._tcp_site = [model.site(pair.tcp_site(arm)).id for arm in ARMS]
-        order = [model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
-        if order != list(range(ACTION_DIM)):
+    def _index_actuators(self) -> None:
+        """Make sure that the first actuators are those of the joint action, and keep how it becomes commands."""
+        pair = self.arm_pair
+        order = [self.model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
+        if order != list(range(JOINT_ACTION_DIM)):
             raise ValueError(
                 f"arm actuators must come first, in the order of the joint action; got ids {order}"
             )
-        self._tree_of_dof = model.dof_treeid.copy()
-        self._ctrl_bytes = memoryview(self.data.ctrl[:ACTION_DIM]).cast("B")
-        self._ctrl_scale = np.ones(ACTION_DIM)
+        self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
+        self._ctrl_scale = np.ones(JOINT_ACTION_DIM)
         self._ctrl_scale[GRIPPERS] = pair.gripper_ctrl(1.0) - pair.gripper_ctrl(0.0)
-        self._ctrl_offset = np.zeros(ACTION_DIM)
+        self._ctrl_offset = np.zeros(JOINT_ACTION_DIM)
         self._ctrl_offset[GRIPPERS] = pair.gripper_ctrl(0.0)
 
     def _make_ctrl_ramp(self) -> NDArray[np.float64]:
         """(25, 16) share of a tick's change of target that is commanded at each physics step."""
         linear = np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK
-        ramp = np.repeat((linear + self.arm_pair.servo_lead_s / TICK_S)[:, None], ACTION_DIM, axis=1)
+        ramp = np.repeat((linear + self.arm_pair.servo_lead_s / TICK_S)[:, None], JOINT_ACTION_DIM, axis=1)
         ramp[:, GRIPPERS] = 1.0
         return ramp
-
-    def _joint_action(self, joints: NDArray[np.float64], gripper: float) -> NDArray[np.float32]:
-        """The action (16,) that holds both arms at the same joints."""
-        return np.array([*joints, gripper] * 2, dtype=np.float32)
 
     def _to_ctrl(self, joint_action: NDArray[np.float32]) -> NDArray[np.float64]:
         """Actuator targets (16,) of a joint action."""
@@ -370,11 +287,3 @@ class Scene:
         state = np.empty(mujoco.mj_stateSize(self.model, FULL_STATE))
         mujoco.mj_getState(self.model, self.data, state, FULL_STATE)
         return state
-
-    def _velocity(self, body: str) -> NDArray[np.float64]:
-        """(6,) angular, then linear velocity of a body's frame in world axes."""
-        velocity = np.empty(6)
-        mujoco.mj_objectVelocity(
-            self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self.model.body(body).id, velocity, 0
-        )
-        return velocity

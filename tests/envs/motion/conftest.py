@@ -24,7 +24,7 @@ class Wall:
 
 @pytest.fixture(scope="session", params=ARMS, ids=str)
 def kinematics(request) -> ArmKinematics:
-    return ArmKinematics.of(PANDA_PAIR, request.param)
+    return PANDA_PAIR.kinematics[request.param]
 
 
 @pytest.fixture(scope="session")

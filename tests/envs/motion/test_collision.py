@@ -5,15 +5,14 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker
-from lerobot_env_bimanual.motion.goals import goal_postures
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
+from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints
 
 
 def _posture(arm: Arm, pose: Pose) -> np.ndarray:
-    return goal_postures(ArmKinematics.of(PANDA_PAIR, arm), HOME, pose.matrix)[0]
+    return goal_postures(PANDA_PAIR.kinematics[arm], HOME, pose.matrix)[0]
 
 
 def _down(x: float, y: float, z: float) -> Pose:

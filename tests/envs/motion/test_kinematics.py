@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
+from lerobot_env_bimanual.robots.jacobian import hand_frames
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.jacobian import hand_frames
-from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
 
 
 def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):
     data = mujoco.MjData(scene.model)
     for arm in ARMS:
-        kinematics = ArmKinematics.of(scene.arm_pair, arm)
+        kinematics = scene.arm_pair.kinematics[arm]
         site = scene.model.site(scene.arm_pair.tcp_site(arm)).id
         joints = [scene.model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)]
         for posture in postures:

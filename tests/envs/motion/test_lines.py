@@ -4,7 +4,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion import lines
-from lerobot_env_bimanual.motion.goals import goal_postures
+from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.motion.lines import (
     MAX_JOINT_STEP_RAD,
     STEP_M,
@@ -76,7 +76,7 @@ def test_knots_are_close_together_and_inside_the_limits(kinematics):
 
 def test_the_shoulder_passes_its_upright_posture_smoothly():
     # With the upper arm upright, joints 1 and 3 turn about one axis and the closed form leaves them open.
-    kinematics = ArmKinematics.of(PANDA_PAIR, Arm.LEFT)
+    kinematics = PANDA_PAIR.kinematics[Arm.LEFT]
     start = np.array([0.384, -0.112, 0.461, -2.677, 0.093, 2.575, -0.259])
     target = kinematics.fk(start)
     target[2, 3] -= 0.1
@@ -106,7 +106,7 @@ def test_a_line_out_of_reach_is_infeasible(kinematics, shift):
 
 
 def test_two_lines_at_once_are_those_of_each_alone():
-    arms = [ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS]
+    arms = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
     feasible = [next(_lines(kinematics, 1)) for kinematics in arms]
     requests = [LineRequest(kinematics, *line[:2]) for kinematics, line in zip(arms, feasible, strict=True)]
     for both, (_, _, alone) in zip(straight_lines(requests), feasible, strict=True):
@@ -115,7 +115,7 @@ def test_two_lines_at_once_are_those_of_each_alone():
 
 
 def test_an_arm_out_of_reach_leaves_the_other_its_line():
-    left, right = (ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS)
+    left, right = (PANDA_PAIR.kinematics[arm] for arm in ARMS)
     ((start, target, _),) = _lines(left, 1)
     far = right.fk(HOME)
     far[2, 3] += 1.5

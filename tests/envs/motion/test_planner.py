@@ -7,7 +7,6 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion import planner as planner_module
 from lerobot_env_bimanual.motion.planner import GRIPPER_TICKS, REST_TICKS, KeyposePlanner, Plan
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -196,5 +195,5 @@ def test_the_end_posture_is_the_best_one_when_nothing_is_in_the_way(scene):
     plan = _plan(scene, _keypose(LEFT_DOWN, RIGHT_DOWN))
     end = plan.actions[-1].reshape(2, 8)[:, :7].astype(np.float64)
     for arm in ARMS:
-        kinematics = ArmKinematics.of(PANDA_PAIR, arm)
+        kinematics = PANDA_PAIR.kinematics[arm]
         assert kinematics.margins(end[arm.ordinal]).min() > 0.04

@@ -7,7 +7,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal, RehearsalScene
-from lerobot_env_bimanual.task import Stage
+from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
 
 GRASP = Pose.looking((0.2, 0.2, 0.815), approach=(0, 0, -1), opening=(1, 0, 0))

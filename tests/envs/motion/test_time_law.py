@@ -11,11 +11,10 @@ from lerobot_env_bimanual.motion.time_law import (
     minimum_jerk,
     tick_fractions,
 )
-from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints
-BOTH = [ArmKinematics.of(PANDA_PAIR, arm) for arm in ARMS]
+BOTH = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
 STILL = JointPath.even(np.stack([HOME, HOME]))
 
 

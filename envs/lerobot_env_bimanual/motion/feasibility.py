@@ -1,23 +1,24 @@
-"""Which posture a free motion ends in: joint solutions of a pose, best first.
+"""Which keyposes an arm can go to, and in which posture it ends there: joint solutions of a pose, best first.
 
-The planner and the rehearsal rank with the same cost, so an arm goes to the posture from which the rest of the
+The planner and the rehearsal ask the same questions here, so an arm goes to the posture from which the rest of the
 script was found feasible.
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import Arm
+from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
 
 GOAL_MARGIN_WEIGHT = 0.15
-"""Weight of limit closeness against squared joint travel; a smaller one left wrists so near their limits that
-the next straight line was infeasible (design study)."""
+"""Weight of limit closeness against squared joint travel; with a smaller one wrists end so near their limits that the
+next straight line is infeasible."""
 MAX_CANDIDATES = 6
 DISTINCT_RAD = 0.35
 """Postures closer than this in every joint count as one candidate."""
@@ -40,10 +41,23 @@ def goal_postures(kinematics: ArmKinematics, start: Array, target: Array) -> lis
     return list(itertools.islice(kinematics.distinct(solutions[order], target, DISTINCT_RAD), MAX_CANDIDATES))
 
 
-def ranked_combinations(candidates: Mapping[Arm, list[Array]]) -> list[dict[Arm, Array]]:
-    """Every choice of one candidate per arm, those with the smallest sum of ranks first."""
+def free_goals(
+    checker: CollisionChecker,
+    rules: CollisionRules,
+    standing: Mapping[Arm, Array],
+    candidates: Mapping[Arm, list[Array]],
+) -> Iterator[tuple[dict[Arm, Array], str | None]]:
+    """Every choice of one candidate per arm, best first, with what is in its way; None if it is free of collisions.
+
+    Args:
+        checker: that has looked at the scene.
+        rules: of the motion.
+        standing: (7,) rad, where an arm without candidates is.
+        candidates: postures (7,) per arm, best first.
+    """
+    # Those with the smallest sum of ranks come first.
     ranks = sorted(itertools.product(*(range(len(postures)) for postures in candidates.values())), key=sum)
-    return [
-        {arm: postures[rank] for (arm, postures), rank in zip(candidates.items(), choice, strict=True)}
-        for choice in ranks
-    ]
+    for choice in ranks:
+        goal = {arm: postures[rank] for (arm, postures), rank in zip(candidates.items(), choice, strict=True)}
+        both = {**standing, **goal}
+        yield goal, checker.obstacle(rules, both[Arm.LEFT], both[Arm.RIGHT])

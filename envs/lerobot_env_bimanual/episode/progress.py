@@ -1,0 +1,59 @@
+"""What an episode remembers besides the state of its scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lerobot_env_bimanual.task import Variation
+
+SUCCESS_TICKS = 10
+"""Consecutive control ticks, half a second, that all conditions have to hold."""
+
+
+@dataclass
+class EpisodeProgress:
+    """The running or finished episode.
+
+    Attributes:
+        seed: of the reset.
+        variation: what was drawn or asked for.
+        instruction: the sentence that a policy is given.
+        rng: the episode's only source of randomness.
+        draws: placements that the reset drew until one could be rehearsed.
+        conditions: each condition's name and whether it is met now.
+        ticks: control ticks so far.
+        keyposes: keyposes executed so far.
+        held_ticks: consecutive ticks up to now at which all conditions were met.
+        line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
+        failure: what ended the episode, empty while nothing has.
+    """
+
+    seed: int
+    variation: Variation
+    instruction: str
+    rng: np.random.Generator
+    draws: int = 0
+    conditions: dict[str, bool] = field(default_factory=dict)
+    ticks: int = 0
+    keyposes: int = 0
+    held_ticks: int = 0
+    line_fallbacks: int = 0
+    failure: str = ""
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the conditions held long enough."""
+        return self.held_ticks >= SUCCESS_TICKS and not self.failure
+
+    @property
+    def terminated(self) -> bool:
+        """Whether the verdict is known."""
+        return self.succeeded or bool(self.failure)
+
+    def note(self, conditions: dict[str, bool]) -> None:
+        """Take the conditions after a tick into account."""
+        self.ticks += 1
+        self.conditions = conditions
+        self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0

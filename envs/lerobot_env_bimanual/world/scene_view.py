@@ -1,0 +1,103 @@
+"""What can be read of a world: where arms and props are, and what touches what."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.world.contacts import ContactQueries
+
+
+class SceneView:
+    """A world to read from, whoever moves it.
+
+    Scripts and conditions are given this, so they work in the scene that physics drives and in one that a rehearsal
+    sets by kinematics.
+
+    Args:
+        model: compiled MuJoCo model.
+        arm_pair: the robots in it.
+        commanded: (16,) the joint action that the arms hold.
+
+    Attributes:
+        model: as given.
+        data: its state; read it freely, change it only through the methods of a subclass.
+        arm_pair: as given.
+    """
+
+    def __init__(self, model: mujoco.MjModel, arm_pair: ArmPair, commanded: NDArray[np.float32]):
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.arm_pair = arm_pair
+        self._commanded = commanded
+        self._contacts = ContactQueries(self.model, self.data)
+        joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]
+        fingers = [[model.joint(name) for name in arm_pair.finger_names(arm)] for arm in ARMS]
+        self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
+        self._finger_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in fingers])  # (2, 2)
+        self._tcp_site = [model.site(arm_pair.tcp_site(arm)).id for arm in ARMS]
+
+    @property
+    def commanded(self) -> NDArray[np.float32]:
+        """The last joint action (16,)."""
+        return self._commanded.copy()
+
+    # -- arms ---------------------------------------------------------------------------------------------
+
+    def tcp(self, arm: Arm) -> Pose:
+        """World pose of the tool centre point: z approach, y opening of the fingers."""
+        site = self._tcp_site[arm.ordinal]
+        rotation = self.data.site_xmat[site].reshape(3, 3)
+        return Pose(self.data.site_xpos[site], matrix_to_quat_wxyz(rotation))
+
+    def joint_positions(self, arm: Arm) -> NDArray[np.float64]:
+        """(7,) rad."""
+        return self.data.qpos[self._joint_qpos[arm.ordinal]]
+
+    def finger_positions(self, arm: Arm) -> NDArray[np.float64]:
+        """(2,) m of travel, 0 closed."""
+        return self.data.qpos[self._finger_qpos[arm.ordinal]]
+
+    def gripper_opening(self, arm: Arm) -> float:
+        """Measured opening, 0 closed .. 1 open."""
+        return float(np.clip(self.finger_positions(arm).mean() / self.arm_pair.finger_travel_m, 0.0, 1.0))
+
+    # -- props --------------------------------------------------------------------------------------------
+
+    def pose(self, body: str) -> Pose:
+        """World pose of a body."""
+        index = self.model.body(body).id
+        return Pose(self.data.xpos[index], self.data.xquat[index])
+
+    def speed(self, body: str) -> float:
+        """Linear speed of a body's frame, m/s."""
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(
+            self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self.model.body(body).id, velocity, 0
+        )
+        return float(np.linalg.norm(velocity[3:]))  # after the angular part
+
+    def joint_value(self, joint: str) -> float:
+        """Position of a hinge (rad) or slide (m)."""
+        return float(self.data.qpos[self.model.joint(joint).qposadr[0]])
+
+    # -- contacts -----------------------------------------------------------------------------------------
+
+    def contacts(self, body_a: str, body_b: str) -> bool:
+        """Whether two bodies, each with all bodies below it, touch."""
+        return self._contacts.between(body_a, body_b)
+
+    def touching(self, arm: Arm, body: str) -> bool:
+        """Whether the hand (palm or fingers) touches a body."""
+        return self.contacts(self.arm_pair.hand_body(arm), body)
+
+    def held(self, arm: Arm, body: str) -> bool:
+        """Whether both fingers of a hand touch a body."""
+        return all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
+
+    def arm_touches(self, arm: Arm, body: str) -> bool:
+        """Whether any part of the arm or its hand touches a body."""
+        return self.contacts(self.arm_pair.base_body(arm), body)
