@@ -80,6 +80,8 @@ class Provenance:
         """
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
+            if not all(isinstance(content[name], dict) for name in ("versions", "settings")):
+                raise TypeError("versions and settings must be objects")
             episodes = [EpisodeKey(**key) for key in content.pop("episodes")]
             skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
             return cls(**content, episodes=episodes, skipped=skipped)

@@ -107,9 +107,10 @@ class GenerationSettings:
             raise DatasetError(
                 f"settings of a dataset have {', '.join(names)}; missing or unknown: {', '.join(map(str, wrong))}"
             )
-        return cls(
-            **{name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
-        )
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in options.items()
+        }
+        return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values by option name."""
@@ -157,9 +158,9 @@ class GenerationSettings:
         ]
 
 
-def _check_names(option: str, names: object) -> None:
-    is_list = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
-    if not is_list or not 0 < len(names) == len(set(names)):
+def _check_names(option: str, names: Any) -> None:
+    are_texts = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
+    if not (are_texts and 0 < len(names) == len(set(names))):
         raise InvalidChoice(option, names, ["a list of one or more different names"])
 
 
