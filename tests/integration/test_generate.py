@@ -1,33 +1,31 @@
 """Generated datasets are complete, reproducible, true to the environment, and survive crashes."""
 
+import contextlib
+import json
 import os
 import re
-from dataclasses import asdict, replace
+import shlex
+from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
-from lerobot_env_bimanual.generation.merging import merge_shards
-from lerobot_env_bimanual.generation.shards import make_recorder, record_shard
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.provenance import Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.commands.generate import generate, regeneration_command
+from lerobot_bimanual.flags import parse_flags
+from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, make_dataset, settings_of
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.executor import MergeJob
+from lerobot_env_bimanual.generation.checksums import write_report
+from lerobot_env_bimanual.generation.plan import ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.staging import Staging
 
 pytestmark = pytest.mark.sim
-
-
-def settings_of(config, **changes) -> GenerationSettings:
-    return GenerationSettings.from_dict(GenerationSettings.parse(config).to_dict() | changes)
 
 
 # -- what a dataset holds ---------------------------------------------------------------------------------
@@ -70,7 +68,9 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     recorded = RecordedDataset(generated / "frames").episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
     items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
-    env = BimanualEnv("lift_ball", 0, "train", cameras, (24, 32), control_mode="joint")
+    env = BimanualEnv(
+        "lift_ball", variation=0, split="train", cameras=cameras, image_size=(24, 32), control_mode="joint"
+    )
     observation, _ = env.reset(seed=recorded.meta.seed)
     for tick, action in enumerate(recorded.columns[schema.ACTION]):
         if tick in items:
@@ -91,34 +91,27 @@ def assert_same_observation(item: dict, observation: dict, cameras: tuple[str, .
 
 
 def test_provenance_says_how_to_make_the_dataset_again(generated, small_generation) -> None:
-    settings = GenerationSettings.parse(small_generation(generated))
+    settings = settings_of(small_generation(generated))
     for view in schema.VIEWS:
         provenance = RecordedDataset(generated / view).provenance
         assert provenance is not None
         assert GenerationSettings.from_dict(provenance.settings) == settings
         assert provenance.versions == installed_versions()
         assert provenance.view == view
-        assert [recipe.seed for recipe in provenance.episodes] == [0, 1, 2]
-        assert provenance.command == regeneration_command(settings, generated)
+        assert [key.seed for key in provenance.episodes] == [0, 1, 2]
         assert provenance.command in (generated / view / "README.md").read_text()
+        program, verb, *flags = shlex.split(provenance.command)
+        assert (program, verb) == ("lerobot-bimanual", "generate")
+        assert settings_of(parse_flags(GenerateConfig, flags)) == settings
 
 
 def test_any_process_with_any_history_writes_the_same_bytes(
-    generated, small_generation, tree_hashes, tmp_path
+    generated, small_generation, records_here, tree_hashes, tmp_path
 ) -> None:
     config = small_generation(tmp_path / "small")
-    settings = GenerationSettings.parse(config)
-    recorder = make_recorder(settings, "lift_ball")
-    shards = []
-    with Staging(config.root, settings) as staging:
-        for shard in reversed(next_round(settings, [], 0)):  # the other order
-            record_shard(settings, shard, recorder, staging.shard_folder(shard.name), lambda: None)
-            shards.insert(0, (staging.shard_folder(shard.name), staging.report(shard)))
-        recorder.close()
-        command = regeneration_command(settings, config.root)
-        for view in settings.views:
-            merge_shards(MergeJob(settings, view, command, shards, tmp_path / "merged", tmp_path / "cache"))
-        staging.publish(tmp_path / "merged")
+    executor = records_here(order=reversed)
+    make_dataset(settings_of(config), config.root, executor)
+    assert executor.recorded == ["000001", "000000"]
     assert tree_hashes(config.root) == tree_hashes(generated)
 
 
@@ -167,38 +160,61 @@ def test_a_folder_of_somebody_else_is_refused(tmp_path, small_generation) -> Non
     assert (tmp_path / "photos" / "cat.jpg").exists()
 
 
-def test_two_runs_at_one_root_are_refused(tmp_path, small_generation) -> None:
-    config = small_generation(tmp_path / "shared")
-    with (
-        Staging(config.root, GenerationSettings.parse(config)),
-        pytest.raises(DatasetError, match=f"is being generated by process {os.getpid()}"),
-    ):
+def test_two_runs_at_one_root_are_refused(tmp_path, small_generation, records_here) -> None:
+    settings, root = settings_of(small_generation(tmp_path / "shared")), tmp_path / "shared"
+
+    def start_again(_) -> None:
+        with pytest.raises(DatasetError, match=f"is being generated by process {os.getpid()}"):
+            make_dataset(settings, root, records_here())
+
+    executor = records_here(after=start_again, patience=1)
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(settings, root, executor)
+    assert executor.recorded == ["000000"]
+
+
+@pytest.fixture
+def begun(tmp_path, small_generation, records_here):
+    """Options of a run that was interrupted before its first shard, and its staging folder."""
+    config = small_generation(tmp_path / "begun")
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(settings_of(config), config.root, records_here(patience=0))
+    return config, tmp_path / "begun.partial"
+
+
+def test_an_unfinished_dataset_of_other_settings_is_refused(begun) -> None:
+    config, _ = begun
+    with pytest.raises(DatasetError, match="episodes is 3, not 5"):
+        generate(replace(config, episodes=5))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda stamp: stamp["versions"].update(mujoco="1.2.3"), r"'mujoco': '1\.2\.3'"),
+        (lambda stamp: stamp["settings"].update(episodes="three"), "episodes is 'three', but must be"),
+        (lambda stamp: stamp["settings"].pop("episodes"), "missing or unknown: episodes"),
+        (lambda stamp: stamp.clear(), r"settings\.json is damaged"),
+    ],
+)
+def test_an_unfinished_dataset_of_other_versions_or_of_none_is_refused(begun, change, message) -> None:
+    config, partial = begun
+    stamp = json.loads((partial / "settings.json").read_text())
+    change(stamp)
+    (partial / "settings.json").write_text(json.dumps(stamp))
+    with pytest.raises(DatasetError, match=message):
+        generate(config)
+    (partial / "settings.json").write_text("")
+    with pytest.raises(DatasetError, match=r"settings\.json is damaged"):
         generate(config)
 
 
-def test_an_unfinished_dataset_of_other_settings_or_versions_is_refused(tmp_path, small_generation) -> None:
-    config = small_generation(tmp_path / "begun")
-    settings = GenerationSettings.parse(config)
-    with Staging(config.root, settings):
-        pass
-    with (
-        pytest.raises(DatasetError, match="episodes is 3, not 5"),
-        Staging(config.root, settings_of(config, episodes=5)),
-    ):
-        pass
-    stamp = tmp_path / "begun.partial" / "settings.json"
-    stamp.write_text(stamp.read_text().replace(installed_versions()["mujoco"], "1.2.3"))
-    with pytest.raises(DatasetError, match=r"'mujoco': '1\.2\.3'"), Staging(config.root, settings):
-        pass
-
-
-def test_leftovers_of_killed_runs_are_removed(tmp_path, small_generation) -> None:
-    config = small_generation(tmp_path / "killed")
-    settings = GenerationSettings.parse(config)
-    with Staging(config.root, settings) as staging:
-        (staging.folder / "tmp-123" / "frames").mkdir(parents=True)
-    with Staging(config.root, settings) as staging:
-        assert not list(staging.folder.glob("tmp-*"))
+def test_leftovers_of_killed_runs_are_removed(begun, records_here) -> None:
+    config, partial = begun
+    (partial / "tmp-123" / "frames").mkdir(parents=True)
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(settings_of(config), config.root, records_here(patience=0))
+    assert not list(partial.glob("tmp-*"))
 
 
 def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path, small_generation) -> None:
@@ -210,98 +226,147 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path, small_gener
 # -- which seeds --------------------------------------------------------------------------------------------
 
 
-def candidates(shards: list[Shard]) -> list[tuple[int, int]]:
-    return [(candidate.seed, candidate.variation) for shard in shards for candidate in shard.candidates]
+class Pretends:
+    """An executor that records nothing and reports that it has, but for the seeds that fail.
 
+    Args:
+        failing: seeds that the expert does not solve.
+    """
 
-def report(shards: list[Shard], failing: set[int]) -> list[ShardReport]:
-    return [
-        ShardReport(
-            tuple(c for c in shard.candidates if c.seed not in failing),
-            tuple(SkippedSeed(**asdict(c), reason="slipped") for c in shard.candidates if c.seed in failing),
+    def __init__(self, failing: Collection[int] = ()):
+        self.rounds: list[list[tuple[str, list[tuple[int, int]]]]] = []
+        self.successes = 0
+        self.cpu_seconds = 1.0
+        self._failing = failing
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_) -> None:
+        pass
+
+    def record(self, settings, shards, folder):
+        self.rounds.append(
+            [(shard.name, [(key.seed, key.variation) for key in shard.candidates]) for shard in shards]
         )
-        for shard in shards
+        for shard in shards:
+            failed = [key for key in shard.candidates if key.seed in self._failing]
+            skipped = tuple(SkippedSeed(**vars(key), reason="slipped") for key in failed)
+            folder(shard.name).mkdir()
+            report = ShardReport(tuple(key for key in shard.candidates if key not in failed), skipped)
+            write_report(folder(shard.name), settings, report)
+            yield
+
+    def merge(self, jobs):
+        raise KeyboardInterrupt
+        yield
+
+
+def planned(config: GenerateConfig, failing: Collection[int] = ()) -> Pretends:
+    executor = Pretends(failing)
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(settings_of(config), config.root, executor)
+    return executor
+
+
+def test_seeds_follow_each_other_and_variations_take_turns(tmp_path, small_generation) -> None:
+    config = small_generation(tmp_path / "turns", task="handover_item", episodes=6, first_seed=10)
+    assert planned(config).rounds == [
+        [
+            ("000000", [(10, 0), (11, 1)]),
+            ("000001", [(12, 2), (13, 3)]),
+            ("000002", [(14, 4), (15, 0)]),
+        ]
     ]
 
 
-def test_seeds_follow_each_other_and_variations_take_turns(tmp_path, small_generation, monkeypatch) -> None:
-    monkeypatch.setattr(GenerationSettings, "variations_of", lambda *_: (0, 1, 2))
-    settings = settings_of(small_generation(tmp_path), episodes=5, first_seed=10)
-    shards = next_round(settings, [], 0)
-    assert candidates(shards) == [(10, 0), (11, 1), (12, 2), (13, 0), (14, 1)]
-    assert [(shard.name, len(shard.candidates)) for shard in shards] == [
-        ("000000", 2),
-        ("000001", 2),
-        ("000002", 1),
-    ]
-
-
-def test_a_failed_seed_is_replaced_by_the_next_one_of_its_variation(
-    tmp_path, small_generation, monkeypatch
-) -> None:
-    monkeypatch.setattr(GenerationSettings, "variations_of", lambda *_: (0, 1))
-    settings = settings_of(small_generation(tmp_path), episodes=4)
-    first = next_round(settings, [], 0)
-    reports = report(first, failing={1, 3, 5})
-    second = next_round(settings, reports, len(first))
-    assert candidates(second) == [(5, 1), (7, 1)]
-    assert second[0].name == f"{len(first):06d}"
-    reports += report(second, failing={1, 3, 5})
-    third = next_round(settings, reports, len(first) + len(second))
-    assert candidates(third) == [(9, 1)]
-    assert next_round(settings, reports + report(third, failing=set()), 9) == []
+def test_a_failed_seed_is_replaced_by_the_next_one_of_its_variation(tmp_path, small_generation) -> None:
+    config = small_generation(tmp_path / "replaced", task="handover_item", episodes=7)
+    first, second, third = planned(config, failing={1, 6, 11, 3}).rounds
+    assert [seed for _, candidates in first for seed, _ in candidates] == list(range(7))
+    assert second == [("000004", [(8, 3), (11, 1)]), ("000005", [(16, 1)])]
+    assert third == [("000006", [(21, 1)])]
 
 
 def test_an_expert_that_keeps_failing_stops_the_generation(tmp_path, small_generation) -> None:
-    settings = settings_of(small_generation(tmp_path), episodes=1)
-    failures = tuple(SkippedSeed("lift_ball", 0, "train", seed, "slipped") for seed in range(21))
+    config = small_generation(tmp_path / "broken", episodes=1)
     with pytest.raises(DatasetError, match=r"failed on 21 seeds.*seed 20: slipped"):
-        next_round(settings, [ShardReport((), failures)], 1)
+        make_dataset(settings_of(config), config.root, Pretends(failing=range(100)))
 
 
-class HalfBrokenRecorder(Recorder):
-    """Fails on odd seeds, otherwise plays the expert."""
+def test_skipped_seeds_are_listed_with_their_reason(
+    tmp_path, small_generation, records_here, monkeypatch, capsys
+) -> None:
+    record = Recorder.record
 
-    def record(self, seed: int, variation: int):
-        outcome, episode = super().record(seed, variation)
-        if seed % 2:
-            return replace(outcome, failure="out of time", unmet=("lifted",)), None
-        return outcome, episode
+    def fail_on_odd_seeds(recorder: Recorder, seed: int, variation: int):
+        outcome, episode = record(recorder, seed, variation)
+        return (
+            (replace(outcome, failure="out of time", unmet=("lifted",)), None)
+            if seed % 2
+            else (outcome, episode)
+        )
+
+    monkeypatch.setattr(Recorder, "record", fail_on_odd_seeds)
+    config = small_generation(tmp_path / "x", view="keyframes", episodes=1, first_seed=1)
+    make_dataset(settings_of(config), config.root, records_here())
+    dataset = RecordedDataset(config.root)
+    assert [episode.meta.seed for episode in dataset.episodes()] == [2]
+    assert dataset.provenance is not None
+    (skipped,) = dataset.provenance.skipped
+    assert skipped.seed == 1
+    assert "out of time" in skipped.reason
+    assert "lifted" in skipped.reason
+    assert skipped.reason in capsys.readouterr().out
 
 
-def test_skipped_seeds_are_recorded_with_their_reason(tmp_path, small_generation) -> None:
-    settings = settings_of(small_generation(tmp_path / "x"), views=("keyframes",))
-    shard = Shard("000000", tuple(Recipe("lift_ball", 0, "train", seed) for seed in (1, 2)))
-    with Staging(tmp_path / "x", settings) as staging:
-        counted = []
-        recorder = HalfBrokenRecorder("lift_ball", "train", settings.cameras, (24, 32))
-        folder = staging.shard_folder(shard.name)
-        record_shard(settings, shard, recorder, folder, lambda: counted.append(1))
-        found = staging.report(shard)
-        assert found is not None
-        assert (found.episodes, len(counted)) == ((shard.candidates[1],), 1)
-        assert [seed.seed for seed in found.skipped] == [1]
-        assert "out of time" in found.skipped[0].reason
-        assert "lifted" in found.skipped[0].reason
-        assert [episode.meta.seed for episode in RecordedDataset(folder / "keyframes").episodes()] == [2]
-        assert not list(staging.folder.glob("tmp-*"))
+# -- options ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "change",
     [
         {"task": "wash_dishes"},
+        {"task": "lift_ball,wash_dishes"},
         {"variation": "9"},
         {"cameras": ("rear",)},
         {"image_size": "0"},
         {"episodes": 0},
+        {"episodes_per_shard": 0},
+        {"first_seed": -1},
+        {"discretise": -1},
         {"intermediate": ("1.5",)},
         {"intermediate": ("half",)},
         {"view": "all"},
         {"split": "exam"},
+        {"repo_id": "../../elsewhere"},
     ],
 )
 def test_wrong_options_are_refused_before_anything_is_made(tmp_path, small_generation, change) -> None:
     with pytest.raises(BimanualError):
         generate(small_generation(tmp_path / "never", **change))
     assert not list(tmp_path.iterdir())
+
+
+STRANGE = (None, True, -1, 0.5, "", "7", [], ["front"], [7], ["lift_ball", "lift_ball"], {}, {"any": 1}, [[]])
+
+
+@pytest.mark.parametrize("option", GenerationSettings.__dataclass_fields__)
+def test_settings_of_a_strange_file_are_read_or_refused_with_one_clear_error(
+    generated, small_generation, option
+) -> None:
+    settings = settings_of(small_generation(generated))
+    content = json.loads(json.dumps(settings.to_dict()))
+    assert GenerationSettings.from_dict(content) == settings
+    for value in STRANGE:
+        with contextlib.suppress(BimanualError):
+            read = GenerationSettings.from_dict(content | {option: value})
+            assert json.loads(json.dumps(read.to_dict())) == content | {option: value}
+    with pytest.raises(DatasetError, match=f"missing or unknown: {option}"):
+        GenerationSettings.from_dict({name: content[name] for name in content if name != option})
+
+
+@pytest.mark.parametrize("content", [None, [], "any", {"colour": "red"}])
+def test_what_holds_no_settings_is_refused(content) -> None:
+    with pytest.raises(DatasetError, match="settings of a dataset"):
+        GenerationSettings.from_dict(content)

@@ -89,42 +89,49 @@ def _finished_shards_kept() -> Iterator[None]:
         raise DatasetError(f"{error}. Finished shards are kept") from error
 
 
-_tally: _Tally | None = None
-"""Of this worker's parent."""
+class _Worker:
+    """What a worker process keeps from one work to the next.
+
+    Args:
+        tally: of its parent.
+    """
+
+    def __init__(self, tally: _Tally):
+        from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
+
+        quieten_libraries()
+        self.shards = ShardRecorder()
+        self._tally = tally
+
+    def count_success(self) -> None:
+        with self._tally.successes.get_lock():
+            self._tally.successes.value += 1
+
+    @contextmanager
+    def cpu_time_counted(self) -> Iterator[None]:
+        start_s = time.process_time()
+        yield
+        with self._tally.cpu_seconds.get_lock():
+            self._tally.cpu_seconds.value += time.process_time() - start_s
+
+
+_worker: _Worker | None = None
 
 
 def _prepare(tally: _Tally) -> None:
-    from lerobot_env_bimanual.generation.shard import quieten_libraries
-
-    global _tally
-    _tally = tally
-    quieten_libraries()
-
-
-def _count_success() -> None:
-    assert _tally is not None
-    with _tally.successes.get_lock():
-        _tally.successes.value += 1
-
-
-@contextmanager
-def _cpu_time_counted() -> Iterator[None]:
-    assert _tally is not None
-    start_s = time.process_time()
-    yield
-    with _tally.cpu_seconds.get_lock():
-        _tally.cpu_seconds.value += time.process_time() - start_s
+    global _worker
+    _worker = _Worker(tally)
 
 
 def _record(work: tuple[GenerationSettings, Shard, Path]) -> None:
-    from lerobot_env_bimanual.generation.shard import record_shard
-
-    with _cpu_time_counted():
-        record_shard(*work, _count_success)
+    assert _worker is not None
+    with _worker.cpu_time_counted():
+        _worker.shards.record(*work, _worker.count_success)
 
 
 def _merge(job: MergeJob) -> None:
     from lerobot_env_bimanual.generation.merge import merge_shards
 
-    with _cpu_time_counted(), plain_write_errors(job.root):
+    assert _worker is not None
+    with _worker.cpu_time_counted(), plain_write_errors(job.root):
         merge_shards(job)

@@ -16,9 +16,10 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from lerobot_bimanual.dataset.provenance import installed_versions
 from lerobot_bimanual.errors import BimanualError, DatasetError
@@ -28,6 +29,9 @@ from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 from lerobot_env_bimanual.workers import ONE_THREAD
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 try:
     import ray
@@ -143,19 +147,25 @@ def record_packed(settings: GenerationSettings, shard: Shard, versions: Mapping[
     """
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
-    from lerobot_env_bimanual.generation.shard import quieten_libraries, record_shard
-
     start_s = time.process_time()
-    quieten_libraries()
     episodes = Counter()
     with new_folder(Path(tempfile.gettempdir())) as folder:
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
-        record_shard(settings, shard, finished, lambda: episodes.update(["recorded"]))
+        _shard_recorder().record(settings, shard, finished, lambda: episodes.update(["recorded"]))
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
     return PackedShard(archive.getvalue(), episodes["recorded"], time.process_time() - start_s)
+
+
+@cache
+def _shard_recorder() -> ShardRecorder:
+    """The one of this worker, kept from task to task."""
+    from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
+
+    quieten_libraries()
+    return ShardRecorder()
 
 
 def unpack(packed: bytes, target: Path) -> None:

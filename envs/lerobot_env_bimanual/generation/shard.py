@@ -19,9 +19,6 @@ from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 
-_recorder: tuple[tuple[GenerationSettings, str], Recorder] | None = None
-"""Of the last shard: a compiled world and its images, kept because the next shard is most likely of the same task."""
-
 
 def quieten_libraries() -> None:
     """Keep what recording uses quiet and on one core."""
@@ -37,52 +34,66 @@ def quieten_libraries() -> None:
     logging.getLogger("lerobot").setLevel(logging.CRITICAL)
 
 
-def record_shard(
-    settings: GenerationSettings, shard: Shard, target: Path, on_episode: Callable[[], None] = lambda: None
-) -> None:
-    """Record a shard and move it to `target` in one piece.
+class ShardRecorder:
+    """Records one shard after the other; keeps a task's compiled world for the next one, most likely of that task."""
 
-    Args:
-        settings: what is recorded.
-        shard: its candidates.
-        target: folder of the finished shard.
-        on_episode: called after each success.
+    def __init__(self):
+        self._recorder: Recorder | None = None
+        self._key: tuple[GenerationSettings, str] | None = None
 
-    Raises:
-        DatasetError: the shard cannot be written.
-    """
-    recorder = _recorder_of(settings, shard.candidates[0].task)
-    episodes: list[EpisodeKey] = []
-    skipped: list[SkippedSeed] = []
-    with plain_write_errors(target), new_folder(target.parent.parent) as folder:
-        with ExitStack() as stack:
-            writers: list[ViewWriter] = []
-            for candidate in shard.candidates:
-                episode, reason = _record(recorder, candidate)
-                if episode is None:
-                    skipped.append(SkippedSeed(**vars(candidate), reason=reason))
-                    continue
-                if not writers:  # a dataset without episodes is none: wait for the first
-                    writers = [
-                        stack.enter_context(_writer(settings, folder, view)) for view in settings.views
-                    ]
-                write_episode(episode, writers)
-                episodes.append(candidate)
-                on_episode()
-        write_report(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
-        place_shard(folder, target)
+    def record(
+        self,
+        settings: GenerationSettings,
+        shard: Shard,
+        target: Path,
+        on_episode: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Record a shard and move it to `target` in one piece.
 
+        Args:
+            settings: what is recorded.
+            shard: its candidates.
+            target: folder of the finished shard.
+            on_episode: called after each success.
 
-def _recorder_of(settings: GenerationSettings, task: str) -> Recorder:
-    global _recorder
-    key = settings, task
-    if _recorder is None or _recorder[0] != key:
-        if _recorder is not None:
-            _recorder[1].close()
-        codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
-        size = settings.height, settings.width
-        _recorder = key, Recorder(task, settings.split, settings.cameras, size, codec)
-    return _recorder[1]
+        Raises:
+            DatasetError: the shard cannot be written.
+        """
+        recorder = self._recorder_of(settings, shard.candidates[0].task)
+        episodes: list[EpisodeKey] = []
+        skipped: list[SkippedSeed] = []
+        with plain_write_errors(target), new_folder(target.parent.parent) as folder:
+            with ExitStack() as stack:
+                writers: list[ViewWriter] = []
+                for candidate in shard.candidates:
+                    episode, reason = _record(recorder, candidate)
+                    if episode is None:
+                        skipped.append(SkippedSeed(**vars(candidate), reason=reason))
+                        continue
+                    if not writers:  # a dataset without episodes is none: wait for the first
+                        writers = [
+                            stack.enter_context(_writer(settings, folder, view)) for view in settings.views
+                        ]
+                    write_episode(episode, writers)
+                    episodes.append(candidate)
+                    on_episode()
+            write_report(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
+            place_shard(folder, target)
+
+    def close(self) -> None:
+        """Free the simulation and its images."""
+        if self._recorder is not None:
+            self._recorder.close()
+        self._recorder = self._key = None
+
+    def _recorder_of(self, settings: GenerationSettings, task: str) -> Recorder:
+        if self._recorder is None or self._key != (settings, task):
+            self.close()
+            codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
+            size = settings.height, settings.width
+            self._recorder = Recorder(task, settings.split, settings.cameras, size, codec)
+            self._key = settings, task
+        return self._recorder
 
 
 def _record(recorder: Recorder, candidate: EpisodeKey) -> tuple[Episode | None, str]:
