@@ -7,7 +7,6 @@ cd "$(dirname "$0")/.."
 seeds="${SEEDS:-50000:50100}"
 few="${seeds%%:*}:$((${seeds%%:*} + 50))"
 folder="${FOLDER:-results/certificates}"
-two_armed=push_box,lift_ball,dual_push_buttons,put_bottle_in_fridge,lift_tray
 
 certify() {
     echo "== $1"
@@ -16,8 +15,8 @@ certify() {
 
 certify expert --variation=each --seeds="$seeds" --replay=joint
 certify expert_discretised --variation=each --seeds="$seeds" --discretise=100
-certify freeze_left --task=$two_armed --control=freeze_left --seeds="$few"
-certify freeze_right --task=$two_armed --control=freeze_right --seeds="$few"
+certify freeze_left --task=two_armed --control=freeze_left --seeds="$few"
+certify freeze_right --task=two_armed --control=freeze_right --seeds="$few"
 certify blind --control=blind --variation=each --seeds="$few"
 certify random --control=random --seeds="$few"
 certify noop --control=noop --seeds="$few"

@@ -24,7 +24,8 @@ from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import SPLITS, EnvOptions, variation_index
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
-from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -71,6 +72,7 @@ class BimanualEnv(gym.Env):
     def __init__(
         self,
         task: str,
+        *,
         options: EnvOptions | None = None,
         render_mode: str | None = "rgb_array",
         **keywords: Any,
@@ -142,18 +144,16 @@ class BimanualEnv(gym.Env):
         Args:
             seed: non-negative integer that determines the episode; without it one is drawn from the generator
                 that the last given seed started.
-            options: `{"variation": index}` chooses the variation of this episode alone.
+            options: `{"variation": index}` chooses the variation of this episode alone; what else callers such as
+                LeRobot put there is for their wrappers.
 
         Raises:
             UnknownVariation: the task has no such variation.
-            InvalidChoice: there is no such option.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         variation = self._variation
-        for name, value in (options or {}).items():
-            if name != "variation":
-                raise InvalidChoice("an option of reset", name, ["variation"])
-            variation = self._variation_index(value)
+        if options and "variation" in options:
+            variation = self._variation_index(options["variation"])
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene
@@ -233,7 +233,8 @@ class BimanualEnv(gym.Env):
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
         scene.tick(joint_action)
-        progress.note(self._check())
+        progress.ticks += 1
+        progress.judge(self._check())
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
         if self.options.video_dir is not None:

@@ -124,11 +124,10 @@ def variation_index(variation: object, task: str, count: int) -> int | None:
     """
     if variation == ANY_VARIATION:
         return None
-    if isinstance(variation, str) and variation.isdecimal():
-        variation = int(variation)
-    if isinstance(variation, bool) or not isinstance(variation, int) or not 0 <= variation < count:
+    index = int(variation) if isinstance(variation, str) and variation.isdecimal() else variation
+    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < count:
         raise UnknownVariation(task, variation, count)
-    return variation
+    return index
 
 
 def _camera_names(cameras: str | Sequence[str]) -> tuple[str, ...]:

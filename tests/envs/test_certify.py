@@ -9,6 +9,7 @@ import pytest
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
 from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.certificate import origin
@@ -188,11 +189,10 @@ def test_certify_exits_with_one_and_says_why(monkeypatch, capsys):
 
 
 def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypatch):
-    def reset(env, *, seed):
-        env._progress = env._draw_episode(seed)
+    def start(*_):
         raise PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
 
-    monkeypatch.setattr(BimanualEnv, "reset", reset)
+    monkeypatch.setattr(EpisodeReset, "start", start)
     outcome = campaign.play(Job("lift_ball", "0", "val", 5, "expert"))
     assert (outcome.seed, outcome.success, outcome.ticks) == (5, False, 0)
     assert "none of 200" in outcome.failure
@@ -210,7 +210,7 @@ def noted(env):
     recorder = EvidenceRecorder(env)
     with env.observed_by(recorder.note):
         outcome = run_expert(env, 2, on_move=moves.append)
-    assert env.tick_observers == []
+    assert not env.tick_observers
     return recorder, [move.action for move in moves], [report.ticks for report in outcome.keyposes]
 
 

@@ -44,15 +44,15 @@ def test_flags_reach_the_environment():
         "--env.video_dir=films",
         "--env.max_keyposes=7",
     )
-    settings = BimanualEnv("lift_ball", **config.gym_kwargs).settings
-    assert (settings.variation, settings.split, settings.cameras) == (0, "val", ("front", "left_wrist"))
-    assert (settings.height, settings.width, settings.obs) == (24, 32, "rgb")
-    assert (settings.control_mode, str(settings.video_dir), settings.max_keyposes) == ("joint", "films", 7)
+    options = BimanualEnv("lift_ball", **config.gym_kwargs).options
+    assert (options.variation, options.split, options.camera_names) == (0, "val", ("front", "left_wrist"))
+    assert (options.height, options.width, options.obs) == (24, 32, "rgb")
+    assert (options.control_mode, options.video_dir, options.max_keyposes) == ("joint", "films", 7)
 
 
 def test_defaults_of_configuration_and_environment_agree():
     task = BimanualEnvConfig().tasks[0]
-    assert BimanualEnv(task, **BimanualEnvConfig().gym_kwargs).settings == BimanualEnv(task).settings
+    assert BimanualEnv(task, **BimanualEnvConfig().gym_kwargs).options == BimanualEnv(task).options
 
 
 def test_a_square_image_size_is_a_number():

@@ -154,7 +154,7 @@ def test_an_expert_passes_force_where_both_hands_hold_one_thing(task, coupled):
             meters.append(CouplingMeter(env.scene))
         meters[0].observe()
 
-    env.tick_listener = listen
+    env.tick_observers.append(listen)
     assert run_expert(env, 0).success
     coupling = meters[0].result()
     env.close()

@@ -30,7 +30,7 @@ ACTIONS_ARE_NOT_NORMALISED = ".*recommend using a symmetric and normalized space
 @pytest.fixture
 def instant_placement(monkeypatch):
     """Take the first placement as it is drawn; rehearsing it is most of a reset's time."""
-    monkeypatch.setattr("lerobot_env_bimanual.episode.rehearsal.Rehearsal.objection", lambda *_: None)
+    monkeypatch.setattr("lerobot_env_bimanual.episode.rehearsal.Rehearsal.infeasibility", lambda *_: None)
 
 
 def assert_follows_gymnasiums_api(env: BimanualEnv) -> None:
@@ -212,11 +212,47 @@ def test_fixing_the_variation_changes_nothing_else():
     fixed.close()
 
 
+def test_a_reset_can_choose_the_variation_of_its_episode():
+    env, fixed = (
+        BimanualEnv("handover_item", obs="state"),
+        BimanualEnv("handover_item", obs="state", variation=4),
+    )
+    env.reset(seed=3)
+    drawn = env.variation
+    env.reset(seed=3, options={"variation": 4})
+    fixed.reset(seed=3)
+    assert (env.variation, env.state_hash()) == (4, fixed.state_hash())
+    env.reset(seed=3, options={"somebody_elses": 1})
+    assert env.variation == drawn
+    with pytest.raises(UnknownVariation, match="'handover_item' has no variation 5"):
+        env.reset(seed=3, options={"variation": 5})
+    assert env.variation == drawn
+    env.close()
+    fixed.close()
+
+
+@pytest.mark.parametrize("variation", [0.7, True, -1, "first", "1.0", None])
+def test_a_variation_is_an_index_or_any(variation):
+    with pytest.raises(UnknownVariation):
+        BimanualEnv("handover_item", variation=variation)
+
+
+def test_an_unknown_option_is_answered_with_the_known_ones():
+    with pytest.raises(
+        InvalidChoice, match=r"did you mean 'image_size'.*variation, split, cameras, image_size"
+    ):
+        BimanualEnv("lift_ball", image_sizes=64)
+
+
 def test_instructions_are_drawn_from_those_of_the_variation():
     env = BimanualEnv("handover_item_easy", obs="state")
     spec = get_task("handover_item_easy").spec
     assert env.task_description == spec.instructions[0]
-    drawn = {env._draw_episode(seed).instruction for seed in range(30)}
+    drawn = set()
+    for seed in range(30):
+        env.reset(seed=seed)
+        drawn.add(env.task_description)
+    env.close()
     assert drawn == set(spec.instructions_for(spec.variations[0]))
 
 

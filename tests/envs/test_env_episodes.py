@@ -1,13 +1,29 @@
 """How keyposes are executed, and how episodes end."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from lerobot_env_bimanual.env import SUCCESS_TICKS, BimanualEnv
+from lerobot_env_bimanual.conditions import Condition
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
 from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "lift_ball"
+
+
+@dataclass(frozen=True)
+class When(Condition):
+    """A condition that a test decides."""
+
+    label: str
+    test: Callable[[], bool] = field(repr=False)
+
+    def __call__(self, view) -> bool:
+        return self.test()
 
 
 def wiggle(env: BimanualEnv, seed: int, ticks: int) -> list[np.ndarray]:
@@ -17,13 +33,12 @@ def wiggle(env: BimanualEnv, seed: int, ticks: int) -> list[np.ndarray]:
     return list((env.scene.commanded + np.cumsum(steps, axis=0)).astype(np.float32))
 
 
-def test_a_keypose_is_the_joint_actions_that_the_listener_saw(state_env, keypose_below):
+def test_a_keypose_is_the_joint_actions_that_an_observer_saw(state_env, keypose_below):
     heard = []
-    state_env.tick_listener = lambda env, action: heard.append((env.progress.ticks, action.copy()))
     state_env.reset(seed=1)
-    state_env.step(keypose_below(state_env, gripper_open=False))
+    with state_env.observed_by(lambda env, action: heard.append((env.progress.ticks, action.copy()))):
+        state_env.step(keypose_below(state_env, gripper_open=False))
     after_keypose = state_env.state_hash()
-    state_env.tick_listener = None
     assert [tick for tick, _ in heard] == list(range(len(heard)))
 
     state_env.reset(seed=1)
@@ -58,16 +73,15 @@ def test_success_needs_all_conditions_for_half_a_second(state_env, monkeypatch):
     state_env.reset(seed=1)
     met = [True] * (SUCCESS_TICKS - 1) + [False] + [True] * SUCCESS_TICKS
     verdicts = iter(met)
-    monkeypatch.setattr(
-        state_env.task_definition, "check", lambda *_: {"easy": True, "hard": next(verdicts)}, raising=True
-    )
+    conditions = (When("easy", lambda: True), When("hard", lambda: next(verdicts)))
+    monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: conditions)
     results = [state_env.step(state_env.scene.commanded)[1:3] for _ in met]
     assert results == [(0.0, False)] * (len(met) - 1) + [(1.0, True)]
 
 
 def test_success_ends_a_keypose_at_once(state_env, monkeypatch, keypose_below):
     state_env.reset(seed=1)
-    monkeypatch.setattr(state_env.task_definition, "check", lambda *_: {"done": True})
+    monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: (When("done", lambda: True),))
     _, reward, terminated, _, info = state_env.step(keypose_below(state_env, 0.2))
     assert (reward, terminated, info["is_success"], info["ticks"]) == (1.0, True, True, SUCCESS_TICKS)
 
@@ -78,9 +92,8 @@ def test_a_keypose_waits_for_the_verdict(state_env, monkeypatch, keypose_below):
     _, _, _, _, info = state_env.step(keypose_below(state_env))
     duration = info["ticks"]
     state_env.restore_state(saved)
-    monkeypatch.setattr(
-        state_env.task_definition, "check", lambda *_: {"late": state_env.progress.ticks >= duration}
-    )
+    late = When("late", lambda: state_env.progress.ticks >= duration)
+    monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: (late,))
     _, _, terminated, _, info = state_env.step(keypose_below(state_env))
     assert (terminated, info["ticks"]) == (True, duration + SUCCESS_TICKS - 1)
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import PlacementFailure
-from lerobot_env_bimanual.placement import MAX_DRAWS, PlacementArea
+from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
+from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.tasks.lift_ball import AREA, LiftBall
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
@@ -50,8 +51,7 @@ class BallOutOfReach(LiftBall):
 def test_unreachable_placements_are_redrawn_and_counted():
     task = BallOutOfReach()
     scene = Scene(task.spec.props)
-    task.reset(scene, task.spec.variations[0], np.random.default_rng(0))
-    assert task.draws == 4
+    assert EpisodeReset(task, scene).start(task.spec.variations[0], np.random.default_rng(0)) == 4
     assert scene.pose("ball").position[:2] == pytest.approx(AREA.center_m, abs=1e-3)
     assert scene.ticks == 0
 
@@ -60,4 +60,4 @@ def test_endless_redrawing_is_an_error_that_counts_the_reasons():
     task = get_task("lift_ball")
     task.place = lambda scene, variation, rng: False
     with pytest.raises(PlacementFailure, match=f"none of {MAX_DRAWS} .*{MAX_DRAWS}x illegal placement"):
-        task.reset(Scene(task.spec.props), task.spec.variations[0], np.random.default_rng(0))
+        EpisodeReset(task, Scene(task.spec.props)).start(task.spec.variations[0], np.random.default_rng(0))

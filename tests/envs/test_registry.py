@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
@@ -81,11 +79,6 @@ def test_a_taxonomy_row_names_its_suites():
         prehension=Prehension.MIXED,
     )
     assert taxonomy.suites == ("temporal", "asymmetric", "synchronous", "mixed")
-
-
-def test_what_a_task_is_can_be_imported_without_mujoco():
-    program = "import sys, lerobot_env_bimanual.task, lerobot_env_bimanual.conditions; assert 'mujoco' not in sys.modules"
-    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_the_verb_lists_every_task_for_programs(capsys):

@@ -12,7 +12,8 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.world.rendering import Renderer, calibration
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 
 SIZE = 128
@@ -131,7 +132,7 @@ def test_at_home_each_hand_s_camera_sees_the_table_and_its_own_fingertips(scene,
     extrinsics, intrinsics = cameras_of(scene)
     for arm in Arm:
         camera = f"{arm.value}_wrist"
-        for pad in scene.arm_pair.pad_names(arm):
+        for pad in (f"{arm}_pad1", f"{arm}_pad2"):
             u, v, depth = project(scene.data.geom(pad).xpos, intrinsics[camera], extrinsics[camera])
             assert 0 < u < SIZE
             assert SIZE / 2 < v < SIZE

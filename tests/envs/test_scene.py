@@ -44,7 +44,6 @@ def test_a_placed_block_rests_on_the_table(scene):
     scene.settle()
     assert scene.pose("item").distance_to(ON_TABLE)[0] < 2e-3
     assert scene.speed("item") < 1e-4
-    assert scene.angular_speed("item") < 1e-3
     assert not scene.unstable
 
 
@@ -69,8 +68,8 @@ def test_a_color_lasts_until_the_next_reset(scene):
 def test_reset_starts_with_arms_at_home_and_open_hands(scene):
     for arm in Arm:
         assert scene.joint_positions(arm) == pytest.approx(scene.arm_pair.home_joints)
-        assert scene.joint_velocities(arm) == pytest.approx(np.zeros(7))
         assert scene.gripper_opening(arm) == 1.0
+    assert not scene.data.qvel.any()
     assert scene.commanded[[7, 15]] == pytest.approx((1.0, 1.0))
 
 

@@ -56,7 +56,7 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
         hashes.append(env.state_hash())
         slept.append(sleepers(env.scene))
 
-    env.tick_listener = note
+    env.tick_observers.append(note)
     assert run_expert(env, seed=3).success
     assert any(slept)
     other = Scene(env.task_definition.spec.props)
@@ -79,7 +79,7 @@ def test_a_touch_wakes():
         held = any(env.scene.touching(arm, "item") for arm in (Arm.LEFT, Arm.RIGHT))
         woken.append((held, sleepers(env.scene)))
 
-    env.tick_listener = note
+    env.tick_observers.append(note)
     run_expert(env, seed=0)
     assert (False, 1) in woken
     assert all(asleep == 0 for held, asleep in woken if held)

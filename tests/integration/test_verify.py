@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
@@ -21,6 +20,7 @@ from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
 from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
+from lerobot_env_bimanual.verification.verifier import Verifier, verify_metadata
 
 pytestmark = pytest.mark.sim
 

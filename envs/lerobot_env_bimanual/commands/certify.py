@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.expert.control_names import ControlName
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.expert.campaign import Campaign
@@ -24,9 +25,7 @@ class CertifyConfig:
     variation: str = "any"  # index, `any` (drawn per episode) or `each` (every variation on all seeds)
     seeds: str = "0:100"  # half-open range a:b
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
-    control: Literal["expert", "noop", "random", "freeze_left", "freeze_right", "blind"] = (
-        "expert"  # who plays
-    )
+    control: ControlName = "expert"  # who plays
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
     # play each of the expert's episodes again from its seed, by its joint actions (every state is compared) or its
     # keyposes (the last one is)
@@ -90,10 +89,11 @@ def parse_seeds(text: str) -> range:
 
 def _check_variation(task: str, variation: str) -> None:
     """Refuse, before any process starts, a variation that the task does not have."""
-    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.options import variation_index
+    from lerobot_env_bimanual.tasks.registry import get_task
 
     if variation != EACH_VARIATION:
-        BimanualEnv(task, variation=variation)
+        variation_index(variation, task, len(get_task(task).spec.variations))
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:

@@ -52,8 +52,7 @@ class EpisodeProgress:
         """Whether the verdict is known."""
         return self.succeeded or bool(self.failure)
 
-    def note(self, conditions: dict[str, bool]) -> None:
+    def judge(self, conditions: dict[str, bool]) -> None:
         """Take the conditions after a tick into account."""
-        self.ticks += 1
         self.conditions = conditions
         self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0

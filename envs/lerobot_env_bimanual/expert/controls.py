@@ -26,25 +26,25 @@ from lerobot_bimanual.keypose import (
     Keypose,
 )
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 
-CONTROLS = ("expert", "noop", "random", "freeze_left", "freeze_right", "blind")
 RANDOM_KEYPOSES = 25
 
 
 def make_control(
-    name: str, seed: int, codec: KeyposeCodec | None = None, blind_keyposes: Sequence[ArrayLike] = ()
+    name: ControlName, seed: int, codec: KeyposeCodec | None = None, blind_keyposes: Sequence[ArrayLike] = ()
 ) -> Player:
-    """One of `CONTROLS`.
+    """Whoever is called by a name.
 
     Args:
-        name: which one.
+        name: who plays.
         seed: seeds the `random` control's generator; the episode's own generator stays untouched.
         codec: rounds the keyposes of the expert, with or without a frozen arm.
         blind_keyposes: (18,) each, what `blind` plays in every scene; see `mean_keyposes`.
     """
-    controls = {
+    players: dict[ControlName, Player] = {
         "expert": expert(codec),
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
@@ -52,7 +52,7 @@ def make_control(
         "freeze_right": expert(codec, frozen=Arm.RIGHT),
         "blind": blind(blind_keyposes),
     }
-    return controls[name]
+    return players[name]
 
 
 def noop(env: BimanualEnv) -> Iterator[Move]:

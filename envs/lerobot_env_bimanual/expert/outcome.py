@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.replay import ReplayMode
 
@@ -20,7 +21,7 @@ class Job:
         variation: index, or "any".
         split: split of the seed.
         seed: seed of the reset.
-        control: one of `lerobot_env_bimanual.expert.controls.CONTROLS`.
+        control: who plays.
         discretise: voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact.
         blind_keyposes: (18,) each, what the control `blind` plays.
         replay: how the expert's episode is replayed afterwards, "none", "joint" or "keypose".
@@ -30,7 +31,7 @@ class Job:
     variation: str
     split: str
     seed: int
-    control: str
+    control: ControlName
     discretise: int = 0
     blind_keyposes: Keyposes = ()
     replay: ReplayMode | Literal["none"] = "none"

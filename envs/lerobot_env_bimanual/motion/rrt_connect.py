@@ -16,7 +16,7 @@ IsFree = Callable[[Array], bool]
 
 EXTENSION_RAD = 0.5
 EDGE_STEP_RAD = 0.035
-"""Largest joint step between two collision checks along an edge (design study)."""
+"""Largest joint step between two collision checks along an edge."""
 GOAL_BIAS = 4
 """Every fourth sample is the root of the other tree."""
 SHORTCUTS = 40

@@ -37,7 +37,7 @@ class SpeedLimits:
 
 FREE_SPEED = SpeedLimits(joint_rad_s=1.3, tip_m_s=0.7)
 CONTACT_SPEED = SpeedLimits(joint_rad_s=0.8, tip_m_s=0.35)
-"""Grasps, pulls and pushes need about half the speed of free motions (design study)."""
+"""Grasps, pulls and pushes need about half the speed of free motions."""
 
 
 @dataclass(frozen=True, eq=False)

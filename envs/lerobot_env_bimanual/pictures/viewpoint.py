@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES, project
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.arena import FIXED_CAMERAS
+from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS, calibration
 from lerobot_env_bimanual.world.contacts import ContactQueries
-from lerobot_env_bimanual.world.rendering import calibration
 from lerobot_env_bimanual.world.scene import Scene, SceneState
 
 RAYS = (48, 64)

@@ -26,7 +26,7 @@ class Ball:
         radius_m: of the paper's large ball.
         mass_kg: its mass.
         friction: against everything, hands and table included. Low, so that a grip off the ball's middle line
-            slips instead of lifting it by luck (design study).
+            slips instead of lifting it by luck.
     """
 
     name: str = "ball"

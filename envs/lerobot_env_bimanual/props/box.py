@@ -23,8 +23,8 @@ class Box:
         size_m: full sizes (PerAct2 code).
         mass_kg: the paper's 50 kg.
         table_friction: of the table contact alone. At 0.42 (206 N) two arms always move the box and one arm does
-            not. Below 0.40 one arm succeeds (design study). At its 0.45 both arms work at their torque limits
-            where they are stretched, and one of 200 placements fails.
+            not. With less, one arm succeeds as well; at the original's 0.45 both arms work at their torque limits
+            where they are stretched.
     """
 
     name: str = "box"

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY, TABLE_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
-from lerobot_env_bimanual.world.arena import DIRT_ONLY, TABLE_ONLY
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)
@@ -38,7 +38,7 @@ class Broom:
     """A free broom, its frame under the stick where the bristles end; it sweeps towards -y.
 
     Bristles touch dirt and nothing else, as bristles bend: with a solid block the broom catches on the pan's lip
-    and tilts (design study). Two frictionless, yielding feet, which touch the table alone, carry it in their place.
+    and tilts. Two frictionless, yielding feet, which touch the table alone, carry it in their place.
 
     Attributes:
         name: body.

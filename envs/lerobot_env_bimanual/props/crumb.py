@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.contact_layers import COMMON_LAYER, DIRT_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
-from lerobot_env_bimanual.world.arena import COMMON_LAYER, DIRT_ONLY
 
 EARTH = ((0.30, 0.18, 0.09, 1.0), (0.22, 0.13, 0.07, 1.0))
 

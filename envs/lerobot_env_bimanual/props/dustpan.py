@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
-from lerobot_env_bimanual.world.arena import DIRT_ONLY
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
 DARK_BLUE = (0.14, 0.34, 0.60, 1.0)

@@ -11,13 +11,13 @@ from typing import Any
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
 from lerobot_env_bimanual.tasks.registry import get_task
 
 EXACT, ROUNDED = "expert", "expert_discretised"
-CONTROLS = ("blind", "random", "noop", "freeze_left", "freeze_right")
-CERTIFICATES = (EXACT, ROUNDED, *CONTROLS)
+CERTIFICATES = (EXACT, ROUNDED, *(name for name in CONTROLS if name != EXACT))
 """Names of the files, without `.json`."""
 
 NOT_MEASURED = "–"

@@ -27,8 +27,8 @@ JOINT_LOWER = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2
 JOINT_UPPER = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
 TORQUE_LIMIT_NM = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 
-# Stiff position servos with little damping; the missing velocity term is fed forward by the caller. Of the gains
-# tried in our study this pair tracks best (1.2 mm mean tip error at 0.6 m/s) without saturating a motor.
+# Stiff position servos with little damping; the missing velocity term is fed forward by the caller. How far hands end
+# from their targets stands in docs/tasks.md.
 POSITION_GAIN = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 VELOCITY_GAIN_RATIO_S = 0.02
 JOINT_ARMATURE = 0.1

@@ -6,8 +6,8 @@ more than one hand spans.
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
 original is satisfied when the first and some time later the second has been touched. There are the paper's five
 variations, which are the first five of the original's fifty triples of colours. Buttons keep 15 cm apart, where
-the original's may overlap. Pressing the third button in addition does no harm. A motion that ignores the scene
-never succeeds (0 of 30). The hands come to rest 6 mm above where they are sent, on the buttons' bases.
+the original's may overlap. Pressing the third button in addition does no harm. The hands come to
+rest 6 mm above where they are sent, on the buttons' bases.
 """
 
 from __future__ import annotations

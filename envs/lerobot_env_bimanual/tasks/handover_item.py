@@ -6,7 +6,7 @@ arm picks it up and presents it, the right arm takes hold of it while the left o
 Departures from the original: the right hand must hold the right item between its fingers, at 0.80 m or higher,
 with no part of the left arm touching any item, as the paper's text says; the original asks for the item near
 the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
-leaves room for the fingers beside it. A motion that ignores the scene never succeeds (0 of 30).
+leaves room for the fingers beside it.
 """
 
 from __future__ import annotations

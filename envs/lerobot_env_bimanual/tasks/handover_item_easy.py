@@ -6,7 +6,7 @@ arm picks it up and presents it, the right arm takes hold of it while the left o
 Departures from the original: the right hand must hold the item between its fingers, at 0.80 m or higher, with
 no part of the left arm touching it; the original asks for the item near the right fingers and not near the left
 ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet. The
-item may lie anywhere in 50 x 40 cm. A motion that ignores the scene never succeeds (0 of 40, design study).
+item may lie anywhere in 50 x 40 cm.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ over, and hands that do not rise together let the cube slide off.
 Departures from the original: both fingers of each hand must touch the tray while tray and cube are at 1.20 m or
 higher; the original asks for the tray to be near both hands. The tray, a plain board there, has handles and
 placements spread over 28 x 36 cm: on a board with a lip along its whole ends, a motion that ignores the scene
-succeeds in 37 %; with handles in about every tenth. The stand is 6 mm higher, which keeps the lower corner of a
+would succeed too often. The stand is 6 mm higher, which keeps the lower corner of a
 horizontal hand off the table.
 """
 

@@ -6,7 +6,7 @@ the block's edge before the right hand can reach under it.
 Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height of the lid alone. Laptop and block slide on
 each other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the
-friction of one gripper holds it. A motion that ignores the scene succeeded in 2 of 40 placements.
+friction of one gripper holds it.
 """
 
 from __future__ import annotations

@@ -6,8 +6,7 @@ rim, until the other side rises high enough for the right hand to pinch it, and 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half
 a gram, and its rim flares by 29 degrees. The right hand approaches at 50 degrees below the horizontal, since the
-corner of a flatter hand meets the table (below 43 degrees) and a steeper one slips off (65 degrees, design study).
-A motion that ignores the scene succeeded in 1 of 40 placements.
+corner of a flatter hand meets the table (below 43 degrees) and a steeper one slips off.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ the box turns away.
 
 Departures from the original: the box's centre must come to rest in the 10 cm square at the target's centre. The
 original is satisfied as soon as any part of the box touches that square, which a motion that ignores the scene
-achieves in half of all placements (design study); here it succeeds in 4 of 40. For the same reason placements
-spread over 30 x 30 cm and +-20 degrees instead of +-10 degrees. The hands are closed instead of open.
+achieves too often. For the same reason placements spread over 30 x 30 cm and +-20 degrees instead of +-10 degrees.
+The hands are closed instead of open.
 """
 
 from __future__ import annotations

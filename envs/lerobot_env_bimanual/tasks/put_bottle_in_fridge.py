@@ -6,8 +6,7 @@ bottle, which it has picked up meanwhile.
 Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
 nothing. The door's brake is 0.25 N m instead of 0.052 N m, its handle is round and stands off by 50 mm, so that
-it can turn in a hand that turns less than the door does. Nothing shows the bottle's yaw, so it has none. A
-motion that ignores the scene never succeeded (0 of 40).
+it can turn in a hand that turns less than the door does. Nothing shows the bottle's yaw, so it has none.
 """
 
 from __future__ import annotations

@@ -6,8 +6,7 @@ the cabinet's top, and holds it over the drawer as soon as that is open.
 Departures from the original: the item must lie inside the drawer with no arm touching it; the original is
 satisfied as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a
 slight brake keeps the drawer where it was left, and the item is dropped from 6 to 18 cm above the drawer's floor:
-a hand that goes lower presses the forearm on the cabinet's edge (design study). Placements spread over 24 x 20 cm,
-where a motion that ignores the scene succeeds in 7 of 90 episodes.
+a hand that goes lower presses the forearm on the cabinet's edge. Placements spread over 24 x 20 cm.
 """
 
 from __future__ import annotations

@@ -6,11 +6,13 @@ import importlib
 from collections.abc import Sequence
 
 from lerobot_bimanual.errors import BimanualError, UnknownTask
-from lerobot_env_bimanual.task import Task, Taxonomy
+from lerobot_env_bimanual.task import Task
 from lerobot_env_bimanual.tasks.discovery import TASKS_GROUP, task_modules
 
 _TASKS: dict[str, type[Task]] = {}
 ALL = "all"
+TWO_ARMED = "two_armed"
+"""Suite of the tasks of which the PerAct2 paper says that one arm alone cannot do them."""
 
 
 def register[T: Task](task_class: type[T]) -> type[T]:
@@ -72,8 +74,8 @@ def list_suites() -> dict[str, tuple[str, ...]]:
     """Each suite with the names of its tasks, both sorted; a suite without a task does not exist."""
     suites: dict[str, list[str]] = {ALL: []}
     for name in list_tasks():
-        taxonomy: Taxonomy = _tasks()[name].spec.taxonomy
-        for suite in (ALL, *taxonomy.suites):
+        spec = _tasks()[name].spec
+        for suite in (ALL, *spec.taxonomy.suites, *((TWO_ARMED,) if spec.needs_both_arms else ())):
             suites.setdefault(suite, []).append(name)
     return {suite: tuple(suites[suite]) for suite in sorted(suites)}
 

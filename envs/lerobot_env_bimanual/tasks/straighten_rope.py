@@ -5,9 +5,9 @@ and pulled apart at the same time to come to lie on their plates.
 
 Departures from the original: the middle of each end must lie in the original's area over its plate; there it is
 enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm thick and its ends are knots of
-24 mm: fingers that come down a voxel too high close on nothing at a thin rope's end (design study). Ends and plates
+24 mm: fingers that come down a voxel too high close on nothing at a thin rope's end. Ends and plates
 have matching colours, blue for the tail and red for the head; the original's plates are both green. The rope need
-not be let go of, as in the original. A motion that ignores the scene never succeeded (0 of 40, design study).
+not be let go of, as in the original.
 """
 
 from __future__ import annotations

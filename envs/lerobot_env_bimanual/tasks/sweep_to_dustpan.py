@@ -7,7 +7,7 @@ sweeps well succeeds without the right one (10 of 10).
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
 latter turned by up to 15 degrees; there they never move, so that a motion that ignores the scene would sweep
-every time, which succeeds here in 1 of 30. The broom is shorter (35 cm instead of 60 cm) and stands upright in
+every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in
 a fork, and the hand holds its upper end from above, since the stick cannot pass through a palm. Crumbs are 15
 mm wide instead of 10 mm, to be seen, round instead of square, and weigh 2 g.
 """

@@ -9,8 +9,8 @@ The oven turns by 20 degrees to either side of 65 and moves by 17 cm along x and
 degrees about 53, of which neither arm serves more than about 40 in all. The door weighs 0.8 instead of 0.1 kg and
 its hinge is damped, so that it sinks open by itself when it is let go of half-way: a horizontal hand cannot follow
 its handle all the way down. The bar of the door and the grip of the tray are short and stand proud, the bar by
-50 mm, the grip by 43 mm: with a bar and a lip as wide as the original's, a motion that ignores the scene took the
-tray in every fourth placement (design study), here in 4 of 40.
+50 mm, the grip by 43 mm: a bar and a lip as wide as the original's let a motion that ignores the scene take the tray
+too often.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """The empty room: physics options, table, floor, light and the fixed cameras."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.contact_layers import COMMON_LAYER, TABLE_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY, Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 
 PHYSICS_STEP_S = 0.002
 
@@ -25,40 +25,6 @@ KEY_LIGHT_POSITION_M = (-0.3, -1.7, 3.1)
 
 NEAR_M = 0.01
 FAR_M = 10.0
-
-# Contact layers (bit masks). Everything collides in the common layer; props may add geoms that touch the table
-# alone by giving them contype TABLE_ONLY and conaffinity 0, or dirt alone by DIRT_ONLY: dirt has that bit in its
-# conaffinity.
-COMMON_LAYER = 1
-TABLE_ONLY = 2
-DIRT_ONLY = 4
-
-
-@dataclass(frozen=True)
-class FixedCamera:
-    """A camera that stands in the room.
-
-    Attributes:
-        name: one of `lerobot_bimanual.cameras.CAMERA_NAMES`.
-        position: (3,) world, m.
-        target: (3,) world point in the middle of the image, m.
-        fovy_deg: vertical field of view.
-    """
-
-    name: str
-    position: tuple[float, float, float]
-    target: tuple[float, float, float]
-    fovy_deg: float
-
-
-# The arms stand on the x axis and look at each other, so the room is seen from between them (front, -y) and from
-# over each base on the far side (+y): the three views are about 120 degrees apart and every prop shows its face to
-# at least one of them.
-FIXED_CAMERAS = (
-    FixedCamera("front", (0.27, -1.42, 1.62), (0.27, 0.0, 1.00), 48.0),
-    FixedCamera("left_shoulder", (-0.72, 1.00, 1.72), (0.24, 0.00, 0.96), 48.0),
-    FixedCamera("right_shoulder", (1.26, 0.92, 1.72), (0.28, 0.00, 0.96), 48.0),
-)
 
 
 def build_spec(props: Sequence[Prop], arm_pair: ArmPair) -> mujoco.MjSpec:
@@ -96,7 +62,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     )
     _add_table(world)
     for camera in FIXED_CAMERAS:
-        _add_camera(world, camera)
+        camera.add_to(world)
 
 
 def _set_depth_range(spec: mujoco.MjSpec) -> None:
@@ -173,17 +139,3 @@ def _add_table(world) -> None:
                 rgba=(0.35, 0.36, 0.38, 1),
                 **VISUAL_ONLY,
             )
-
-
-def _add_camera(world, camera: FixedCamera) -> None:
-    backward = np.subtract(camera.position, camera.target)  # MuJoCo cameras look along -z
-    backward = backward / np.linalg.norm(backward)
-    right = np.cross((0, 0, 1), backward)
-    right = right / np.linalg.norm(right)
-    rotation = np.column_stack([right, np.cross(backward, right), backward])
-    world.add_camera(
-        name=camera.name,
-        pos=camera.position,
-        quat=matrix_to_quat_wxyz(rotation),
-        fovy=camera.fovy_deg,
-    )

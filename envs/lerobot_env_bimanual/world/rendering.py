@@ -1,4 +1,4 @@
-"""RGB-D images of a scene, and the calibration of its cameras."""
+"""RGB-D images of a scene."""
 
 import contextlib
 import os
@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_GEOMS = 2000
-OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
-"""MuJoCo's camera axes (x right, y up, z backward) as columns in OpenCV's (x right, y down, z forward)."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Renderer:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SceneView,
         cameras: Sequence[str] = CAMERA_NAMES,
         height: int = 256,
         width: int = 256,
@@ -183,26 +181,3 @@ def _offscreen_settings(model: mujoco.MjModel, height: int, width: int, quality:
     finally:
         for (section, field, _), value in zip(lent, kept, strict=True):
             setattr(section, field, value)
-
-
-def calibration(scene: Scene, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where the five cameras are now, and how they project.
-
-    Args:
-        scene: the scene.
-        height: of the images, pixels.
-        width: of the images, pixels.
-
-    Returns:
-        Extrinsics (80,) float32: world_T_camera of every camera of `CAMERA_NAMES`, row-major 4x4, OpenCV axes.
-        Intrinsics (45,) float32: their row-major 3x3 pinhole matrices in pixels.
-    """
-    extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
-    intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
-    for index, name in enumerate(CAMERA_NAMES):
-        camera = scene.model.camera(name).id
-        extrinsics[index, :3, :3] = scene.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
-        extrinsics[index, :3, 3] = scene.data.cam_xpos[camera]
-        extrinsics[index, 3, 3] = 1
-        intrinsics[index] = intrinsics_from_fovy(np.deg2rad(scene.model.cam_fovy[camera]), height, width)
-    return extrinsics.astype(np.float32).ravel(), intrinsics.astype(np.float32).ravel()

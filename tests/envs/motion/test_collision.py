@@ -4,7 +4,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
-from lerobot_env_bimanual.motion.collision import CollisionChecker
+from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
 from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
@@ -15,18 +15,24 @@ def _posture(arm: Arm, pose: Pose) -> np.ndarray:
     return goal_postures(PANDA_PAIR.kinematics[arm], HOME, pose.matrix)[0]
 
 
+def free_motion(checker: CollisionChecker, *motion) -> CollisionRules:
+    """Rules of a motion that begins now."""
+    checker.look()
+    return checker.free_motion_rules(*motion)
+
+
 def _down(x: float, y: float, z: float) -> Pose:
     return Pose.looking((x, y, z), approach=(0, 0, -1), opening=(1, 0, 0))
 
 
 def test_arms_at_home_are_free_and_overlapping_hands_are_not(scene):
     checker = CollisionChecker(scene)
-    checker.begin_free_motion(ARMS, [], HOME, HOME)
-    assert checker.free(HOME, HOME)
+    rules = free_motion(checker, ARMS, [], HOME, HOME)
+    assert checker.is_free(rules, HOME, HOME)
     meeting = _down(0.25, -0.1, 1.0)
     left, right = (_posture(arm, meeting) for arm in ARMS)
-    assert not checker.free(left, right)
-    obstacle = checker.obstacle(left, right)
+    assert not checker.is_free(rules, left, right)
+    obstacle = checker.obstacle(rules, left, right)
     assert obstacle is not None
     assert "left_" in obstacle
     assert "right_" in obstacle
@@ -35,17 +41,17 @@ def test_arms_at_home_are_free_and_overlapping_hands_are_not(scene):
 @pytest.mark.parametrize(("height", "free"), [(0.80, True), (0.77, False), (0.75, False)])
 def test_free_motion_keeps_its_clearance_from_the_table(scene, height, free):
     checker = CollisionChecker(scene)
-    checker.begin_free_motion(ARMS, [], HOME, HOME)
-    assert checker.free(_posture(Arm.LEFT, _down(0.25, 0.2, height)), HOME) is free
+    rules = free_motion(checker, ARMS, [], HOME, HOME)
+    assert checker.is_free(rules, _posture(Arm.LEFT, _down(0.25, 0.2, height)), HOME) is free
 
 
 def test_an_arm_that_is_not_checked_is_only_an_obstacle(scene):
     checker = CollisionChecker(scene)
     through_table = _posture(Arm.RIGHT, _down(0.4, -0.3, 0.73))
-    checker.begin_free_motion([Arm.LEFT], [], HOME, HOME)
-    assert checker.free(HOME, through_table)
-    checker.begin_free_motion([Arm.RIGHT], [], HOME, HOME)
-    assert not checker.free(HOME, through_table)
+    rules = free_motion(checker, [Arm.LEFT], [], HOME, HOME)
+    assert checker.is_free(rules, HOME, through_table)
+    rules = free_motion(checker, [Arm.RIGHT], [], HOME, HOME)
+    assert not checker.is_free(rules, HOME, through_table)
 
 
 def test_what_touches_at_the_start_may_go_on_touching(furnished_scene):
@@ -54,10 +60,10 @@ def test_what_touches_at_the_start_may_go_on_touching(furnished_scene):
     scene.place("block", Pose.upright((0.26, 0.2, 0.79)))
     at_block = _posture(Arm.LEFT, _down(0.25, 0.2, 0.83))
     checker = CollisionChecker(scene)
-    checker.begin_free_motion(ARMS, [], HOME, HOME)
-    assert checker.obstacle(at_block, HOME) is not None
-    checker.begin_free_motion(ARMS, [], at_block, HOME)
-    assert checker.obstacle(at_block, HOME) is None
+    rules = free_motion(checker, ARMS, [], HOME, HOME)
+    assert checker.obstacle(rules, at_block, HOME) is not None
+    rules = free_motion(checker, ARMS, [], at_block, HOME)
+    assert checker.obstacle(rules, at_block, HOME) is None
 
 
 def test_a_carried_prop_moves_with_the_hand(furnished_scene):
@@ -70,17 +76,17 @@ def test_a_carried_prop_moves_with_the_hand(furnished_scene):
     checker = CollisionChecker(scene)
     data_before = scene.data.qpos.copy()
     scene.data.qpos[:7] = holding
-    checker.begin_free_motion([Arm.LEFT], [(Arm.LEFT, "block")], holding, HOME)
-    assert not checker.free(beyond, HOME)
-    checker.begin_free_motion([Arm.LEFT], [], holding, HOME)
-    assert checker.free(beyond, HOME)
+    rules = free_motion(checker, [Arm.LEFT], [(Arm.LEFT, "block")], holding, HOME)
+    assert not checker.is_free(rules, beyond, HOME)
+    rules = free_motion(checker, [Arm.LEFT], [], holding, HOME)
+    assert checker.is_free(rules, beyond, HOME)
     scene.data.qpos[:] = data_before
 
 
 def test_what_stands_fixed_cannot_be_carried(furnished_scene):
     checker = CollisionChecker(furnished_scene)
     with pytest.raises(ValueError, match="'wall' has no free joint"):
-        checker.begin_free_motion(ARMS, [(Arm.LEFT, "wall")], HOME, HOME)
+        free_motion(checker, ARMS, [(Arm.LEFT, "wall")], HOME, HOME)
 
 
 def test_a_pinched_block_is_known_to_be_in_the_hand(furnished_scene):
@@ -97,8 +103,20 @@ def test_a_pinched_block_is_known_to_be_in_the_hand(furnished_scene):
 def test_checking_leaves_the_scene_alone(scene):
     before = scene.state_hash()
     checker = CollisionChecker(scene)
-    checker.begin_free_motion(ARMS, [], HOME, HOME)
-    checker.free(HOME + 0.3, HOME - 0.3)
-    checker.begin_contact_motion()
-    checker.free(HOME + 0.3, HOME - 0.3)
+    rules = free_motion(checker, ARMS, [], HOME, HOME)
+    checker.is_free(rules, HOME + 0.3, HOME - 0.3)
+    checker.is_free(checker.contact_rules, HOME + 0.3, HOME - 0.3)
     assert scene.state_hash() == before
+
+
+def test_rules_are_values_that_later_questions_leave_as_they_were(scene):
+    checker = CollisionChecker(scene)
+    first = free_motion(checker, ARMS, [], HOME, HOME)
+    kept = first.least_distance_m.copy()
+    meeting = _down(0.25, -0.1, 1.0)
+    left, right = (_posture(arm, meeting) for arm in ARMS)
+    assert not checker.is_free(first, left, right)
+    second = free_motion(checker, ARMS, [], left, right)
+    assert checker.is_free(second, left, right)
+    assert not checker.is_free(first, left, right)
+    assert np.array_equal(first.least_distance_m, kept)

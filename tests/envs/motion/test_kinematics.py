@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from lerobot_env_bimanual.robots.jacobian import hand_frames
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
@@ -21,18 +20,20 @@ def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):
             assert np.abs(pose[:3, :3] - data.site_xmat[site].reshape(3, 3)).max() < 1e-6
 
 
-def test_batched_frames_are_the_forward_kinematics(kinematics, postures):
-    poses, _ = hand_frames(postures)
+def test_batched_poses_are_the_forward_kinematics(kinematics, postures):
+    poses, _ = kinematics.poses_and_jacobians(postures)
     for posture, pose in zip(postures, poses, strict=True):
         assert np.allclose(pose, kinematics.in_base(kinematics.fk(posture)), atol=1e-9)
 
 
-def test_the_jacobian_is_the_derivative_of_the_frames(postures):
-    poses, jacobian = hand_frames(postures)
+def test_the_jacobian_is_the_derivative_of_the_poses(kinematics, postures):
+    poses, jacobian = kinematics.poses_and_jacobians(postures)
     for joint in range(7):
         step = np.zeros(7)
         step[joint] = 1e-6
-        after, before = hand_frames(postures + step)[0], hand_frames(postures - step)[0]
+        after, before = (
+            kinematics.poses_and_jacobians(moved)[0] for moved in (postures + step, postures - step)
+        )
         velocity = (after - before) / 2e-6
         assert np.allclose(velocity[:, :3, 3], jacobian[:, :3, joint], atol=1e-6)
         turning = np.cross(jacobian[:, 3:, joint, None], poses[:, :3, :3], axis=1)

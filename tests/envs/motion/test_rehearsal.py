@@ -6,7 +6,7 @@ import pytest
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.episode.rehearsal import Rehearsal, RehearsalScene
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal, RehearsalView
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -31,7 +31,7 @@ def _pick_up(view: Scene, above: Pose = GRASP):
 @CODECS
 def test_a_feasible_script_passes_and_leaves_the_scene_alone(table_scene, codec):
     before = table_scene.state_hash()
-    assert Rehearsal(table_scene, [codec]).objection(_pick_up) is None
+    assert Rehearsal(table_scene, [codec]).infeasibility(_pick_up) is None
     assert table_scene.state_hash() == before
 
 
@@ -47,7 +47,7 @@ def test_a_grasped_prop_moves_with_the_hand_until_it_is_released(table_scene, co
         yield Stage("away", left=GRASP.translated((0, 0, 0.3)))
         heights.append(view.pose("block").position[2])
 
-    assert Rehearsal(table_scene, [codec]).objection(script) is None
+    assert Rehearsal(table_scene, [codec]).infeasibility(script) is None
     assert heights == pytest.approx([0.79, 0.79, 0.99, 0.99], abs=0.006)
 
 
@@ -55,13 +55,13 @@ def test_a_script_reads_where_the_rehearsed_arms_are(table_scene):
     seen = []
 
     def script(view):
-        assert isinstance(view, RehearsalScene)
+        assert isinstance(view, RehearsalView)
         yield Stage("hover", left=GRASP.translated((0, 0, 0.1)), planned=True)
         seen.append((view.tcp(Arm.LEFT), view.gripper_opening(Arm.LEFT)))
         yield Stage("close", left_open=False)
         seen.append((view.tcp(Arm.LEFT), view.gripper_opening(Arm.LEFT)))
 
-    assert Rehearsal(table_scene).objection(script) is None
+    assert Rehearsal(table_scene).infeasibility(script) is None
     for (tcp, opening), expected in zip(seen, (1, 0), strict=True):
         assert np.allclose(tcp.position, GRASP.translated((0, 0, 0.1)).position, atol=1e-6)
         assert opening == expected
@@ -77,7 +77,9 @@ def test_a_script_reads_where_the_rehearsed_arms_are(table_scene):
     ],
 )
 def test_placements_out_of_reach_are_rejected_with_a_reason(table_scene, offset, reason, codec):
-    result = Rehearsal(table_scene, [codec]).objection(lambda view: _pick_up(view, GRASP.translated(offset)))
+    result = Rehearsal(table_scene, [codec]).infeasibility(
+        lambda view: _pick_up(view, GRASP.translated(offset))
+    )
     assert result is None if reason is None else re.match(reason, result or "")
 
 
@@ -86,12 +88,12 @@ def test_a_hand_in_the_table_is_rejected(table_scene):
         yield Stage("hover", left=GRASP.translated((0, 0, 0.1)), planned=True)
         yield Stage("down", left=GRASP.translated((0.1, 0, -0.07)))
 
-    assert "collision" in (Rehearsal(table_scene).objection(script) or "")
+    assert "collision" in (Rehearsal(table_scene).infeasibility(script) or "")
 
 
 def test_a_planned_goal_inside_a_prop_is_rejected(table_scene):
     table_scene.place("wall", Pose.upright((0.2, 0.2, 0.915)))
-    assert Rehearsal(table_scene).objection(_pick_up) == "hover: no collision-free posture"
+    assert Rehearsal(table_scene).infeasibility(_pick_up) == "hover: no collision-free posture"
 
 
 def test_postures_near_joint_limits_are_rejected(table_scene):
@@ -101,12 +103,12 @@ def test_postures_near_joint_limits_are_rejected(table_scene):
     verdicts = []
     for angle in np.deg2rad(np.arange(0, 180, 15)):
         turn = Pose.upright((0, 0, 0), angle)
-        verdicts.append(Rehearsal(table_scene).objection(script))
+        verdicts.append(Rehearsal(table_scene).infeasibility(script))
     assert verdicts[0] is None
     assert any(verdict is not None for verdict in verdicts)
 
 
-def test_one_objection_among_several_codecs_is_enough(table_scene):
+def test_one_infeasible_codec_among_several_is_enough(table_scene):
     placed = [
         Pose.upright((0.2, 0.2, 0.79)),
         Pose.upright((0.45, 0.25, 0.79)),
@@ -119,8 +121,8 @@ def test_one_objection_among_several_codecs_is_enough(table_scene):
         def script(view, grasp=grasp):
             yield from _pick_up(view, grasp)
 
-        alone = [Rehearsal(table_scene, [codec]).objection(script) for codec in (None, KeyposeCodec())]
-        together = Rehearsal(table_scene, [None, KeyposeCodec()]).objection(script)
+        alone = [Rehearsal(table_scene, [codec]).infeasibility(script) for codec in (None, KeyposeCodec())]
+        together = Rehearsal(table_scene, [None, KeyposeCodec()]).infeasibility(script)
         assert (together is None) == (alone == [None, None])
         assert together in alone
 
@@ -128,7 +130,7 @@ def test_one_objection_among_several_codecs_is_enough(table_scene):
 def test_a_rehearsal_forgets_the_one_before(table_scene):
     rehearsal = Rehearsal(table_scene, [None, KeyposeCodec()])
     far = Pose.looking((0.6, 0.45, 0.815), approach=(0, 0, -1), opening=(1, 0, 0))
-    verdicts = [rehearsal.objection(lambda view, at=at: _pick_up(view, at)) for at in (GRASP, far, GRASP)]
+    verdicts = [rehearsal.infeasibility(lambda view, at=at: _pick_up(view, at)) for at in (GRASP, far, GRASP)]
     assert verdicts[0] is verdicts[2] is None
     assert verdicts[1] is not None
 
@@ -137,5 +139,5 @@ def test_a_prop_in_an_arm_or_right_beside_it_is_rejected(table_scene):
     link = table_scene.data.body("left_link5").xpos
     for outward_m, expected in ((0.0, "too close"), (0.6, "None")):
         table_scene.place("wall", Pose.upright(np.add(link, (0, outward_m, 0))))
-        objection = Rehearsal(table_scene).objection(lambda view: iter(()))
-        assert str(objection).startswith(expected)
+        reason = Rehearsal(table_scene).infeasibility(lambda view: iter(()))
+        assert str(reason).startswith(expected)

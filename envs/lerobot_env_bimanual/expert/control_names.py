@@ -1,0 +1,6 @@
+"""Who can play an episode: the expert, and the controls that stand beside it."""
+
+from typing import Literal, get_args
+
+ControlName = Literal["expert", "blind", "random", "noop", "freeze_left", "freeze_right"]
+CONTROLS: tuple[ControlName, ...] = get_args(ControlName)

@@ -1,0 +1,78 @@
+"""The cameras that stand in the room, and the calibration of all five."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.world.scene_view import SceneView
+
+OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+"""MuJoCo's camera axes (x right, y up, z backward) as columns in OpenCV's (x right, y down, z forward)."""
+
+
+@dataclass(frozen=True)
+class FixedCamera:
+    """A camera that stands in the room.
+
+    Attributes:
+        name: one of `lerobot_bimanual.cameras.CAMERA_NAMES`.
+        position: (3,) world, m.
+        target: (3,) world point in the middle of the image, m.
+        fovy_deg: vertical field of view.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fovy_deg: float
+
+    def add_to(self, world: mujoco.MjsBody) -> None:
+        """Write it into the world's body."""
+        backward = np.subtract(self.position, self.target)  # MuJoCo cameras look along -z
+        backward = backward / np.linalg.norm(backward)
+        right = np.cross((0, 0, 1), backward)
+        right = right / np.linalg.norm(right)
+        rotation = np.column_stack([right, np.cross(backward, right), backward])
+        world.add_camera(
+            name=self.name,
+            pos=self.position,
+            quat=matrix_to_quat_wxyz(rotation),
+            fovy=self.fovy_deg,
+        )
+
+
+# The arms stand on the x axis and look at each other, so the room is seen from between them (front, -y) and from
+# over each base on the far side (+y): the three views are about 120 degrees apart and every prop shows its face to
+# at least one of them.
+FIXED_CAMERAS = (
+    FixedCamera("front", (0.27, -1.42, 1.62), (0.27, 0.0, 1.00), 48.0),
+    FixedCamera("left_shoulder", (-0.72, 1.00, 1.72), (0.24, 0.00, 0.96), 48.0),
+    FixedCamera("right_shoulder", (1.26, 0.92, 1.72), (0.28, 0.00, 0.96), 48.0),
+)
+
+
+def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where the five cameras are now, and how they project.
+
+    Args:
+        view: the scene.
+        height: of the images, pixels.
+        width: of the images, pixels.
+
+    Returns:
+        Extrinsics (80,) float32: world_T_camera of every camera of `CAMERA_NAMES`, row-major 4x4, OpenCV axes.
+        Intrinsics (45,) float32: their row-major 3x3 pinhole matrices in pixels.
+    """
+    extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
+    intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
+    for index, name in enumerate(CAMERA_NAMES):
+        camera = view.model.camera(name).id
+        extrinsics[index, :3, :3] = view.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
+        extrinsics[index, :3, 3] = view.data.cam_xpos[camera]
+        extrinsics[index, 3, 3] = 1
+        intrinsics[index] = intrinsics_from_fovy(np.deg2rad(view.model.cam_fovy[camera]), height, width)
+    return extrinsics.astype(np.float32).ravel(), intrinsics.astype(np.float32).ravel()
