@@ -26,6 +26,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when Nu
 import datasets.config
 import numpy as np
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot_env_bimanual.generation.worker import load_libraries
 from recording_jobs import PlainWriter, record
 from rich.console import Console
 from rich.table import Table
@@ -35,7 +36,6 @@ from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.commands.generate import GenerateConfig
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.worker import load_libraries
 
 RUNS = {
     "keyframes": ("keyframes", ViewWriter),

@@ -25,6 +25,7 @@ from typing import Any, Literal
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
 import numpy as np
+from lerobot_env_bimanual.generation.worker import load_libraries
 from numpy.typing import NDArray
 from recording_jobs import STAGES, PlainWriter, Recording, record
 from rich.console import Console
@@ -33,7 +34,6 @@ from rich.table import Table
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.commands.generate import GenerateConfig
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.worker import load_libraries
 
 type View = Literal["frames", "keyframes", "both"]
 

@@ -13,6 +13,9 @@ from unittest import mock
 
 import numpy as np
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot_env_bimanual.generation.candidates import next_round
+from lerobot_env_bimanual.generation.merging import merge_shards
+from lerobot_env_bimanual.generation.sealing import read_sealed
 from numpy.typing import NDArray
 
 import lerobot_bimanual.dataset.writer
@@ -21,10 +24,7 @@ from lerobot_bimanual.dataset.video import EpisodeVideoEncoder
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation import shards
-from lerobot_env_bimanual.generation.candidates import next_round
 from lerobot_env_bimanual.generation.executor import MergeJob
-from lerobot_env_bimanual.generation.merging import merge_shards
-from lerobot_env_bimanual.generation.sealing import read_sealed
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 STAGES = ("physics and planning", "rendering", "encoding", "writing", "checking")

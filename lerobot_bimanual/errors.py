@@ -1,10 +1,19 @@
 """Errors that users see: each says what was got, what is allowed and how to go on."""
 
 from collections.abc import Iterable
+from typing import Any
 
 
 class BimanualError(Exception):
     """Base of all errors raised on purpose; the command line prints them as one line."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel between processes as a message; by default an error is made again from its constructor's arguments."""
+        return _from_message, (type(self), self.args), vars(self)
+
+
+def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualError:
+    return kind.__new__(kind, *args)
 
 
 def _choices(valid: Iterable[str]) -> str:

@@ -1,6 +1,5 @@
 """The dataset card, `README.md`: what a stranger needs to use a dataset and to make it again."""
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.picture import PICTURE_FILE, write_picture
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.reader import INFO_FILE
+from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
 
@@ -68,9 +67,9 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
     provenance = Provenance.read(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
-    info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
     write_picture(root)
-    (root / CARD_FILE).write_text(dataset_card(provenance, info, repo_id, tags), encoding="utf-8")
+    text = dataset_card(provenance, read_info(root), repo_id, tags)
+    (root / CARD_FILE).write_text(text, encoding="utf-8")
 
 
 def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequence[str] = ()) -> str:
@@ -117,8 +116,10 @@ def _summary(provenance: Provenance, info: dict) -> Iterable[str]:
     fractions = provenance.settings.get("intermediate") or ()
     intermediate = f" and the rows at {', '.join(map(str, fractions))} of each motion" if fractions else ""
     yield VIEW_TEXT[provenance.view].format(intermediate=intermediate.replace(" and the", ", the"))
-    counts = Counter((recipe.task, recipe.variation) for recipe in provenance.episodes)
-    yield _table(("task", "variation", "episodes"), ((*key, count) for key, count in sorted(counts.items())))
+    counts = Counter((key.task, key.variation) for key in provenance.episodes)
+    yield _table(
+        ("task", "variation", "episodes"), ((*which, count) for which, count in sorted(counts.items()))
+    )
 
 
 def _use(provenance: Provenance, repo_id: str) -> Iterable[str]:
@@ -168,7 +169,7 @@ def _origin(provenance: Provenance) -> Iterable[str]:
     versions = ", ".join(f"{package} {version}" for package, version in provenance.versions.items())
     yield f"Generated with {versions} (schema version {provenance.schema_version}) by"
     yield f"```bash\n{provenance.command}\n```"
-    seeds = [recipe.seed for recipe in provenance.episodes]
+    seeds = [key.seed for key in provenance.episodes]
     yield (
         f"Seeds {min(seeds)} to {max(seeds)} of the split `{provenance.episodes[0].split}`; "
         f"{len(provenance.skipped)} of them were skipped because the expert did not solve them. The recipe of "

@@ -1,7 +1,6 @@
 """Decodes the images of a dataset, one after the other, from videos or from tables."""
 
 import io
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lerobot_bimanual.dataset.reader import INFO_FILE, episode_table, read_table
+from lerobot_bimanual.dataset.reader import episode_table, read_info, read_table
 from lerobot_bimanual.errors import DatasetError
 
 DEPTH_CODES = 2**12
@@ -29,7 +28,7 @@ class ImageReader:
 
     def __init__(self, root: str | Path):
         self.root = Path(root)
-        self._info = json.loads((self.root / INFO_FILE).read_text(encoding="utf-8"))
+        self._info = read_info(self.root)
         features = self._info["features"]
         self._images: dict[str, dict[str, Any]] = {
             key: feature for key, feature in features.items() if feature["dtype"] in ("video", "image")

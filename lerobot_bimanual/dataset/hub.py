@@ -7,7 +7,6 @@ always validated at huggingface.co, so its push to another Hub ends after the up
 """
 
 import contextlib
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -22,8 +21,8 @@ from huggingface_hub.errors import (
 from huggingface_hub.utils import validate_repo_id
 
 from lerobot_bimanual.dataset.card import write_card
-from lerobot_bimanual.dataset.reader import INFO_FILE, RecordedDataset
-from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
+from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.errors import BimanualError, DatasetError
 
 DATASET_FILES = ("data/*", "meta/*", "videos/*")
@@ -37,8 +36,7 @@ def pushable_folder(root: Path) -> Path:
         DatasetError: there is none, there are two, or it has no provenance.
         SchemaMismatch: the dataset is of another package or version.
     """
-    views = [root / view for view in VIEWS if (root / view / INFO_FILE).is_file()]
-    if views:
+    if views := views_below(root):
         raise DatasetError(
             f"{root} holds {' and '.join(map(str, views))}; push each to a repository of its own, "
             f"for example with --root={views[-1]}"
@@ -119,7 +117,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
             commit_message="Upload dataset with lerobot_bimanual",
         )
         if branch is None:
-            version = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))["codebase_version"]
+            version = read_info(root)["codebase_version"]
             with contextlib.suppress(RevisionNotFoundError):
                 hub.delete_tag(repo_id, tag=version, repo_type="dataset")
             hub.create_tag(repo_id, tag=version, repo_type="dataset")

@@ -17,9 +17,9 @@ SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "fr
 STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """What regenerates one episode, given the versions."""
+@dataclass(frozen=True, order=True)
+class EpisodeKey:
+    """What identifies one episode, and regenerates it, given the versions."""
 
     task: str
     variation: int
@@ -28,14 +28,15 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class SkippedSeed:
+class SkippedSeed(EpisodeKey):
     """A seed that was tried and gave no episode."""
 
-    task: str
-    variation: int
-    split: str
-    seed: int
     reason: str
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode that it did not give."""
+        return EpisodeKey(self.task, self.variation, self.split, self.seed)
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Provenance:
         versions: package -> version, of `STAMPED_PACKAGES`.
         settings: what was asked for, by option name; equal settings and versions give an equal dataset.
         command: the command line that regenerates it.
-        episodes: recipe of each episode, in order of the episode index.
+        episodes: key of each episode, in order of the episode index.
         skipped: seeds that failed, with the reason.
     """
 
@@ -57,7 +58,7 @@ class Provenance:
     versions: Mapping[str, str]
     settings: Mapping[str, Any]
     command: str
-    episodes: Sequence[Recipe]
+    episodes: Sequence[EpisodeKey]
     skipped: Sequence[SkippedSeed]
 
     @classmethod
@@ -72,20 +73,31 @@ class Provenance:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Provenance from its file, wherever it lies: the recipe of a dataset.
+        """Provenance from its file, wherever it lies.
 
         Raises:
             SchemaMismatch: the file has another form than this version writes, or cannot be read.
         """
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            episodes = [Recipe(**recipe) for recipe in content.pop("episodes")]
+            if not all(isinstance(content[name], dict) for name in ("versions", "settings")):
+                raise TypeError("versions and settings must be objects")
+            episodes = [EpisodeKey(**key) for key in content.pop("episodes")]
             skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
             return cls(**content, episodes=episodes, skipped=skipped)
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise SchemaMismatch(
                 f"{path} is not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
             ) from error
+
+    def other_versions(self) -> dict[str, tuple[str, str]]:
+        """Packages that decide what a seed means and differ here: package -> (recorded, installed) version."""
+        installed = installed_versions()
+        return {
+            package: (recorded, installed[package])
+            for package in SIMULATION_PACKAGES
+            if (recorded := self.versions.get(package, "none")) != installed[package]
+        }
 
     def write(self, root: Path) -> None:
         """Store it in a dataset's folder."""

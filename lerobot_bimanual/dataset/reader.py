@@ -24,9 +24,9 @@ class RecordedEpisode:
     """Everything but the images of one stored episode.
 
     Attributes:
-        index: Episode index in its dataset.
-        meta: What the episode is.
-        columns: Schema key -> (rows, n) float32 of a vector, or (rows,) of a scalar.
+        index: episode index in its dataset.
+        meta: what the episode is.
+        columns: schema key -> (rows, n) float32 of a vector, or (rows,) of a scalar.
     """
 
     index: int
@@ -45,26 +45,26 @@ class RecordedDataset:
     long as all vectors and scalars of the schema are there.
 
     Attributes:
-        root: Folder with `meta/info.json`.
-        view: Which rows are stored.
-        cameras: Cameras with an RGB image, in stored order.
-        provenance: Where the dataset comes from, if it still says so.
+        root: folder with `meta/info.json`.
+        info: content of that file.
+        view: which rows are stored.
+        cameras: cameras with an RGB image, in stored order.
+        provenance: where the dataset comes from, if it still says so.
 
     Raises:
-        DatasetError: There is no dataset at `root`, or its table of episodes is damaged.
-        SchemaMismatch: The dataset is not ours, or of another schema version; the message lists what differs.
+        DatasetError: there is no dataset at `root`, or its table of episodes is damaged.
+        SchemaMismatch: the dataset is not ours, or of another schema version; the message lists what differs.
     """
 
     def __init__(self, root: str | Path):
         self.root = Path(root)
-        info = _read_info(self.root)
-        check_features(info["features"], self.root)
-        images = {k: f for k, f in info["features"].items() if f["dtype"] in ("video", "image")}
+        self.info = read_info(self.root)
+        check_features(self.info["features"], self.root)
+        images = {k: f for k, f in self.info["features"].items() if f["dtype"] in ("video", "image")}
         self.view: View = "frames" if any(f["dtype"] == "video" for f in images.values()) else "keyframes"
         rgb_keys = [key for key in images if not (images[key].get("info") or {}).get("is_depth_map")]
         self.cameras = tuple(key.removeprefix(schema.IMAGE_PREFIX) for key in rgb_keys)
         self.provenance = Provenance.read(self.root)
-        self._data_path = info["data_path"]
         columns = ["episode_index", "length", "tasks", "data/chunk_index", "data/file_index"]
         self._index = episode_table(self.root, columns)
 
@@ -76,12 +76,12 @@ class RecordedDataset:
         """Read one episode.
 
         Raises:
-            DatasetError: There is no such episode, or its file is damaged.
+            DatasetError: there is no such episode, or its file is damaged.
         """
         if not 0 <= index < len(self):
             raise DatasetError(f"{self.root} has episodes 0 to {len(self) - 1}, but not {index}")
         entry = self._index.slice(index, 1).to_pylist()[0]
-        path = self._data_path.format(
+        path = self.info["data_path"].format(
             chunk_index=entry["data/chunk_index"], file_index=entry["data/file_index"]
         )
         table = read_table(
@@ -109,11 +109,34 @@ class RecordedDataset:
         yield from map(self.episode, range(len(self)) if indices is None else indices)
 
 
+def read_info(root: Path) -> dict[str, Any]:
+    """LeRobot's description of a dataset, `meta/info.json`.
+
+    Raises:
+        DatasetError: it is missing or damaged.
+    """
+    path = root / INFO_FILE
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"no LeRobot dataset at {root}: cannot read {path} ({error})") from error
+    if not isinstance(info, dict) or not isinstance(info.get("features"), dict):
+        raise DatasetError(
+            f"{path} does not describe the features of a dataset: restore it, or generate it again"
+        )
+    return info
+
+
+def views_below(root: Path) -> list[Path]:
+    """Folders of the views that lie side by side below `root`."""
+    return [root / view for view in VIEWS if (root / view / INFO_FILE).is_file()]
+
+
 def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     """Folder of a dataset below `root`: `root` itself, or the first of `root/<view>` that exists.
 
     Raises:
-        DatasetError: There is none.
+        DatasetError: there is none.
     """
     candidates = [Path(root), *(Path(root, view) for view in preferred)]
     for candidate in candidates:
@@ -128,7 +151,7 @@ def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
     """Compare the feature table of a dataset with the schema.
 
     Raises:
-        SchemaMismatch: A vector or scalar is missing or different, or the version is another one.
+        SchemaMismatch: a vector or scalar is missing or different, or the version is another one.
     """
     expected = schema.features((), 0, 0, "frames")
     differences = []
@@ -155,7 +178,7 @@ def episode_table(root: Path, columns: list[str]) -> pa.Table:
     """Some columns of LeRobot's table of episodes, one row per episode in order.
 
     Raises:
-        DatasetError: There is none, or a file of it is damaged.
+        DatasetError: there is none, or a file of it is damaged.
     """
     files = sorted(root.glob("meta/episodes/*/*.parquet"))
     if not files:
@@ -168,7 +191,7 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     """A Parquet file.
 
     Raises:
-        DatasetError: It is missing or damaged.
+        DatasetError: it is missing or damaged.
     """
     try:
         return pq.read_table(path, **options)
@@ -176,14 +199,6 @@ def read_table(path: Path, **options: Any) -> pa.Table:
         raise DatasetError(
             f"{path} is missing or damaged: restore it, or generate the dataset again ({error})"
         ) from error
-
-
-def _read_info(root: Path) -> dict[str, Any]:
-    path = root / INFO_FILE
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DatasetError(f"no LeRobot dataset at {root}: cannot read {path} ({error})") from error
 
 
 def _plain(value: object) -> object:

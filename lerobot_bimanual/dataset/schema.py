@@ -75,7 +75,7 @@ SCALARS: dict[str, str] = {
 }
 """Columns of shape (1,) and their dtype.
 
-From the last four the environment makes the episode again, bit for bit. They are
+The last four are an episode's key: the environment regenerates the episode from them, bit for bit. They are
 columns, and not side files, because columns survive every tool that merges, splits or subsets datasets.
 """
 

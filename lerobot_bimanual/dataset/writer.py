@@ -1,6 +1,5 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from lerobot.datasets.dataset_writer import DatasetWriter
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import INFO_FILE, episode_table
+from lerobot_bimanual.dataset.reader import episode_table, read_info
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, count_frames, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
@@ -126,7 +125,7 @@ def check_videos(root: Path) -> None:
     Raises:
         DatasetError: they differ; the message names the file and both numbers.
     """
-    info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
+    info = read_info(root)
     for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
         chunk, file = f"videos/{key}/chunk_index", f"videos/{key}/file_index"
         rows = Counter()

@@ -11,7 +11,7 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
-from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
 from lerobot_bimanual.errors import DatasetError
 
 COMMAND = "lerobot-bimanual generate --task=lift_ball"
@@ -28,7 +28,7 @@ def root(request, datasets, tmp_path: Path) -> Path:
         versions=installed_versions(),
         settings={"episodes": 2, "intermediate": [0.5]},
         command=COMMAND,
-        episodes=[Recipe("lift_ball", 0, "train", 0), Recipe("lift_ball", 0, "train", 2)],
+        episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],
         skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
     ).write(root)
     return root

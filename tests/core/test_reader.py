@@ -12,7 +12,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.provenance import Provenance, Recipe, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
@@ -72,6 +72,15 @@ def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
         find_view(tmp_path)
 
 
+@pytest.mark.parametrize("text", ["[]", "{}", '{"features": []}', "{", ""])
+def test_a_description_that_is_none_is_an_error(datasets, tmp_path, text) -> None:
+    shutil.copytree(datasets["frames"], tmp_path / "copy")
+    (tmp_path / "copy/meta/info.json").write_text(text)
+    for reader in (RecordedDataset, ImageReader):
+        with pytest.raises(DatasetError, match=r"meta/info\.json"):
+            reader(tmp_path / "copy")
+
+
 def test_a_view_is_found_at_the_root_or_below(datasets) -> None:
     root = datasets["frames"].parent
     assert find_view(root, ("keyframes", "frames")) == datasets["keyframes"]
@@ -109,7 +118,7 @@ def provenance() -> Provenance:
         versions=installed_versions(),
         settings={"episodes": 2, "intermediate": [0.5]},
         command="lerobot-bimanual generate --task=lift_ball",
-        episodes=[Recipe("lift_ball", 0, "train", 0), Recipe("lift_ball", 0, "train", 2)],
+        episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],
         skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
     )
 

@@ -1,11 +1,17 @@
-"""A small generated dataset and flags of small policies, shared by the tests."""
+"""A small generated dataset, somebody who records in the test's own process, and flags of small policies."""
 
 import hashlib
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+from lerobot_env_bimanual.generation.executor import MergeJob
+from lerobot_env_bimanual.generation.merge import merge_shards
+from lerobot_env_bimanual.generation.plan import Shard
+from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 TINY_PERACT = (
     "--policy.voxel_size=10",
@@ -60,6 +66,61 @@ def generation(root: Path, **options) -> GenerateConfig:
 def small_generation():
     """Builds the options of the small dataset for a root folder."""
     return generation
+
+
+class RecordsHere:
+    """An executor that works in the calling process and keeps a list of what it was asked to record.
+
+    Args:
+        order: brings the shards of a round into the order in which they are recorded.
+        after: called with the folder of all shards after each of them.
+        patience: shards that may be recorded before it is interrupted.
+    """
+
+    def __init__(
+        self,
+        order: Callable[[Sequence[Shard]], Iterator[Shard]] = iter,
+        after: Callable[[Path], object] = lambda _: None,
+        patience: int = 1000,
+    ):
+        self.recorded: list[str] = []
+        self.successes = 0
+        self.cpu_seconds = 1.0
+        self._shards = ShardRecorder()
+        self._order, self._after, self._patience = order, after, patience
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._shards.close()
+
+    def record(
+        self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
+    ) -> Iterator[None]:
+        for shard in self._order(shards):
+            if len(self.recorded) == self._patience:
+                raise KeyboardInterrupt
+            self._shards.record(settings, shard, folder(shard.name), self._count)
+            self.recorded.append(shard.name)
+            self._after(folder(shard.name).parent)
+            yield
+
+    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
+        if len(self.recorded) == self._patience:
+            raise KeyboardInterrupt
+        for job in jobs:
+            merge_shards(job)
+            yield
+
+    def _count(self) -> None:
+        self.successes += 1
+
+
+@pytest.fixture(scope="session")
+def records_here() -> type[RecordsHere]:
+    """The class of an executor that records in this process."""
+    return RecordsHere
 
 
 @pytest.fixture(scope="session")

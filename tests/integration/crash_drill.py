@@ -17,16 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
+from lerobot_env_bimanual import workers
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
-from lerobot_env_bimanual.generation import merging, process_executor, shards, worker  # noqa: F401
+from lerobot_env_bimanual.generation import merge, shard  # noqa: F401  what a worker would import
 
 SHARDS = 4
 
 
 def main(folder: Path, kills: int, seed: int) -> dict[str, object]:
     """Kill runs until there were enough kills, and compare every dataset that was finished."""
-    process_executor.START_METHOD = "fork"
-    worker.load_libraries()
+    workers.START_METHOD = "fork"
     undisturbed = folder / "undisturbed" / "drill"
     start = time.monotonic()
     assert run(undisturbed) is None

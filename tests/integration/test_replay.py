@@ -13,8 +13,11 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.commands.replay import ReplayConfig, parse_episodes, replay
-from lerobot_env_bimanual.generation.replaying import Replayer, keyposes_of
+from lerobot_env_bimanual.commands.replay import ReplayConfig, parse_episodes
+from lerobot_env_bimanual.commands.replay import replay as replay_verb
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.replay import replay
+from lerobot_env_bimanual.verification.replayer import Replayer, hashes_of, keyposes_of
 
 pytestmark = pytest.mark.sim
 
@@ -22,14 +25,15 @@ pytestmark = pytest.mark.sim
 def test_every_recorded_episode_replays_tick_by_tick(generated) -> None:
     replayer, recorded = Replayer(generated / "frames", "joint"), RecordedDataset(generated / "frames")
     for index in (2, 0, 1):
-        result = replayer.replay(index)
+        meta, result = replayer.replay(index)
         assert result.matches
-        assert (result.meta.seed, result.ticks) == (index, len(recorded.episode(index)))
+        assert (meta.seed, result.ticks) == (index, len(recorded.episode(index)))
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
 def test_recorded_keyposes_replay_to_the_same_final_state(generated, view: schema.View) -> None:
-    assert Replayer(generated / view, "keypose").replay(1).matches
+    _, result = Replayer(generated / view, "keypose").replay(1)
+    assert result.matches
 
 
 def test_both_views_know_the_same_keyposes(generated) -> None:
@@ -41,7 +45,7 @@ def test_both_views_know_the_same_keyposes(generated) -> None:
 
 
 def test_the_verb_prints_a_table_and_succeeds(generated, capsys) -> None:
-    assert replay(ReplayConfig(root=generated, workers=1)) == 0
+    assert replay_verb(ReplayConfig(root=generated, workers=1)) == 0
     printed = capsys.readouterr().out
     assert "lift_ball" in printed
     assert "warning" not in printed
@@ -65,22 +69,33 @@ def tampered(generated, tmp_path) -> Path:
 
 def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
     replayer = Replayer(tampered, "joint")
-    assert replayer.replay(0).matches
-    assert replayer.replay(1).divergence == 30
+    (_, whole), (_, changed) = map(replayer.replay, (0, 1))
+    assert whole.matches
+    assert changed.divergence == 30
 
 
 def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
-    assert replay(ReplayConfig(root=tampered, episodes="1", workers=1)) == 1
+    assert replay_verb(ReplayConfig(root=tampered, episodes="1", workers=1)) == 1
     assert "episode 1 (lift_ball, seed 1): other state after tick 30" in capsys.readouterr().out
 
 
-def test_actions_that_go_on_after_the_end_are_a_divergence(generated, monkeypatch) -> None:
+@pytest.mark.parametrize("mode", ["joint", "keypose"])
+def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(generated, mode) -> None:
     recorded = RecordedDataset(generated / "frames").episode(2)
-    columns = {key: np.concatenate([column, column[-1:]]) for key, column in recorded.columns.items()}
-    replayer = Replayer(generated / "frames", "joint")
-    longer = type(recorded)(recorded.index, recorded.meta, columns)
-    monkeypatch.setattr(RecordedDataset, "episode", lambda *_: longer)
-    assert replayer.replay(2).divergence == len(recorded)
+    meta, length, hashes = recorded.meta, len(recorded), hashes_of(recorded, "frames")
+    actions = keyposes_of(recorded, "frames") if mode == "keypose" else recorded.columns[schema.ACTION]
+    env = BimanualEnv(meta.task, split=meta.split, obs="state", control_mode=mode)
+
+    def divergence(actions, hashes) -> int | None:
+        return replay(env, meta.seed, meta.variation, actions, hashes).divergence
+
+    assert divergence(actions, hashes) is None
+    assert divergence([*actions, actions[-1]], hashes) is None  # nobody takes it: the episode is over
+    assert divergence(actions, hashes | {length + 1: hashes[length]}) == length
+    assert divergence(actions[:-1], hashes) is not None
+    shorter = {ticks: state_hash for ticks, state_hash in hashes.items() if ticks < length}
+    assert divergence(actions, shorter) == length - 1
+    env.close()
 
 
 def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
@@ -90,13 +105,13 @@ def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
     provenance = json.loads(path.read_text())
     provenance["versions"]["mujoco"] = "1.2.3"
     path.write_text(json.dumps(provenance))
-    assert replay(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert replay_verb(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
     assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
 
 
 def test_joint_actions_need_the_view_frames(generated) -> None:
     with pytest.raises(DatasetError, match="--replay=keypose"):
-        replay(ReplayConfig(root=generated / "keyframes"))
+        replay_verb(ReplayConfig(root=generated / "keyframes"))
 
 
 def test_episodes_are_chosen_by_index_or_range() -> None:

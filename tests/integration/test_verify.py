@@ -15,13 +15,12 @@ from PIL import Image
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import content_hash
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
-from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, generation_config, regenerate
+from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
-from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.verifying import Verifier, verify_metadata
+from lerobot_env_bimanual.verification.verifier import Verifier, verify_metadata
 
 pytestmark = pytest.mark.sim
 
@@ -280,7 +279,7 @@ def test_a_row_out_of_order_and_one_of_another_episode_are_found(copy) -> None:
     edit(root, schema.SEED, reseed)
     assert faults_of(root) == {
         "rows": "7: tick does not follow the row before (and 2 more rows)",
-        "recipe": "9: seed changes within the episode",
+        "episode key": "9: seed changes within the episode",
     }
 
 
@@ -327,55 +326,70 @@ def test_the_verb_fails_and_says_where(copy, capsys) -> None:
     assert "observations" not in printed
 
 
-# -- recipes ------------------------------------------------------------------------------------------------
+# -- once more, from the provenance -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def provenance(generated, tmp_path) -> Path:
+    """The file that says where the small dataset comes from, alone."""
+    return Path(shutil.copyfile(generated / "frames" / PROVENANCE_FILE, tmp_path / "small.json"))
 
 
 @pytest.mark.slow
-def test_a_recipe_makes_the_same_dataset_again(generated, tmp_path) -> None:
-    recipe = tmp_path / "recipe.json"
-    shutil.copyfile(generated / "keyframes" / PROVENANCE_FILE, recipe)
-    regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "again", workers=2))
-    for view in schema.VIEWS:
-        assert content_hash(tmp_path / "again" / view) == content_hash(generated / view)
+def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_path, tree_hashes) -> None:
+    root = tmp_path / "small"
+    regenerate(RegenerateConfig(provenance=provenance, root=root, workers=2))
+    assert tree_hashes(root) == tree_hashes(generated)
 
 
-def test_a_recipe_of_another_simulation_is_refused(generated, tmp_path) -> None:
-    recipe = tmp_path / "recipe.json"
-    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
-    rewrite(recipe, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
+def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -> None:
+    rewrite(provenance, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
     with pytest.raises(DatasetError, match=r"pip install mujoco==1\.2\.3`"):
-        regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "never"))
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert not (tmp_path / "never").exists()
 
 
-def test_the_command_of_a_recipe_is_never_obeyed(generated, tmp_path) -> None:
-    recipe = tmp_path / "recipe.json"
-    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
-    strangers = "lerobot-bimanual generate --task=push_box --push_to_hub --executor=ray --config_path=/etc/x.yaml --root=/"
-    rewrite(recipe, lambda origin: origin.update(command=strangers))
-    options = generation_config(
-        Provenance.load(recipe), RegenerateConfig(recipe=recipe, root=tmp_path / "again", workers=3)
+def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
+    """The settings ask for the small dataset; who records it is up to the user."""
+    workers = []
+    monkeypatch.setattr(
+        "lerobot_env_bimanual.generation.process_executor.ProcessExecutor",
+        lambda count: workers.append(count) or records_here(),
     )
-    assert GenerationSettings.parse(options) == GenerationSettings.from_dict(Provenance.load(recipe).settings)
-    assert not options.push_to_hub
-    assert (options.executor, options.ray_address) == ("processes", None)
-    assert (options.root, options.workers) == (tmp_path / "again", 3)
+    monkeypatch.setattr("lerobot_bimanual.push.push", lambda _: pytest.fail("it must not be pushed"))
+    strangers = (
+        "lerobot-bimanual generate --task=push_box --episodes=99 --push_to_hub --repo_id=some/body --executor=ray "
+        "--config_path=/etc/x.yaml --root=/"
+    )
+    rewrite(provenance, lambda origin: origin.update(command=strangers))
+    rewrite(provenance, lambda origin: origin["settings"].update(views=["keyframes"], episodes=1))
+    rewrite(provenance, lambda origin: origin.update(episodes=origin["episodes"][:1]))
+    regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "again", workers=3))
+    assert workers == [3]
+    made = json.loads((tmp_path / "again" / PROVENANCE_FILE).read_text())
+    assert made["settings"] == json.loads(provenance.read_text())["settings"]
+    assert not any(word in made["command"] for word in ("push", "ray", "config_path"))
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [{"tasks": ["no_such_task"]}, {"episodes": -1}, {"views": []}, {"cameras": 7}, {"command": "ls"}],
+    ("changes", "message"),
+    [
+        ({"tasks": ["no_such_task"]}, "unknown task 'no_such_task'"),
+        ({"episodes": -1}, "episodes is -1"),
+        ({"views": []}, "views is"),
+        ({"cameras": 7}, "cameras is 7"),
+        ({"command": "ls"}, "missing or unknown: command"),
+    ],
 )
-def test_settings_of_no_dataset_are_refused(generated, tmp_path, changes) -> None:
-    recipe = tmp_path / "recipe.json"
-    shutil.copyfile(generated / "frames" / PROVENANCE_FILE, recipe)
-    rewrite(recipe, lambda origin: origin["settings"].update(changes))
-    with pytest.raises(BimanualError):
-        regenerate(RegenerateConfig(recipe=recipe, root=tmp_path / "never"))
+def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, message) -> None:
+    rewrite(provenance, lambda origin: origin["settings"].update(changes))
+    with pytest.raises(DatasetError, match=f"small.json: no dataset has these settings: .*{message}"):
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert not (tmp_path / "never").exists()
 
 
-def test_a_file_that_is_no_recipe_is_refused(tmp_path) -> None:
-    (tmp_path / "notes.json").write_text("[]")
+@pytest.mark.parametrize("text", ["[]", "{}", "not json", '{"settings": 1, "versions": 2}'])
+def test_a_file_that_is_no_provenance_is_refused(tmp_path, text) -> None:
+    (tmp_path / "notes.json").write_text(text)
     with pytest.raises(SchemaMismatch, match=r"notes\.json is not what schema version"):
-        regenerate(RegenerateConfig(recipe=tmp_path / "notes.json", root=tmp_path / "never"))
+        regenerate(RegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,10 +9,14 @@ from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.commands.push import PushConfig, push
+from lerobot_bimanual.dataset.schema import VIEWS
+from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.executor import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
+
+BOTH_VIEWS = "both"
 
 
 @dataclass
@@ -64,42 +67,50 @@ def generate(config: GenerateConfig) -> None:
         lerobot-bimanual generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
     from lerobot_bimanual.dataset.hub import prepare_push
-    from lerobot_env_bimanual.generation.building import build_dataset
-    from lerobot_env_bimanual.generation.settings import GenerationSettings
-    from lerobot_env_bimanual.generation.staging import Staging
 
-    settings = GenerationSettings.parse(config)
+    settings = settings_of(config)
     if config.push_to_hub:
         prepare_push(settings.repo_id, settings.views)
-    with Staging(config.root, settings) as staging:
-        if staging.is_published():
-            staging.remove()
-            print(f"{config.root} is already complete: {settings.total_episodes} episodes")
-        else:
-            start_s = time.monotonic()
-            with make_executor(config) as executor:
-                command = regeneration_command(settings, config.root)
-                reports = build_dataset(settings, command, staging, executor)
-                cpu_minutes = executor.cpu_seconds / 60
-            minutes = (time.monotonic() - start_s) / 60
-            skipped = [seed for report in reports for seed in report.skipped]
-            print(f"{config.root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
-            print(f"{minutes:.2f} minutes, {cpu_minutes:.2f} of CPU time; {_megabytes(config.root):.1f} MB")
-            for seed in skipped:
-                print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
+    make_dataset(settings, config.root, make_executor(config))
     if config.push_to_hub:
         push(PushConfig(root=config.root, repo_id=settings.repo_id))
 
 
-def _megabytes(folder: Path) -> float:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
+def settings_of(config: GenerateConfig) -> GenerationSettings:
+    """The dataset that the options ask for.
+
+    Raises:
+        BimanualError: an option is outside its choices; the message lists them.
+    """
+    from lerobot_env_bimanual.generation.settings import GenerationSettings
+    from lerobot_env_bimanual.options import EnvOptions
+    from lerobot_env_bimanual.tasks.registry import resolve_tasks
+
+    if config.view not in (*VIEWS, BOTH_VIEWS):
+        raise InvalidChoice("view", config.view, (*VIEWS, BOTH_VIEWS))
+    images = EnvOptions(cameras=",".join(config.cameras), image_size=config.image_size)
+    return GenerationSettings(
+        tasks=resolve_tasks(config.task),
+        variation=config.variation,
+        episodes=config.episodes,
+        split=config.split,
+        first_seed=config.first_seed,
+        views=VIEWS if config.view == BOTH_VIEWS else (config.view,),
+        cameras=images.camera_names,
+        height=images.height,
+        width=images.width,
+        intermediate=tuple(map(_fraction, config.intermediate)),
+        discretise=config.discretise,
+        episodes_per_shard=config.episodes_per_shard,
+        repo_id=config.repo_id or f"local/{config.root.name}",
+    )
 
 
 def make_executor(config: GenerateConfig) -> Executor:
     """Who records, as the options say.
 
     Raises:
-        DatasetError: ray is wanted but not installed, or there is no cluster at the address.
+        DatasetError: ray is wanted but not installed.
     """
     if config.executor == "ray":
         from lerobot_env_bimanual.generation.ray_executor import RayExecutor
@@ -110,22 +121,39 @@ def make_executor(config: GenerateConfig) -> Executor:
     return ProcessExecutor(config.workers)
 
 
-def regeneration_command(settings: GenerationSettings, root: Path) -> str:
-    """The command line that makes this dataset, with every option that decides its content."""
-    flags = {
-        "task": ",".join(settings.tasks),
-        "variation": settings.variation,
-        "episodes": settings.episodes,
-        "split": settings.split,
-        "first_seed": settings.first_seed,
-        "view": settings.views[0] if len(settings.views) == 1 else "both",
-        "image_size": f"{settings.height}x{settings.width}",
-        "cameras": ",".join(settings.cameras),
-        "intermediate": ",".join(map(str, settings.intermediate)),
-        "discretise": settings.discretise,
-        "episodes_per_shard": settings.episodes_per_shard,
-        "root": root.name,
-        "repo_id": settings.repo_id,
-    }
-    words = [f"--{name}={value}" for name, value in flags.items() if value != ""]
-    return shlex.join(["lerobot-bimanual", "generate", *words])
+def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -> None:
+    """Make a dataset, or go on with one that was begun, unless it is complete; says what it took.
+
+    Args:
+        settings: what the dataset holds.
+        root: where it will be.
+        executor: who does the work.
+
+    Raises:
+        BimanualError: the place is taken or cannot be written, or something cannot be recorded.
+    """
+    from lerobot_env_bimanual.generation.build import build_dataset
+    from lerobot_env_bimanual.generation.staging import Staging
+
+    start_s = time.monotonic()
+    with Staging(root, settings) as staging:
+        if staging.is_published():
+            staging.remove()
+            print(f"{root} is already complete: {settings.total_episodes} episodes")
+            return
+        with executor:
+            reports = build_dataset(settings, staging, executor)
+    skipped = [seed for report in reports for seed in report.skipped]
+    minutes, cpu_minutes = (time.monotonic() - start_s) / 60, executor.cpu_seconds / 60
+    megabytes = sum(path.stat().st_size for path in root.rglob("*") if path.is_file()) / 1e6
+    print(f"{root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
+    print(f"{minutes:.2f} minutes, {cpu_minutes:.2f} of CPU time; {megabytes:.1f} MB")
+    for seed in skipped:
+        print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
+
+
+def _fraction(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidChoice("intermediate", text, ["fractions between 0 and 1, such as 0.35,0.7"]) from None

@@ -1,4 +1,4 @@
-"""The verb `regenerate`: a dataset from its recipe."""
+"""The verb `regenerate`: a dataset from its provenance."""
 
 from __future__ import annotations
 
@@ -6,95 +6,61 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.errors import BimanualError, DatasetError
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.provenance import Provenance
-    from lerobot_env_bimanual.commands.generate import GenerateConfig
 
 
 @dataclass
 class RegenerateConfig:
     """Options of the verb `regenerate`."""
 
-    recipe: Path = field(kw_only=True)  # file `meta/bimanual.json` of a dataset, or a copy of it
+    provenance: Path = field(kw_only=True)  # file `meta/bimanual.json` of a dataset, or a copy of it
     root: Path = field(kw_only=True)  # new folder of the dataset
     workers: int = 0  # processes; 0 takes one per core
 
 
 def regenerate(config: RegenerateConfig) -> None:
-    """Make a dataset again from its recipe, a file of about a hundred bytes per episode.
+    """Make a dataset again from its provenance, a file of about a hundred bytes per episode.
 
-    The recipe is `meta/bimanual.json`, which `generate` writes into every view; one view's recipe makes all views. The
-    installed simulation must have the versions that the recipe names. Can be interrupted and repeated as `generate`.
+    The file is `meta/bimanual.json`, which `generate` writes into every view; one view's file makes all views. The
+    installed simulation must have the versions that it names. Can be interrupted and repeated as `generate`.
+
+    Only the settings of the dataset are taken from the file. Its command is for people to read and is never run:
+    somebody else's file does not choose what is uploaded where, or which machines work.
 
     Examples:
-        lerobot-bimanual regenerate --recipe=lift_ball.json --root=data/lift_ball
+        lerobot-bimanual regenerate --provenance=lift_ball.json --root=data/lift_ball
     """
     from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_bimanual.dataset.reader import find_view
-    from lerobot_env_bimanual.commands.generate import generate
+    from lerobot_env_bimanual.commands.generate import make_dataset
+    from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
+    from lerobot_env_bimanual.generation.settings import GenerationSettings
 
-    recipe = Provenance.load(config.recipe)
-    refuse_other_versions(recipe, config.recipe)
-    generate(generation_config(recipe, config))
-    made = Provenance.read(find_view(config.root))
-    if made is None or list(made.episodes) != list(recipe.episodes):
-        raise DatasetError(
-            f"{config.root} holds other episodes than {config.recipe} lists, although settings and versions are the "
-            "same: the simulation gives other results on this machine, or the recipe was changed"
-        )
-
-
-def generation_config(recipe: Provenance, config: RegenerateConfig) -> GenerateConfig:
-    """The options of `generate` that make a recipe's dataset at a new place.
-
-    They come from the recipe's settings alone. Its command is for people to read and is never parsed: a recipe is
-    somebody else's file, and must not choose what is uploaded where, or which machines work.
-
-    Raises:
-        DatasetError: the settings are not those of a dataset.
-    """
-    from lerobot_env_bimanual.commands.generate import GenerateConfig
-    from lerobot_env_bimanual.generation.settings import BOTH_VIEWS, GenerationSettings
-
+    provenance = Provenance.load(config.provenance)
     try:
-        settings = GenerationSettings.from_dict(recipe.settings)
-        options = GenerateConfig(
-            task=",".join(settings.tasks),
-            variation=settings.variation,
-            episodes=settings.episodes,
-            split=settings.split,
-            first_seed=settings.first_seed,
-            view=settings.views[0] if len(settings.views) == 1 else BOTH_VIEWS,
-            image_size=f"{settings.height}x{settings.width}",
-            cameras=settings.cameras,
-            intermediate=tuple(map(str, settings.intermediate)),
-            discretise=settings.discretise,
-            episodes_per_shard=settings.episodes_per_shard,
-            repo_id=settings.repo_id,
-            root=config.root,
-            workers=config.workers,
-        )
-        differences = settings.differences(GenerationSettings.parse(options))
-    except (TypeError, AttributeError, IndexError) as error:
+        settings = GenerationSettings.from_dict(provenance.settings)
+    except BimanualError as error:
+        raise DatasetError(f"{config.provenance}: no dataset has these settings: {error}") from error
+    refuse_other_versions(provenance, config.provenance)
+    make_dataset(settings, config.root, ProcessExecutor(config.workers))
+    made = Provenance.read(find_view(config.root))
+    if made is None or list(made.episodes) != list(provenance.episodes):
         raise DatasetError(
-            f"{config.recipe}: its settings are not those of a dataset ({error}); it is damaged, or another version's"
-        ) from error
-    if differences:
-        raise DatasetError(f"{config.recipe}: no dataset has these settings: {'; '.join(differences)}")
-    return options
+            f"{config.root} holds other episodes than {config.provenance} lists, although settings and versions are "
+            "the same: the simulation gives other results on this machine, or the file was changed"
+        )
 
 
-def refuse_other_versions(recipe: Provenance, place: Path) -> None:
-    """Make sure that seeds mean here what they meant to the recipe.
+def refuse_other_versions(provenance: Provenance, place: Path) -> None:
+    """Make sure that seeds mean here what they meant when a dataset was made.
 
     Raises:
         DatasetError: the installed simulation is another one; the message says what to install.
     """
-    from lerobot_env_bimanual.generation.versions import other_versions
-
-    if others := other_versions(recipe):
+    if others := provenance.other_versions():
         found = ", ".join(f"{package} {installed}" for package, (_, installed) in others.items())
         wanted = " ".join(f"{package}=={recorded}" for package, (recorded, _) in others.items())
         raise DatasetError(

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -49,8 +46,12 @@ def render(config: RenderConfig) -> None:
         lerobot-bimanual render --video=false
         lerobot-bimanual render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
+    from lerobot_env_bimanual.pictures.shooting import shoot
+    from lerobot_env_bimanual.workers import WorkerPool
+
     orders = _orders(config)
-    shots = _shoot_all(orders, config.workers)
+    with WorkerPool(config.workers) as pool:
+        shots = list(pool.map(shoot, orders, "render", "task"))
     if len(shots) > 1:
         _write_gallery(shots, config.output / "tasks.jpg")
     print(f"{config.output}: pictures of {', '.join(order.task for order in orders)}")
@@ -89,23 +90,6 @@ def _orders(config: RenderConfig) -> list[Order]:
             raise BimanualError(f"size is {config.size!r}, but films need even sides; or use --video=false")
         orders.append(order)
     return orders
-
-
-def _shoot_all(orders: Sequence[Order], workers: int) -> list[Shot]:
-    from tqdm import tqdm
-
-    from lerobot_env_bimanual.pictures.shooting import shoot
-    from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
-
-    use_one_thread_per_process()
-    count = min(workers or os.cpu_count() or 1, len(orders))
-    with ProcessPoolExecutor(count, get_context("forkserver"), prepare_worker) as pool:
-        try:
-            return list(
-                tqdm(pool.map(shoot, orders), total=len(orders), desc="render", unit="task", smoothing=0)
-            )
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _write_gallery(shots: Sequence[Shot], path: Path) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,7 +13,9 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_bimanual.dataset.schema import View
-    from lerobot_env_bimanual.generation.replaying import Replayer, ReplayMode, ReplayResult
+    from lerobot_bimanual.episode import EpisodeMeta
+    from lerobot_env_bimanual.replay import ReplayMode, ReplayResult
+    from lerobot_env_bimanual.verification.replayer import Replayer
 
 
 @dataclass
@@ -24,8 +23,8 @@ class ReplayConfig:
     """Options of the verb `replay`."""
 
     root: Path = field(kw_only=True)  # folder of a dataset that `generate` made
-    # `joint` plays the column `action` open-loop and compares the state after every tick (view `frames`), `keypose`
-    # executes the recorded keyposes and compares the last state (either view).
+    # `joint` plays the column `action` open-loop (view `frames`), `keypose` executes the recorded keyposes (either
+    # view). Both compare the state after every tick that is recorded.
     replay: Literal["joint", "keypose"] = "joint"
     episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     workers: int = 0  # processes; 0 takes one per core
@@ -40,9 +39,8 @@ def replay(config: ReplayConfig) -> int:
         lerobot-bimanual replay --root=data/lift_ball
         lerobot-bimanual replay --root=data/lift_ball --replay=keypose --episodes=0:10
     """
-    from tqdm import tqdm
-
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
+    from lerobot_env_bimanual.workers import WorkerPool
 
     preferred: tuple[View, ...] = ("frames",) if config.replay == "joint" else ("frames", "keyframes")
     dataset = RecordedDataset(find_view(config.root, preferred))
@@ -53,14 +51,10 @@ def replay(config: ReplayConfig) -> int:
         )
     _warn_of_other_versions(dataset)
     indices = parse_episodes(config.episodes, len(dataset))
-    workers = config.workers or os.cpu_count() or 1
-    with ProcessPoolExecutor(
-        workers, get_context("forkserver"), _start_worker, (dataset.root, config.replay)
-    ) as pool:
-        played = pool.map(_replay, indices)
-        results = list(tqdm(played, total=len(indices), desc="replay", unit="episode", smoothing=0))
-    _print(results)
-    return 0 if all(result.matches for result in results) else 1
+    with WorkerPool(config.workers, _prepare, (dataset.root, config.replay)) as pool:
+        played = list(pool.map(_replay, indices, "replay", "episode"))
+    _print(indices, played)
+    return 0 if all(result.matches for _, result in played) else 1
 
 
 def parse_episodes(text: str, count: int) -> list[int]:
@@ -92,25 +86,23 @@ def _read_indices(text: str, count: int) -> Iterator[int]:
 
 
 def _warn_of_other_versions(dataset: RecordedDataset) -> None:
-    from lerobot_env_bimanual.generation.versions import other_versions
-
     if dataset.provenance is None:
         print(f"warning: {dataset.root} does not say with which versions it was generated")
         return
-    for package, (recorded, installed) in other_versions(dataset.provenance).items():
+    for package, (recorded, installed) in dataset.provenance.other_versions().items():
         print(
             f"warning: generated with {package} {recorded}, but {installed} is installed: "
             "trajectories may differ"
         )
 
 
-def _print(results: Sequence[ReplayResult]) -> None:
+def _print(indices: Sequence[int], played: Sequence[tuple[EpisodeMeta, ReplayResult]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
-    for result in results:
-        groups[result.meta.task, result.meta.variation].append(result)
+    for meta, result in played:
+        groups[meta.task, meta.variation].append(result)
     table = Table()
     for heading in ("task", "variation", "episodes", "ticks", "same states", "solved"):
         table.add_column(heading, justify="left" if heading == "task" else "right")
@@ -121,14 +113,14 @@ def _print(results: Sequence[ReplayResult]) -> None:
         table.add_row(task, *map(str, (variation, len(group), ticks, same, solved)))
     console = Console()
     console.print(table)
-    for result in results:
+    for index, (meta, result) in zip(indices, played, strict=True):
         if not result.matches:
             where = (
                 "same states" if result.divergence is None else f"other state after tick {result.divergence}"
             )
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
             console.print(
-                f"episode {result.index} ({result.meta.task}, seed {result.meta.seed}): {where}, {end}",
+                f"episode {index} ({meta.task}, seed {meta.seed}): {where}, {end}",
                 highlight=False,
                 soft_wrap=True,
             )
@@ -137,13 +129,13 @@ def _print(results: Sequence[ReplayResult]) -> None:
 _replayer: Replayer | None = None
 
 
-def _start_worker(root: Path, mode: ReplayMode) -> None:
-    from lerobot_env_bimanual.generation.replaying import Replayer
+def _prepare(root: Path, mode: ReplayMode) -> None:
+    from lerobot_env_bimanual.verification.replayer import Replayer
 
     global _replayer
     _replayer = Replayer(root, mode)
 
 
-def _replay(index: int) -> ReplayResult:
+def _replay(index: int) -> tuple[EpisodeMeta, ReplayResult]:
     assert _replayer is not None
     return _replayer.replay(index)

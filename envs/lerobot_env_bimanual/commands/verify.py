@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +13,12 @@ from lerobot_env_bimanual.commands.replay import parse_episodes
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.provenance import Provenance
-    from lerobot_env_bimanual.generation.faults import Fault
-    from lerobot_env_bimanual.generation.verifying import EpisodeReport, Verifier
+    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Verifier
 
 MAX_LINES_PER_CHECK = 10
+PRELOADED = ("lerobot.datasets.depth_utils",)
+"""What decodes depth: seconds of LeRobot and torch."""
 
 
 @dataclass
@@ -44,7 +43,10 @@ def verify(config: VerifyConfig) -> int:
         lerobot-bimanual verify --root=data/lift_ball
         lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=20
     """
-    views = [_verify_view(root, config) for root in _views(config.root)]
+    from lerobot_bimanual.dataset.reader import find_view, views_below
+
+    roots = views_below(config.root) or [find_view(config.root)]
+    views = [_verify_view(root, config) for root in roots]
     for view in views:
         view.print()
     return 1 if any(view.is_wrong for view in views) else 0
@@ -116,54 +118,33 @@ def _line(episode: int | None, fault: Fault) -> str:
     return place + fault.text
 
 
-def _views(root: Path) -> list[Path]:
-    """Folders of all views of a dataset."""
-    from lerobot_bimanual.dataset.reader import INFO_FILE, find_view
-    from lerobot_bimanual.dataset.schema import VIEWS
-
-    found = [root / view for view in VIEWS if (root / view / INFO_FILE).is_file()]
-    return found or [find_view(root)]
-
-
 def _verify_view(root: Path, config: VerifyConfig) -> _ViewReport:
     import numpy as np
-    from tqdm import tqdm
 
     from lerobot_bimanual.dataset.reader import RecordedDataset
-    from lerobot_env_bimanual.generation.verifying import verify_metadata
+    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.verifier import verify_metadata
+    from lerobot_env_bimanual.workers import WorkerPool
 
     try:
         dataset = RecordedDataset(root)
     except SchemaMismatch as error:
-        from lerobot_env_bimanual.generation.faults import Fault
-
         return _ViewReport(root, {"schema": (Fault(str(error)),)})
     remark = _why_not_simulated(dataset.provenance)
     indices = parse_episodes(config.episodes, len(dataset))
     count = min(config.render, len(indices))
     rendered = frozenset(np.random.default_rng(config.seed).choice(indices, count, replace=False).tolist())
-    with ProcessPoolExecutor(
-        config.workers or os.cpu_count() or 1,
-        get_context("forkserver"),
-        _start_worker,
-        (root, rendered, not remark),
-    ) as pool:
-        reports = list(
-            tqdm(
-                pool.map(_verify, indices), total=len(indices), desc=dataset.view, unit="episode", smoothing=0
-            )
-        )
+    with WorkerPool(config.workers, _prepare, (root, rendered, not remark), PRELOADED) as pool:
+        reports = list(pool.map(_verify, indices, dataset.view, "episode"))
     is_whole = indices == list(range(len(dataset)))
     return _ViewReport(root, verify_metadata(root), reports, is_whole, remark)
 
 
 def _why_not_simulated(provenance: Provenance | None) -> str:
     """Empty if this installation can play the dataset's episodes."""
-    from lerobot_env_bimanual.generation.versions import other_versions
-
     if provenance is None:
         return "not replayed: the dataset does not say with which versions it was generated"
-    if others := other_versions(provenance):
+    if others := provenance.other_versions():
         listing = ", ".join(
             f"{package} {versions[0]} (installed: {versions[1]})" for package, versions in others.items()
         )
@@ -174,10 +155,10 @@ def _why_not_simulated(provenance: Provenance | None) -> str:
 _verifier: Verifier | None = None
 
 
-def _start_worker(root: Path, rendered: frozenset[int], simulate: bool) -> None:
+def _prepare(root: Path, rendered: frozenset[int], simulate: bool) -> None:
     import av.logging
 
-    from lerobot_env_bimanual.generation.verifying import Verifier
+    from lerobot_env_bimanual.verification.verifier import Verifier
 
     global _verifier
     av.logging.set_libav_level(av.logging.PANIC)  # what is broken comes back as a fault

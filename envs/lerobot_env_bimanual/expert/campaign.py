@@ -6,24 +6,21 @@ workers gives the same list, and outcomes that a log already knows need not be p
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
-from multiprocessing import get_context
-
-from tqdm import tqdm
+from types import TracebackType
+from typing import Self
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
-from lerobot_env_bimanual.expert.evidence import Witness
+from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
 from lerobot_env_bimanual.expert.outcome import Job, Keyposes, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import Move, failed_to_start, run_episode
-from lerobot_env_bimanual.workers import prepare_worker, use_one_thread_per_process
+from lerobot_env_bimanual.workers import WorkerPool
 
 BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""
@@ -39,26 +36,26 @@ class Campaign:
 
     def __init__(self, workers: int, log: OutcomeLog | None = None):
         self._log = log
-        count = workers or os.cpu_count() or 1
-        use_one_thread_per_process()
-        self._pool = ProcessPoolExecutor(count, get_context("forkserver"), initializer=prepare_worker)
+        self._pool = WorkerPool(workers)
 
-    def __enter__(self) -> Campaign:
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """End the processes."""
+        self._pool.__exit__(kind, error, traceback)
 
     def play(self, jobs: Sequence[Job], label: str) -> list[Outcome]:
         """Outcomes of the jobs, in their order, with a progress bar called `label`."""
         known = {job: outcome for job in jobs if self._log and (outcome := self._log.get(job))}
         todo = [job for job in jobs if job not in known]
-        with tqdm(total=len(jobs), initial=len(known), desc=label, unit="episode", smoothing=0) as bar:
-            for job, outcome in zip(todo, self._pool.map(play, todo), strict=True):
-                known[job] = outcome
-                if self._log:
-                    self._log.add(job, outcome)
-                bar.update()
+        outcomes = self._pool.map(play, todo, label, "episode", done=len(known))
+        for job, outcome in zip(todo, outcomes, strict=True):
+            known[job] = outcome
+            if self._log:
+                self._log.add(job, outcome)
         return [known[job] for job in jobs]
 
     def blind_keyposes(self, task: str, variation: str) -> Keyposes:
@@ -90,12 +87,13 @@ def play(job: Job) -> Outcome:
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)
     moves: list[Move] = []
-    with Witness(env) if job.control == "expert" else nullcontext() as witness:
+    recorder = EvidenceRecorder(env) if job.control == "expert" else None
+    with nullcontext() if recorder is None else env.observed_by(recorder.note):
         try:
             outcome = run_episode(env, job.seed, control, moves.append)
         except PlacementFailure as failure:
             return failed_to_start(env, str(failure))
-    if witness is None or not outcome.success:
+    if recorder is None or not outcome.success:
         return outcome
     keyposes, ticks = [move.action for move in moves], [report.ticks for report in outcome.keyposes]
-    return replace(outcome, evidence=witness.testify(keyposes, ticks, job.replay))
+    return replace(outcome, evidence=recorder.evidence(keyposes, ticks, job.replay))

@@ -17,13 +17,11 @@ from rich.table import Table
 
 import lerobot_bimanual
 import lerobot_env_bimanual
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
-
-PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
-"""Packages whose versions decide the outcome of an episode."""
 
 SOURCES = (
     (lerobot_bimanual, ("arms.py", "codec.py", "keyframes.py", "keypose.py", "geometry/*.py")),
@@ -34,7 +32,7 @@ SOURCES = (
 
 def origin() -> dict[str, str]:
     """Everything besides its job that the outcome of an episode depends on."""
-    versions = {name: version(name) for name in PACKAGES} | {"python": platform.python_version()}
+    versions = {name: version(name) for name in SIMULATION_PACKAGES} | {"python": platform.python_version()}
     digest = hashlib.sha256()
     for package, patterns in SOURCES:
         root = Path(str(package.__file__)).parent

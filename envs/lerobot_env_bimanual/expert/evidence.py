@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_bimanual.keyframes import discover_keyframes
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.coupling import Coupling, CouplingMeter
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.env import BimanualEnv
-
-type ReplayMode = Literal["none", "joint", "keypose"]
+from lerobot_env_bimanual.replay import ReplayMode, replay
 
 KEYFRAME_TOLERANCE_FRAMES = 2
 
@@ -37,16 +35,16 @@ class Evidence:
     coupling: Coupling
 
     @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Evidence:
+    def from_dict(cls, fields: dict[str, Any]) -> Self:
         """The evidence that `dataclasses.asdict` has taken apart."""
         return cls(fields["keyframes_found"], fields["replayed"], Coupling(**fields["coupling"]))
 
 
-class Witness:
-    """Watches an environment's episode, from its first tick to its last; use it in a `with` statement.
+class EvidenceRecorder:
+    """Notes an environment's episode, from its first tick to its last.
 
     Args:
-        env: the environment; its ticks are observed meanwhile.
+        env: the environment; it has to be `observed_by` the method `note`.
     """
 
     def __init__(self, env: BimanualEnv):
@@ -55,38 +53,32 @@ class Witness:
         self._hashes: list[str] = []
         self._meter = CouplingMeter(env.scene)
 
-    def __enter__(self) -> Witness:
-        self._env.tick_observers.append(self._note)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._env.tick_observers.remove(self._note)
-
-    def _note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
-        """Called before every tick."""
+    def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+        """Note the state before a tick, and its action."""
         self._meter.observe()
         self._actions.append(joint_action.copy())
         self._hashes.append(env.state_hash())
 
-    def testify(
-        self, keyposes: Sequence[NDArray[np.float32]], ticks: Sequence[int], replay: ReplayMode
+    def evidence(
+        self,
+        keyposes: Sequence[NDArray[np.float32]],
+        ticks: Sequence[int],
+        replay_mode: ReplayMode | Literal["none"],
     ) -> Evidence:
         """The evidence, after the episode has ended; the replay starts another one in the same environment.
 
         Args:
             keyposes: (18,) each, that were executed.
             ticks: how long each took.
-            replay: "joint" plays the joint actions, one per tick, and compares every state; "keypose" the keyposes,
-                and compares the last state; "none" nothing.
+            replay_mode: whether the episode is played again, and by what; every state is compared.
         """
         self._meter.observe()
-        coupling = self._meter.result()
-        hashes = [*self._hashes[1:], self._env.state_hash()]
+        env, coupling = self._env, self._meter.result()
+        hashes = dict(enumerate(map(state_hash_column, [*self._hashes, env.state_hash()])))
         replayed = None
-        if replay == "joint":
-            replayed = _replays(self._env, self._actions, hashes)
-        elif replay == "keypose":
-            replayed = _replays(self._env, keyposes, hashes[-1:])
+        if replay_mode != "none":
+            actions = self._actions if replay_mode == "joint" else keyposes
+            replayed = replay(env, env.progress.seed, env.variation, actions, hashes).matches
         return Evidence(_keyframes_found(np.array(self._actions), ticks), replayed, coupling)
 
 
@@ -95,16 +87,3 @@ def _keyframes_found(actions: NDArray[np.float32], ticks: Sequence[int]) -> bool
     return found.shape == expected.shape and bool(
         (np.abs(found - expected) <= KEYFRAME_TOLERANCE_FRAMES).all()
     )
-
-
-def _replays(env: BimanualEnv, actions: Sequence[NDArray[np.float32]], hashes: Sequence[str]) -> bool:
-    """Whether playing actions ends in success after the same states, of which the last `len(hashes)` are known."""
-    env.reset(seed=env.progress.seed)
-    first_known = len(actions) - len(hashes)
-    for index, action in enumerate(actions):
-        _, _, terminated, truncated, info = env.step(action)
-        if index >= first_known and env.state_hash() != hashes[index - first_known]:
-            return False
-        if terminated or truncated:
-            return info["is_success"] and index == len(actions) - 1
-    return False

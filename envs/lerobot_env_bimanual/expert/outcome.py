@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from lerobot_env_bimanual.expert.control_names import ControlName
-from lerobot_env_bimanual.expert.evidence import Evidence, ReplayMode
+from lerobot_env_bimanual.expert.evidence import Evidence
+from lerobot_env_bimanual.replay import ReplayMode
 
 type Keyposes = tuple[tuple[float, ...], ...]
 
@@ -33,7 +34,7 @@ class Job:
     control: ControlName
     discretise: int = 0
     blind_keyposes: Keyposes = ()
-    replay: ReplayMode = "none"
+    replay: ReplayMode | Literal["none"] = "none"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from lerobot_bimanual.dataset.schema import View
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
+from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 POLL_S = 0.5
@@ -67,10 +67,10 @@ class Executor(Protocol):
             folder: gives the folder of a shard's name; each appears in one piece.
 
         Raises:
-            DatasetError: a shard cannot be written, or workers died.
+            BimanualError: a shard cannot be recorded or written, or workers died.
         """
         ...
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
-        """Merge views, see `merging.merge_shards`; yields now and then while that is under way."""
+        """Merge views, see `merge.merge_shards`; yields now and then while that is under way."""
         ...

@@ -16,18 +16,22 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from lerobot_bimanual.dataset.provenance import installed_versions
-from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.generation import worker
-from lerobot_env_bimanual.generation.candidates import Shard
+from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
+from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
+from lerobot_env_bimanual.workers import ONE_THREAD
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 try:
     import ray
@@ -38,9 +42,6 @@ except ModuleNotFoundError as error:
     raise DatasetError(
         "--executor=ray needs ray, the same version on every machine: pip install 'lerobot_bimanual[ray]'"
     ) from None
-
-ONE_THREAD = {"env_vars": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}}
-"""Read by the libraries when they are loaded, so before any code of ours."""
 
 MAX_RETRIES = 3
 """How often the task of a dead worker is run again."""
@@ -55,25 +56,28 @@ class RayExecutor:
             the `with` block runs.
 
     Raises:
-        DatasetError: there is no cluster at the address.
+        DatasetError: on entry, if there is no cluster at the address.
     """
 
     def __init__(self, workers: int, address: str | None):
         self._workers = workers
+        self._address = address
         self._successes = 0
         self._cpu_seconds = 0.0
         self._running: dict[Any, Shard] = {}
         self._is_owner = not ray.is_initialized()
-        if self._is_owner:
-            try:
-                ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=ONE_THREAD)
-            except (ConnectionError, RuntimeError, ValueError) as error:
-                raise DatasetError(
-                    f"cannot reach a ray cluster at {address or 'any address'}: {error}"
-                ) from error
         self._task = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
 
     def __enter__(self) -> Self:
+        """Join the cluster."""
+        if self._is_owner:
+            threads = {"env_vars": ONE_THREAD}
+            try:
+                ray.init(self._address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=threads)
+            except (ConnectionError, RuntimeError, ValueError) as error:
+                raise DatasetError(
+                    f"cannot reach a ray cluster at {self._address or 'any address'}: {error}"
+                ) from error
         return self
 
     def __exit__(
@@ -144,16 +148,24 @@ def record_packed(settings: GenerationSettings, shard: Shard, versions: Mapping[
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
     start_s = time.process_time()
-    worker.load_libraries()
     episodes = Counter()
     with new_folder(Path(tempfile.gettempdir())) as folder:
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
-        worker.record(settings, shard, finished, lambda: episodes.update(["recorded"]))
+        _shard_recorder().record(settings, shard, finished, lambda: episodes.update(["recorded"]))
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
     return PackedShard(archive.getvalue(), episodes["recorded"], time.process_time() - start_s)
+
+
+@cache
+def _shard_recorder() -> ShardRecorder:
+    """The one of this worker, kept from task to task."""
+    from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
+
+    quieten_libraries()
+    return ShardRecorder()
 
 
 def unpack(packed: bytes, target: Path) -> None:
@@ -172,8 +184,8 @@ def _result(task: Any, shard: Shard) -> PackedShard:
     try:
         return ray.get(task)
     except RayTaskError as error:
-        if isinstance(error.cause, DatasetError):
-            raise DatasetError(str(error.cause)) from None
+        if isinstance(error.cause, BimanualError):
+            raise error.cause from None
         raise
     except RayError as error:
         raise DatasetError(

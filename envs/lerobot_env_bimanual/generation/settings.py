@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Self
 
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
-from lerobot_bimanual.errors import InvalidChoice
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
-from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
+from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
+from lerobot_env_bimanual.options import ANY_VARIATION, MIN_IMAGE_SIDE, SPLITS, variation_index
+from lerobot_env_bimanual.tasks.registry import get_task
 
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.commands.generate import GenerateConfig
+LEAST = {
+    "episodes": 1,
+    "first_seed": 0,
+    "height": MIN_IMAGE_SIDE,
+    "width": MIN_IMAGE_SIDE,
+    "discretise": 0,
+    "episodes_per_shard": 1,
+}
+"""Options that are whole numbers, and the least that each may be."""
 
-BOTH_VIEWS = "both"
+REPO_ID = re.compile(r"\w[\w. -]*(/\w[\w. -]*)?")
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,9 @@ class GenerationSettings:
         discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         episodes_per_shard: episodes per file of the dataset.
         repo_id: LeRobot's name of the dataset.
+
+    Raises:
+        BimanualError: an option is outside its choices; the message lists them.
     """
 
     tasks: tuple[str, ...]
@@ -52,44 +64,49 @@ class GenerationSettings:
     episodes_per_shard: int
     repo_id: str
 
+    def __post_init__(self) -> None:
+        """Refuse what is outside its choices."""
+        for option, least in LEAST.items():
+            value = getattr(self, option)
+            if type(value) is not int or value < least:
+                raise InvalidChoice(option, value, [f"an integer of at least {least}"])
+        for option in ("tasks", "views", "cameras"):
+            _check_names(option, getattr(self, option))
+        for task in self.tasks:
+            variation_index(self.variation, task, len(get_task(task).spec.variations))
+        if not isinstance(self.variation, str):
+            raise InvalidChoice("variation", self.variation, ["the text 'any'", "an index as text"])
+        if self.split not in (splits := tuple(SPLITS)):
+            raise InvalidChoice("split", self.split, splits)
+        for camera in self.cameras:
+            if camera not in CAMERA_NAMES:
+                raise UnknownCamera(camera, CAMERA_NAMES)
+        if self.views not in (VIEWS, *((view,) for view in VIEWS)):
+            raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
+        if not isinstance(self.intermediate, tuple) or not all(map(_is_fraction, self.intermediate)):
+            raise InvalidChoice(
+                "intermediate", self.intermediate, ["fractions between 0 and 1, such as 0.35,0.7"]
+            )
+        if not (isinstance(self.repo_id, str) and REPO_ID.fullmatch(self.repo_id)):
+            raise InvalidChoice("repo_id", self.repo_id, ["OWNER/NAME of letters, digits, '_', '-' and '.'"])
+
     @classmethod
-    def parse(cls, config: GenerateConfig) -> Self:
-        """Read and check the options of the command line.
+    def from_dict(cls, options: object) -> Self:
+        """Settings as `to_dict` gave them, after a passage through JSON.
 
         Raises:
-            BimanualError: an option is outside its choices; the message lists them.
+            DatasetError: an option is missing or unknown.
+            BimanualError: an option is outside its choices, or of another type.
         """
-        tasks = resolve_tasks(config.task)
-        camera_settings = [_environment_settings(task, config) for task in tasks].pop()
-        for option, least in (
-            ("episodes", 1),
-            ("episodes_per_shard", 1),
-            ("first_seed", 0),
-            ("discretise", 0),
-        ):
-            if getattr(config, option) < least:
-                raise InvalidChoice(option, getattr(config, option), [f"an integer of at least {least}"])
-        if config.view not in (*VIEWS, BOTH_VIEWS):
-            raise InvalidChoice("view", config.view, (*VIEWS, BOTH_VIEWS))
-        return cls(
-            tasks=tasks,
-            variation=config.variation,
-            episodes=config.episodes,
-            split=config.split,
-            first_seed=config.first_seed,
-            views=tuple(view for view in VIEWS if config.view in (view, BOTH_VIEWS)),
-            cameras=camera_settings.camera_names,
-            height=camera_settings.height,
-            width=camera_settings.width,
-            intermediate=tuple(map(_parse_fraction, config.intermediate)),
-            discretise=config.discretise,
-            episodes_per_shard=config.episodes_per_shard,
-            repo_id=config.repo_id or f"local/{config.root.name}",
-        )
-
-    @classmethod
-    def from_dict(cls, options: Mapping[str, Any]) -> Self:
-        """Settings as `to_dict` gave them, after a passage through JSON."""
+        names = [field.name for field in fields(cls)]
+        if not isinstance(options, Mapping):
+            raise DatasetError(
+                f"settings of a dataset are an object with {', '.join(names)}, not {options!r}"
+            )
+        if wrong := [*(name for name in names if name not in options), *(options.keys() - set(names))]:
+            raise DatasetError(
+                f"settings of a dataset have {', '.join(names)}; missing or unknown: {', '.join(map(str, wrong))}"
+            )
         values: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in options.items()
         }
@@ -98,6 +115,29 @@ class GenerationSettings:
     def to_dict(self) -> dict[str, Any]:
         """Plain values by option name."""
         return asdict(self)
+
+    def command(self, root: str) -> str:
+        """The command line that makes this dataset in the folder `root`, with every option that decides its content.
+
+        It is for people to read: programs make a dataset again from the settings themselves.
+        """
+        flags = {
+            "task": ",".join(self.tasks),
+            "variation": self.variation,
+            "episodes": self.episodes,
+            "split": self.split,
+            "first_seed": self.first_seed,
+            "view": "both" if self.views == VIEWS else self.views[0],
+            "image_size": f"{self.height}x{self.width}",
+            "cameras": ",".join(self.cameras),
+            "intermediate": ",".join(map(str, self.intermediate)),
+            "discretise": self.discretise,
+            "episodes_per_shard": self.episodes_per_shard,
+            "root": root,
+            "repo_id": self.repo_id,
+        }
+        words = [f"--{name}={value}" for name, value in flags.items() if value != ""]
+        return shlex.join(["lerobot-bimanual", "generate", *words])
 
     @property
     def total_episodes(self) -> int:
@@ -118,22 +158,11 @@ class GenerationSettings:
         ]
 
 
-def _environment_settings(task: str, config: GenerateConfig) -> EnvOptions:
-    """Options of a task's environment, checked by the environment itself."""
-    return BimanualEnv(
-        task,
-        variation=config.variation,
-        split=config.split,
-        cameras=config.cameras,
-        image_size=config.image_size,
-    ).options
+def _check_names(option: str, names: Any) -> None:
+    are_texts = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
+    if not (are_texts and 0 < len(names) == len(set(names))):
+        raise InvalidChoice(option, names, ["a list of one or more different names"])
 
 
-def _parse_fraction(text: str) -> float:
-    try:
-        fraction = float(text)
-    except ValueError:
-        fraction = 0.0
-    if not 0.0 < fraction < 1.0:
-        raise InvalidChoice("intermediate", text, ["fractions between 0 and 1, such as 0.35,0.7"])
-    return fraction
+def _is_fraction(value: object) -> bool:
+    return isinstance(value, float) and 0 < value < 1

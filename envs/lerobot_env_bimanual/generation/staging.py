@@ -2,7 +2,7 @@
 
     lock             held by the running process; the kernel frees it when the process ends, however it ends
     settings.json    what is being generated, with versions
-    shards/000000/   a finished shard: its seal and, if it has episodes, one dataset per view
+    shards/000000/   a finished shard: report, checksums and, if it has episodes, one dataset per view
     tmp-.../         work in progress of some process
 
 Everything enters `shards` and the final place by one rename, so whatever has a name there is complete. A killed run
@@ -27,8 +27,8 @@ from typing import Self
 from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport
-from lerobot_env_bimanual.generation.sealing import read_sealed
+from lerobot_env_bimanual.generation.checksums import read_report
+from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 ALMOST_FULL_BYTES = 2**20
@@ -85,17 +85,17 @@ class Staging:
             raise DatasetError(
                 f"{self.root} exists and was not made by this command; choose another --root or remove it"
             )
-        self._refuse_other(GenerationSettings.from_dict(dict(provenance.settings)), self.root)
+        self._refuse_other(provenance.settings, self.root)
         return True
 
     def report(self, shard: Shard) -> ShardReport | None:
         """Report of a finished shard, `None` if it is not finished.
 
         Raises:
-            BrokenSeal: the shard is damaged, or not a shard of this dataset.
+            DamagedShard: the shard is damaged, or not a shard of this dataset.
         """
         folder = self.shard_folder(shard.name)
-        return read_sealed(folder, self._settings, shard) if folder.exists() else None
+        return read_report(folder, self._settings, shard) if folder.exists() else None
 
     def discard(self, shard: Shard) -> None:
         """Remove a shard that cannot be used."""
@@ -133,16 +133,26 @@ class Staging:
                 (temporary / stamp.name).write_text(json.dumps(mine, indent=2) + "\n", encoding="utf-8")
                 (temporary / stamp.name).rename(stamp)
             return
-        theirs = json.loads(stamp.read_text(encoding="utf-8"))
-        self._refuse_other(GenerationSettings.from_dict(theirs["settings"]), self.folder)
-        if theirs["versions"] != mine["versions"]:
+        try:
+            theirs = json.loads(stamp.read_text(encoding="utf-8"))
+            settings, versions = theirs["settings"], theirs["versions"]
+        except (ValueError, KeyError, TypeError) as error:
             raise DatasetError(
-                f"{self.folder} was begun with {theirs['versions']}, but installed are {mine['versions']}: "
+                f"{stamp} is damaged ({error}): remove {self.folder} to start again"
+            ) from error
+        self._refuse_other(settings, self.folder)
+        if versions != mine["versions"]:
+            raise DatasetError(
+                f"{self.folder} was begun with {versions}, but installed are {mine['versions']}: "
                 "install the same versions, or remove the folder to start again"
             )
 
-    def _refuse_other(self, found: GenerationSettings, place: Path) -> None:
-        differences = found.differences(self._settings)
+    def _refuse_other(self, found: object, place: Path) -> None:
+        """Refuse a place that was begun with other settings than these."""
+        try:
+            differences = GenerationSettings.from_dict(found).differences(self._settings)
+        except BimanualError as error:
+            differences = [str(error)]
         if differences:
             raise DatasetError(
                 f"{place} holds a dataset of other settings: {'; '.join(differences)}. "
@@ -171,7 +181,7 @@ def new_folder(parent: Path) -> Iterator[Path]:
 
 
 def place_shard(folder: Path, target: Path) -> None:
-    """Give a sealed shard its name; a target that exists already is as good, and stays."""
+    """Give a finished shard its name; a target that exists already is as good, and stays."""
     if not target.exists():
         folder.rename(target)
 

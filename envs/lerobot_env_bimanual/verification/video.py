@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_env_bimanual.generation.faults import Fault
+from lerobot_env_bimanual.verification.fault import Fault
 
 MIN_PSNR_DB = 20.0
 """Least likeness of a decoded frame of H.264 video to a new image.

@@ -1,4 +1,4 @@
-"""Which seeds are tried.
+"""The plan: which seeds are tried, and in which shards.
 
 Candidate number c of a task has seed `first_seed + c` and the c-th of its variations in turn. A dataset holds the
 first successes of every variation in this order, so its content depends on nothing but the settings, however many
@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from lerobot_bimanual.dataset.provenance import Recipe, SkippedSeed
+from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
@@ -31,14 +31,14 @@ class Shard:
     """
 
     name: str
-    candidates: tuple[Recipe, ...]
+    candidates: tuple[EpisodeKey, ...]
 
 
 @dataclass(frozen=True)
 class ShardReport:
     """What became of a shard's candidates."""
 
-    episodes: tuple[Recipe, ...]
+    episodes: tuple[EpisodeKey, ...]
     skipped: tuple[SkippedSeed, ...]
 
 
@@ -74,7 +74,7 @@ def next_round(
 
 def _candidates(
     settings: GenerationSettings, task: str, found: Counter, skipped: Counter
-) -> Iterator[Recipe]:
+) -> Iterator[EpisodeKey]:
     """As many untried candidates of each variation as it lacks episodes."""
     variations = settings.variations_of(task)
     for place, variation in enumerate(variations):
@@ -82,7 +82,7 @@ def _candidates(
         tried = found[task, variation] + skipped[task, variation]
         for turn in range(tried, tried + wanted - found[task, variation]):
             seed = settings.first_seed + place + turn * len(variations)
-            yield Recipe(task, variation, settings.split, seed)
+            yield EpisodeKey(task, variation, settings.split, seed)
 
 
 def _refuse_broken_expert(settings: GenerationSettings, task: str, reasons: list[str]) -> None:

@@ -6,22 +6,19 @@ from collections.abc import Sequence
 
 from tqdm import tqdm
 
-from lerobot_env_bimanual.generation.candidates import Shard, ShardReport, next_round
+from lerobot_env_bimanual.generation.checksums import DamagedShard
 from lerobot_env_bimanual.generation.executor import Executor, MergeJob
+from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.progress import Progress
-from lerobot_env_bimanual.generation.sealing import BrokenSeal
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import Staging, new_folder
 
 
-def build_dataset(
-    settings: GenerationSettings, command: str, staging: Staging, executor: Executor
-) -> list[ShardReport]:
+def build_dataset(settings: GenerationSettings, staging: Staging, executor: Executor) -> list[ShardReport]:
     """Record what is missing, merge everything, and publish the dataset.
 
     Args:
         settings: what the dataset holds.
-        command: the command line that makes it again, stored with it.
         staging: where it grows; shards of an earlier run are taken over.
         executor: who does the work.
 
@@ -34,6 +31,7 @@ def build_dataset(
     """
     shards = _record(settings, staging, executor)
     folders = [(staging.shard_folder(shard.name), report) for shard, report in shards]
+    command = settings.command(staging.root.name)
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
         jobs = [
@@ -83,10 +81,10 @@ def _survey(
 def _take_over(shard: Shard, staging: Staging, rebuilt: set[str]) -> ShardReport | None:
     try:
         return staging.report(shard)
-    except BrokenSeal as broken:
+    except DamagedShard as damaged:
         if shard.name in rebuilt:
             raise  # twice in one run: recording it a third time would not help
         rebuilt.add(shard.name)
-        tqdm.write(f"{broken}; it is recorded again")
+        tqdm.write(f"{damaged}; it is recorded again")
         staging.discard(shard)
         return None

@@ -14,11 +14,11 @@ from lerobot_bimanual.dataset.content_hash import episode_hash
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.generation.faults import Fault
-from lerobot_env_bimanual.generation.verifying_columns import COLUMN_CHECKS
-from lerobot_env_bimanual.generation.verifying_images import ImageInspection
-from lerobot_env_bimanual.generation.verifying_metadata import METADATA_CHECKS
-from lerobot_env_bimanual.generation.verifying_simulation import SimulationChecks
+from lerobot_env_bimanual.verification.columns import COLUMN_CHECKS
+from lerobot_env_bimanual.verification.fault import Fault
+from lerobot_env_bimanual.verification.images import ImageInspection
+from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
+from lerobot_env_bimanual.verification.simulation import SimulationChecks
 
 READABLE = "readable"
 """Whether an episode's table can be read at all; nothing else is checked of one that cannot."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +13,11 @@ from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key, observe_images
-from lerobot_env_bimanual.generation.faults import Fault
-from lerobot_env_bimanual.generation.replaying import Replayer, ReplayMode, ReplayResult
-from lerobot_env_bimanual.generation.verifying_video import VideoComparison
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.replay import ReplayMode, Visitor
+from lerobot_env_bimanual.verification.fault import Fault
+from lerobot_env_bimanual.verification.replayer import Replayer
+from lerobot_env_bimanual.verification.video import VideoComparison
 from lerobot_env_bimanual.world.rendering import Renderer
 
 STATES, KEYPOSES, OBSERVATIONS = "replay", "keypose replay", "observations"
@@ -42,35 +43,46 @@ class SimulationChecks:
 
     def __init__(self, dataset: RecordedDataset, reader: ImageReader):
         height, width, _ = next(iter(reader.shapes.values()))
-        self._dataset = dataset
-        self._reader = reader
         self.is_video = dataset.view == "frames"
-        self._modes: tuple[ReplayMode, ...] = ("joint", "keypose") if self.is_video else ("keypose",)
-        self._replayers = {mode: Replayer(dataset.root, mode, (height, width)) for mode in self._modes}
-        self._size = height, width
+        modes: tuple[ReplayMode, ...] = ("joint", "keypose") if self.is_video else ("keypose",)
+        self._replayers = [Replayer(dataset.root, mode, (height, width)) for mode in modes]
+        self._reader = reader
+        self._options = EnvOptions(cameras=",".join(dataset.cameras), image_size=f"{height}x{width}")
         self._renderer: Renderer | None = None
         self._rendered_env: BimanualEnv | None = None
 
     def run(self, episode: RecordedEpisode, render: bool) -> dict[str, tuple[Fault, ...]]:
         """Faults of one episode by check; with `render` its images are compared too."""
         comparison = _Comparison(self, episode, render)
-        faults = {STATES: comparison.play(self._replayers[self._modes[0]])}
-        if self.is_video:
-            faults[KEYPOSES] = _play(self._replayers["keypose"], episode.index)
-        return faults | comparison.faults
+        first, *others = self._replayers
+        faults = {STATES: self._play(first, episode, comparison.visit)}
+        for replayer in others:
+            faults[KEYPOSES] = self._play(replayer, episode)
+        return faults | comparison.faults()
+
+    def _play(
+        self, replayer: Replayer, episode: RecordedEpisode, visit: Visitor | None = None
+    ) -> tuple[Fault, ...]:
+        try:
+            _, result = replayer.replay(episode.index, visit)
+        except BimanualError as error:
+            return (Fault(f"cannot be played: {error}"),)
+        if result.divergence is not None:
+            row = _row_of(episode).get(result.divergence)
+            return (Fault(f"the simulation is in another state after tick {result.divergence}", row),)
+        return () if result.success else (Fault(f"is not solved: {result.failure or 'conditions unmet'}"),)
 
     def new_images(self, env: BimanualEnv) -> dict[str, NDArray]:
         """Images of the present state as the dataset would store them: key -> RGB, or depth in whole mm."""
-        cameras = self._dataset.cameras
+        options = self._options
         if self._renderer is None or self._rendered_env is not env:
             if self._renderer is not None:
                 self._renderer.close()
-            self._renderer = Renderer(env.scene, cameras, *self._size)
+            self._renderer = Renderer(env.scene, options.camera_names, options.height, options.width)
             self._rendered_env = env
-        options = replace(env.options, obs="rgbd", cameras=",".join(cameras))
         observation = observe_images(options, self._renderer.render())
         images = {}
-        for camera in cameras:
+        for camera in options.camera_names:
             images[schema.image_key(camera)] = observation[PIXELS][camera]
             depth_mm = observation[env_key(schema.depth_key(camera))][0]
             images[schema.depth_key(camera)] = np.rint(depth_mm).astype(np.uint16)
@@ -105,45 +117,28 @@ class SimulationChecks:
 
 
 class _Comparison:
-    """One episode beside its record; at the first state that differs it stops looking."""
+    """What an episode's rows show, beside what the simulation shows at the same ticks."""
 
     def __init__(self, checks: SimulationChecks, episode: RecordedEpisode, render: bool):
         self._checks = checks
         self._episode = episode
-        self._rows = {int(tick): row for row, tick in enumerate(episode.columns[schema.TICK])}
+        self._rows = _row_of(episode)
         self._images = checks.stored_images(episode.index) if render else None
         self._videos = checks.video_comparisons() if render else {}
-        self._diverged: Fault | None = None
         names = (OBSERVATIONS, RGB, DEPTH) if render else (OBSERVATIONS,)
         self._found: dict[str, list[Fault]] = {name: [] for name in names}
 
-    @property
     def faults(self) -> dict[str, tuple[Fault, ...]]:
-        """What differs from the simulated episode, by check; of each check the first fault only."""
-        return {name: tuple(found[:1]) for name, found in self._found.items()}
-
-    def play(self, replayer: Replayer) -> tuple[Fault, ...]:
-        """Play the episode and compare; returns the faults of the states."""
-        faults = _play(replayer, self._episode.index, self._visit)
+        """What differs, by check, after the last tick; of each check the first fault only."""
         if self._videos:  # first, as it explains what is wrong with single frames
             self._found[RGB][:0] = [fault for video in self._videos.values() for fault in video.faults()]
-        return (self._diverged,) if self._diverged is not None else faults
+        return {name: tuple(found[:1]) for name, found in self._found.items()}
 
-    def _visit(self, env: BimanualEnv) -> None:
-        if self._diverged is not None:
+    def visit(self, env: BimanualEnv) -> None:
+        """Compare the row of the present tick, if there is one."""
+        row = self._rows.get(env.progress.ticks)
+        if row is None:
             return
-        tick = env.progress.ticks
-        ended = self._rows.get(tick - 1)
-        if ended is not None:
-            recorded = self._episode.columns[schema.STATE_HASH][ended]
-            if schema.state_hash_column(env.state_hash()) != recorded:
-                self._diverged = Fault(f"the simulation is in another state after tick {tick - 1}", ended)
-                return
-        row = self._rows.get(tick)
-        if row is not None:
-            self._compare_row(env, row)
-
-    def _compare_row(self, env: BimanualEnv, row: int) -> None:
         observation = env.observe()
         for key in OBSERVED:
             if not np.array_equal(observation[env_key(key)], self._episode.columns[key][row]):
@@ -156,18 +151,6 @@ class _Comparison:
                 self._found[RGB].extend(video.frame_faults(stored[key], new[key], row))
 
 
-def _play(replayer: Replayer, index: int, visit=None) -> tuple[Fault, ...]:
-    try:
-        result = replayer.replay(index, visit)
-    except BimanualError as error:
-        return (Fault(f"cannot be played: {error}"),)
-    return _replay_faults(result)
-
-
-def _replay_faults(result: ReplayResult) -> tuple[Fault, ...]:
-    faults = []
-    if result.divergence is not None:
-        faults.append(Fault(f"the simulation is in another state after tick {result.divergence}"))
-    if not result.success:
-        faults.append(Fault(f"is not solved: {result.failure or 'conditions unmet'}"))
-    return tuple(faults)
+def _row_of(episode: RecordedEpisode) -> dict[int, int]:
+    """Control tick -> row."""
+    return {int(tick): row for row, tick in enumerate(episode.columns[schema.TICK])}

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.provenance import Recipe
+from lerobot_bimanual.dataset.provenance import EpisodeKey
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
-from lerobot_env_bimanual.generation.faults import Fault, first_of
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.verification.fault import Fault, first_of
 
 RIGID = 1e-5
 """Largest change, m and rad, of a camera against what carries it: float32 keeps 1e-6 of it."""
@@ -36,14 +36,14 @@ def check_rows(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[F
         yield from first_of(~np.isfinite(values).all(axis=1), f"{key} is not finite")
 
 
-def check_recipe(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+def check_key(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
     """Task, variation, split and seed are the same in every row, and those that the dataset lists."""
     for key in (schema.TASK_NAME, schema.VARIATION, schema.SPLIT, schema.SEED):
         column = episode.columns[key]
         yield from first_of(column != column[0], f"{key} changes within the episode")
     listed = dataset.provenance.episodes if dataset.provenance is not None else ()
     meta = episode.meta
-    found = Recipe(meta.task, meta.variation, meta.split, meta.seed)
+    found = EpisodeKey(meta.task, meta.variation, meta.split, meta.seed)
     if episode.index < len(listed) and listed[episode.index] != found:
         yield Fault(f"holds {found}, but the dataset lists {listed[episode.index]}")
 
@@ -100,7 +100,7 @@ def check_calibration(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[
 
 COLUMN_CHECKS: dict[str, Callable[[RecordedDataset, RecordedEpisode], Iterator[Fault]]] = {
     "rows": check_rows,
-    "recipe": check_recipe,
+    "episode key": check_key,
     "keyframes": check_keyframes,
     "labels": check_labels,
     "calibration": check_calibration,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 
@@ -11,15 +10,15 @@ import pyarrow.parquet as pq
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
-from lerobot_bimanual.dataset.reader import INFO_FILE, RecordedDataset, episode_table
-from lerobot_env_bimanual.generation.faults import Fault
+from lerobot_bimanual.dataset.reader import RecordedDataset, episode_table
+from lerobot_env_bimanual.verification.fault import Fault
 
 IMAGE_TYPES = ("video", "image")
 
 
 def check_schema(dataset: RecordedDataset) -> Iterator[Fault]:
     """The declared features are the schema's for this view, with one size for all cameras."""
-    features = _info(dataset)["features"]
+    features = dataset.info["features"]
     sizes = {tuple(f["shape"][:2]) for f in features.values() if f["dtype"] in IMAGE_TYPES}
     if len(sizes) != 1:
         yield Fault(f"images have the sizes {sorted(sizes)}, but must have one")
@@ -39,7 +38,7 @@ def check_schema(dataset: RecordedDataset) -> Iterator[Fault]:
 
 def check_tables(dataset: RecordedDataset) -> Iterator[Fault]:
     """Every file has a column of the declared type for every feature that is not a video, and no other."""
-    features = {key: f for key, f in _info(dataset)["features"].items() if f["dtype"] != "video"}
+    features = {key: f for key, f in dataset.info["features"].items() if f["dtype"] != "video"}
     for path in sorted(dataset.root.glob("data/*/*.parquet")):
         place = path.relative_to(dataset.root)
         columns = {field.name: field.type for field in pq.read_schema(path)}
@@ -54,7 +53,7 @@ def check_tables(dataset: RecordedDataset) -> Iterator[Fault]:
 
 def check_totals(dataset: RecordedDataset) -> Iterator[Fault]:
     """The table of episodes has as many episodes and rows as the dataset claims."""
-    info = _info(dataset)
+    info = dataset.info
     rows = sum(episode_table(dataset.root, ["episode_index", "length"])["length"].to_pylist())
     for name, found in (("total_episodes", len(dataset)), ("total_frames", rows)):
         if info[name] != found:
@@ -62,7 +61,7 @@ def check_totals(dataset: RecordedDataset) -> Iterator[Fault]:
 
 
 def check_provenance(dataset: RecordedDataset) -> Iterator[Fault]:
-    """It tells view, versions and one recipe per episode, and no episode is there twice."""
+    """It tells view, versions and one key per episode, and no episode is there twice."""
     provenance = dataset.provenance
     if provenance is None:
         yield Fault("the dataset does not say where it comes from: meta/bimanual.json is missing")
@@ -75,9 +74,9 @@ def check_provenance(dataset: RecordedDataset) -> Iterator[Fault]:
         yield Fault(f"the versions of {', '.join(missing)} are missing")
     if len(provenance.episodes) != len(dataset):
         yield Fault(f"it lists {len(provenance.episodes)} episodes, but there are {len(dataset)}")
-    for recipe, count in Counter(provenance.episodes).items():
+    for key, count in Counter(provenance.episodes).items():
         if count > 1:
-            yield Fault(f"{recipe} is there {count} times")
+            yield Fault(f"{key} is there {count} times")
 
 
 METADATA_CHECKS: dict[str, Callable[[RecordedDataset], Iterator[Fault]]] = {
@@ -86,10 +85,6 @@ METADATA_CHECKS: dict[str, Callable[[RecordedDataset], Iterator[Fault]]] = {
     "totals": check_totals,
     "provenance": check_provenance,
 }
-
-
-def _info(dataset: RecordedDataset) -> dict:
-    return json.loads((dataset.root / INFO_FILE).read_text(encoding="utf-8"))
 
 
 def _bookkeeping() -> set[str]:

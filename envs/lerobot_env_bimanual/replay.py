@@ -1,0 +1,96 @@
+"""Plays recorded actions again and compares the states that they lead to, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.dataset.schema import state_hash_column
+from lerobot_env_bimanual.env import BimanualEnv
+
+type ReplayMode = Literal["joint", "keypose"]
+"""By joint actions, one per tick, or by keyposes, a whole motion each."""
+
+type Visitor = Callable[[BimanualEnv], None]
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """How a replay compares with the record.
+
+    Attributes:
+        ticks: control ticks that were played.
+        divergence: first tick after which the state differed from the record, or that one of them lacks; `None` if
+            there is none.
+        success: whether the task was solved.
+        failure: what the environment says if it was not.
+    """
+
+    ticks: int
+    divergence: int | None
+    success: bool
+    failure: str
+
+    @property
+    def matches(self) -> bool:
+        """Whether the replay went exactly as recorded."""
+        return self.success and self.divergence is None
+
+
+def replay(
+    env: BimanualEnv,
+    seed: int,
+    variation: int,
+    actions: Iterable[ArrayLike],
+    hashes: Mapping[int, int],
+    visit: Visitor | None = None,
+) -> ReplayResult:
+    """Play actions from a seed until the episode ends, or a state is not as recorded.
+
+    Args:
+        env: environment of the episode's task and split, whose control mode takes the actions.
+        seed: seed of the episode.
+        variation: index of its variation.
+        actions: recorded joint actions (16,) or keyposes (18,), all of them.
+        hashes: number of ticks played -> state hash then, as datasets store it; the largest number is the episode's
+            length.
+        visit: sees the environment before every tick and after the last one, as long as all is as recorded.
+
+    Raises:
+        InvalidAction: the environment refuses an action.
+    """
+    comparison = _Comparison(hashes, visit)
+    env.reset(seed=seed, options={"variation": variation})
+    with env.observed_by(comparison.look):
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated or comparison.divergence is not None:
+                break
+    comparison.look(env)
+    ticks, length = env.progress.ticks, max(hashes)
+    divergence = comparison.divergence
+    if divergence is None and ticks != length:
+        divergence = min(ticks, length)
+    return ReplayResult(ticks, divergence, env.progress.succeeded, env.progress.failure)
+
+
+class _Comparison:
+    """Looks at a running episode, until it differs from the record."""
+
+    def __init__(self, hashes: Mapping[int, int], visit: Visitor | None):
+        self.divergence: int | None = None
+        self._hashes = hashes
+        self._visit = visit
+
+    def look(self, env: BimanualEnv, _: NDArray | None = None) -> None:
+        if self.divergence is not None:
+            return
+        ticks = env.progress.ticks
+        expected = self._hashes.get(ticks)
+        if expected is not None and state_hash_column(env.state_hash()) != expected:
+            self.divergence = ticks - 1
+        elif self._visit is not None:
+            self._visit(env)
