@@ -204,7 +204,7 @@ def test_a_horizon_that_is_set_stays(make_policy):
 
 @pytest.mark.parametrize("stats", [None, {}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
 def test_without_horizon_and_dataset_the_flag_is_named(make_policy, stats):
-    with pytest.raises(BadConfig, match="--policy.keypose_horizon"):
+    with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
         make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
