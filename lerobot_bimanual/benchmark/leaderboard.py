@@ -40,7 +40,7 @@ def render(folder: Path) -> str:
     """The page of the results in a folder.
 
     Raises:
-        BimanualError: there are none, they are of several recipes, or two are of the same task and policy.
+        BimanualError: there are none, they are of several recipes or worlds, or two are of the same task and policy.
         BadResult: a file is no result.
     """
     rows = [ResultRow.read(path) for path in sorted(folder.glob("*.json"))]
@@ -49,6 +49,11 @@ def render(folder: Path) -> str:
         raise BimanualError(
             f"{folder} holds results of {', '.join(recipes) or 'no'} recipe(s), but must hold those of one; "
             "`lerobot-bimanual benchmark` writes them to OUTPUT/results"
+        )
+    worlds = {(row.task, row.world) for row in rows}
+    if len(worlds) != len({task for task, _ in worlds}):
+        raise BimanualError(
+            f"{folder} holds results of one task in two worlds: {sorted(worlds)}; keep those of one"
         )
     lines = [(row, config_of(row)) for row in sorted(rows, key=lambda row: (_place(row), row.policy))]
     cells = {(_place(row), row.policy): row for row in rows}

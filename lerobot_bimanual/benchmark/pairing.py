@@ -40,7 +40,7 @@ def pair(first: ResultRow, second: ResultRow) -> Pairing:
     """Count the outcomes of two rows on the seeds that they share.
 
     Raises:
-        BimanualError: the rows differ in task, variation, split or simulation, or share no seed.
+        BimanualError: the rows differ in task, world, variation, split or simulation, or share no seed.
     """
     for name in ("task", "variation", "split"):
         one, other = getattr(first, name), getattr(second, name)
@@ -48,6 +48,11 @@ def pair(first: ResultRow, second: ResultRow) -> Pairing:
             raise BimanualError(
                 f"the results differ in {name}: {one!r} and {other!r}; compare like with like"
             )
+    if first.world != second.world:
+        raise BimanualError(
+            f"{first.task} was another task for each: world {first.world} for one result and {second.world} for the "
+            "other; evaluate both with the same version of lerobot_env_bimanual"
+        )
     for package in SIMULATION_PACKAGES:
         one, other = first.versions.get(package), second.versions.get(package)
         if one != other:

@@ -18,7 +18,7 @@ from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.statistics import SuccessRate
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a row does without them."""
@@ -96,6 +96,7 @@ class ResultRow:
     Attributes:
         schema_version: version of this table of fields.
         task: name of the task.
+        world: version of what the task's world does, as its certificates have it; rows of two worlds are not compared.
         variation: index of the variation, or `any`.
         policy: type of the policy.
         recipe: `small` or `paper`.
@@ -120,6 +121,7 @@ class ResultRow:
 
     schema_version: int
     task: str
+    world: str
     variation: str
     policy: str
     recipe: str
@@ -248,6 +250,16 @@ def read_certificate(path: Path) -> tuple[EpisodeResult, ...]:
             )
             for episode in episodes
         )
+
+
+def read_world(path: Path, task: str) -> str:
+    """Version of a task's world, from a certificate of that task.
+
+    Raises:
+        BadResult: the certificate does not tell.
+    """
+    with _reading(path):
+        return str(read_json(path)["worlds"][task])
 
 
 def versions() -> dict[str, str]:

@@ -18,6 +18,7 @@ from lerobot_bimanual.benchmark.results import (
     Validation,
     read_certificate,
     read_evaluation,
+    read_world,
     success_rate,
     versions,
 )
@@ -57,6 +58,7 @@ def run(plan: Plan, console: Console) -> ResultRow:
     row = ResultRow(
         schema_version=SCHEMA_VERSION,
         task=config.task,
+        world=read_world(plan.certificate("expert"), config.task),
         variation=config.variation,
         policy=config.policy,
         recipe=config.recipe,

@@ -30,7 +30,8 @@ def episodes(outcomes: str, first_seed: int = 0) -> tuple[EpisodeResult, ...]:
 
 
 ROW = ResultRow(
-    schema_version=1,
+    schema_version=2,
+    world="0123456789ab",
     task="lift_ball",
     variation="any",
     policy="mine",
@@ -87,7 +88,7 @@ def test_the_file_shows_success_rates_to_readers():
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        (["schema_version"], 2, "schema_version"),
+        (["schema_version"], 1, "schema_version"),
         (["task"], 3, r"result\.task is 3, but must be a str"),
         (["variation"], 0, r"result\.variation"),
         (["policy"], None, r"result\.policy"),
@@ -225,6 +226,7 @@ def test_episodes_are_paired_by_seed():
     ("difference", "message"),
     [
         ({"task": "push_box"}, "differ in task: 'lift_ball' and 'push_box'"),
+        ({"world": "ba9876543210"}, "world 0123456789ab for one result and ba9876543210 for the other"),
         ({"variation": "0"}, "differ in variation"),
         ({"split": "val"}, "differ in split"),
         ({"versions": {"mujoco": "4"}}, "mujoco was 3 for one result and 4 for the other"),

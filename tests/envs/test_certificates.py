@@ -8,6 +8,7 @@ import pytest
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks, resolve_tasks
 
 FOLDER = Path(__file__).parents[2] / "results" / "certificates"
@@ -18,6 +19,13 @@ VARIATIONS = [
 
 def certificate(name: str):
     return json.loads((FOLDER / f"{name}.json").read_text())
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.json")), ids=lambda path: path.stem)
+def test_a_certificate_is_of_the_world_as_it_is(path):
+    content = json.loads(path.read_text())
+    assert content["worlds"] == {row["task"]: world_version(row["task"]) for row in content["rates"]}
 
 
 def trials(name: str) -> dict[tuple[str, int], int]:

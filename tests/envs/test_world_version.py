@@ -26,7 +26,11 @@ def test_it_is_short_and_the_same_whenever_it_is_asked_for():
 
 def test_every_task_has_its_own_and_several_have_one_together():
     assert world_version("push_box") != world_version(TASK)
-    assert joint_version(["push_box", TASK]) == joint_version([TASK, "push_box"])
+    assert (
+        joint_version({"a": "1", "b": "2"})
+        == joint_version({"b": "2", "a": "1"})
+        != joint_version({"a": "1"})
+    )
 
 
 SPEC = LiftBall.spec

@@ -11,6 +11,7 @@ from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_of, flag_value
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
 from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_env_bimanual.expert.world_version import world_version
 
 ROOT = Path(__file__).parents[2]
 ROWS = sorted((ROOT / "results" / "small").glob("*.json"))
@@ -20,6 +21,12 @@ CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir
 def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
     assert (ROOT / "docs" / "results.md").read_text() == render(Path("results/small"))
+
+
+@pytest.mark.sim
+def test_every_row_is_of_the_world_as_it_is():
+    rows = [ResultRow.read(path) for path in ROWS]
+    assert {row.task: row.world for row in rows} == {row.task: world_version(row.task) for row in rows}
 
 
 @pytest.mark.parametrize("path", ROWS, ids=lambda path: path.stem)

@@ -52,7 +52,7 @@ def certify(config: CertifyConfig) -> int:
         lerobot-bimanual certify --control=blind --seeds=0:40
     """
     from lerobot_env_bimanual.expert.campaign import Campaign
-    from lerobot_env_bimanual.expert.certificate import Certificate, origin
+    from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
     from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
@@ -61,7 +61,7 @@ def certify(config: CertifyConfig) -> int:
         _check_variation(name, config.variation)
     log = None
     if config.output is not None:
-        log = OutcomeLog(config.output.with_suffix(".partial.jsonl"), origin())
+        log = OutcomeLog(config.output.with_suffix(".partial.jsonl"))
     with Campaign(config.workers, log) as campaign:
         jobs = [job for name in names for job in _jobs(campaign, config, name, seeds)]
         outcomes = campaign.play(jobs, config.control)

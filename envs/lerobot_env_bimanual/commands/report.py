@@ -10,7 +10,7 @@ PAGE = """\
 
 Written by `lerobot-bimanual report` from the certificates in `{folder}`; do not edit.
 
-Code `{code}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each of them.
+World `{world}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each of them.
 
 ## Experts and controls
 
@@ -63,6 +63,7 @@ def report(config: ReportConfig) -> None:
         lerobot-bimanual report
         lerobot-bimanual report --output=docs/tasks.md
     """
+    from lerobot_env_bimanual.expert.world_version import joint_version
     from lerobot_env_bimanual.reports import certified as tables
 
     certified = tables.Certified.read(config.certificates)
@@ -70,8 +71,8 @@ def report(config: ReportConfig) -> None:
     rounded = certified.certificates.get(tables.ROUNDED, {})
     page = PAGE.format(
         folder=config.certificates.as_posix(),
-        code=expert["origin"]["source_sha256"][:12],
-        mujoco=expert["origin"]["mujoco"],
+        world=joint_version(expert["worlds"]),
+        mujoco=expert["versions"]["mujoco"],
         split=expert["split"],
         seeds=expert["seeds"],
         voxels=rounded.get("discretise", tables.NOT_MEASURED),

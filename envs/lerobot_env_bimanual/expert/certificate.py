@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import platform
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -15,35 +12,15 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-import lerobot_bimanual
-import lerobot_env_bimanual
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
-
-SOURCES = (
-    (lerobot_bimanual, ("arms.py", "codec.py", "keyframes.py", "keypose.py", "geometry/*.py")),
-    (lerobot_env_bimanual, ("*.py", "expert/*.py", "motion/*.py", "props/*.py", "robots/*.py", "tasks/*.py")),
-)
-"""Modules of these packages that decide it, too."""
-
-
-def origin() -> dict[str, str]:
-    """Everything besides its job that the outcome of an episode depends on."""
-    versions = {name: version(name) for name in SIMULATION_PACKAGES} | {"python": platform.python_version()}
-    digest = hashlib.sha256()
-    for package, patterns in SOURCES:
-        root = Path(str(package.__file__)).parent
-        for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    return versions | {"source_sha256": digest.hexdigest()}
-
+from lerobot_env_bimanual.expert.outcome_log import versions
+from lerobot_env_bimanual.expert.world_version import world_version
 
 HASH_DIGITS = 16
 """Of each state hash, as many as tell all episodes apart."""
-
 
 LOG_WIDTH = 110
 """Columns of the printed table where no terminal says how many there are."""
@@ -88,7 +65,10 @@ class Certificate:
             "replay": self.replay,
             "split": self.split,
             "seeds": self.seeds,
-            "origin": origin(),
+            "versions": versions(),
+            "worlds": {
+                task: world_version(task) for task in sorted({outcome.task for outcome in self.outcomes})
+            },
             "complaints": self.complaints,
             "rates": [self._rate(*key) for key in rates(self.outcomes)],
         }

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import json
+import platform
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 
+import lerobot_bimanual
+import lerobot_env_bimanual
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_env_bimanual.expert.outcome import Job, Outcome
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that decides the outcome of an episode."""
+    packages = {name: version(name) for name in SIMULATION_PACKAGES}
+    return packages | {"python": platform.python_version()}
 
 
 class OutcomeLog:
@@ -17,13 +28,12 @@ class OutcomeLog:
 
     Args:
         path: the file; its folder is made.
-        origin: everything besides the job that an outcome depends on, such as versions.
     """
 
-    def __init__(self, path: Path, origin: dict[str, str]):
+    def __init__(self, path: Path):
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
-        header = json.dumps(origin, sort_keys=True)
+        header = json.dumps(versions() | {"sources": _source_digest()}, sort_keys=True)
         self._outcomes = _read(path, header)
         with path.open("w") as file:
             print(header, file=file)
@@ -44,6 +54,16 @@ class OutcomeLog:
     def remove(self) -> None:
         """Delete the file: the result is safe elsewhere."""
         self._path.unlink(missing_ok=True)
+
+
+def _source_digest() -> str:
+    """Of every file of the code that plays, which may change while a campaign is interrupted."""
+    digest = hashlib.sha256()
+    for package in (lerobot_bimanual, lerobot_env_bimanual):
+        root = Path(str(package.__file__)).parent
+        for path in sorted(root.rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def _read(path: Path, header: str) -> dict[str, Outcome]:

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
@@ -55,7 +56,6 @@ def world_version(task: str) -> str:
 
     Raises:
         UnknownTask: there is no such task.
-        PlacementFailure: the probed episode cannot start.
     """
     digest = hashlib.sha256()
     for fact in (*_model_facts(task), *_episode_facts(task)):
@@ -63,9 +63,9 @@ def world_version(task: str) -> str:
     return digest.hexdigest()[:HASH_DIGITS]
 
 
-def joint_version(tasks: Iterable[str]) -> str:
-    """One version for the worlds of several tasks."""
-    text = "\n".join(f"{task} {world_version(task)}" for task in sorted(tasks))
+def joint_version(worlds: Mapping[str, str]) -> str:
+    """One version for several tasks, given each one's."""
+    text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
     return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
 
 
@@ -93,7 +93,11 @@ def _episode_facts(task: str) -> Iterator[str]:
         if len(stood) < 2:  # at the start, and after the first motion
             stood.append(np.append(env.scene.data.time, env.scene.data.qpos))
 
-    outcome = run_expert(env, PROBE_SEED, on_move=note)
+    try:
+        outcome = run_expert(env, PROBE_SEED, on_move=note)
+    except PlacementFailure as failure:
+        yield str(failure)
+        return
     spec = env.task_definition.spec
     yield f"{spec.name} {spec.id} {env.progress.variation} {env.task_description} draws {outcome.draws}"
     yield f"conditions {sorted(env.progress.conditions)} horizon {spec.horizon_ticks}"
