@@ -30,8 +30,9 @@ from recording_jobs import PlainWriter, record
 from rich.console import Console
 from rich.table import Table
 
+from lerobot_bimanual.benchmark.protocol import PROTOCOLS
+from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_bimanual.recipes import recipe_for
 from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
 from lerobot_env_bimanual.generation.shard import quieten_libraries
 
@@ -49,7 +50,8 @@ LOADERS = (4, 2, 1)
 WINDOW_STEPS = 20
 """That are skipped, and then that count; more than the 16 batches that four loaders have ready when they start."""
 
-RECIPE = recipe_for("peract2", "small", "lift_ball")
+RECIPE = Recipe.find("peract2", "small")
+IMAGE_SIZE = PROTOCOLS["small"].image_size
 
 
 def read(root: Path, reads: int) -> dict[str, Any]:
@@ -70,19 +72,13 @@ def read(root: Path, reads: int) -> dict[str, Any]:
 
 def train(root: Path, loaders: int, folder: Path) -> dict[str, Any]:
     """Seconds per step that `lerobot-train` waited and worked, by its own log."""
-    flags = {
-        "dataset.repo_id": "local/benchmark",
+    flags = RECIPE.flags(IMAGE_SIZE) | {
         "dataset.root": root,
-        "policy.type": "peract2",
-        **{f"policy.{name}": value for name, value in RECIPE.flags.items()},
         "policy.device": "cpu",
-        "policy.push_to_hub": "false",
-        "batch_size": RECIPE.batch_size,
         "num_workers": loaders,
         "steps": 2 * WINDOW_STEPS,
         "log_freq": WINDOW_STEPS,
         "save_checkpoint": "false",
-        "wandb.enable": "false",
         "output_dir": folder / f"train-{loaders}",
     }
     program = Path(sys.executable).with_name("lerobot-train")
@@ -112,9 +108,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--task", default="lift_ball")
     parser.add_argument("--demos", type=int, default=3)
-    parser.add_argument(
-        "--image_size", default=str(RECIPE.image_size), help="side in pixels, or HEIGHTxWIDTH"
-    )
+    parser.add_argument("--image_size", default=str(IMAGE_SIZE), help="side in pixels, or HEIGHTxWIDTH")
     parser.add_argument(
         "--runs", nargs="+", choices=RUNS, default=list(RUNS), help="datasets; the first trains"
     )

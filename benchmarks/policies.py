@@ -1,6 +1,6 @@
 """PerAct2 against its written-out formulation, stage by stage and whole: time and peak memory, in one run.
 
-The written-out formulation (tests/policies/written_out.py) has the structure of PerAct2's reference code: every
+The written-out formulation (`peract/reference.py`) has the structure of PerAct2's reference code: every
 arm decodes on its own, maps are really upsampled and concatenated. Both compute the same function of the same
 weights. On a CPU times are CPU times and memory is resident (needs Linux); on a GPU times are taken by events,
 after one call to warm up, and memory is what PyTorch allocated. Memory counts beyond what was there before the
@@ -11,7 +11,7 @@ call, so without the weights. Prints a table and, as the last line, the same fig
     python benchmarks/policies.py --voxels=100 --backward          # minutes, and 10 GB for the written-out one
     python benchmarks/policies.py --variants float32 bfloat16 compile checkpointing --backward
     python benchmarks/policies.py --policies peract2 peract_lf     # select_action and training of whole policies
-    python benchmarks/policies.py --policies peract2 --tasks lift_ball sweep_to_dustpan   # by the recipes of both tasks
+    python benchmarks/policies.py --policies peract2 --set projection_dilations=[3,9]   # beyond the small recipe
 """
 
 import argparse
@@ -19,17 +19,14 @@ import ctypes
 import gc
 import json
 import time
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import torch
-from policy_jobs import Job, Setting, network_job, policy_job
+from policy_jobs import Job, Setting, network_job, policy_job, small_flags
 from policy_stages import TITLES, Stages
 from rich.console import Console
 from rich.table import Table
-
-from lerobot_bimanual.recipes import recipe_for
 
 VARIANTS = ("float32", "bfloat16", "compile", "checkpointing")
 """Of our network; all keep their voxel maps with the channels last in memory."""
@@ -158,8 +155,9 @@ def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table,
         title=f"whole policies, {size}, five 128 px cameras, training batch {setting.batch}, {setting.device}",
     )
     figures: dict[str, Any] = {}
-    for policy, task in product(options.policies, options.tasks):
-        flags = {} if options.full_size else recipe_for(policy, "small", task).flags
+    beyond = dict(word.split("=", 1) for word in options.set)
+    for policy in options.policies:
+        flags = ({} if options.full_size else small_flags(policy)) | beyond
         act, train = (
             measure(policy_job(policy, flags, each), each, options.repeats)
             for each in (
@@ -170,7 +168,7 @@ def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table,
         assert act is not None
         assert train is not None
         rate = setting.batch / train["seconds"]
-        name = policy if options.full_size else f"{policy}, {task}"
+        name = ", ".join([policy, *options.set])
         figures[name] = {"select_action": act, "train": train, "samples_per_s": rate}
         table.add_row(name, f"{act['seconds']:.3f}", f"{rate:.2f}", f"{train['peak_gb']:.2f}")
     return table, figures
@@ -185,11 +183,11 @@ def main() -> None:
     parser.add_argument("--variants", nargs="*", choices=VARIANTS, default=["float32"], help="of our network")
     parser.add_argument("--policies", nargs="+", metavar="TYPE", help="whole policies instead of the network")
     parser.add_argument(
-        "--tasks",
+        "--set",
         nargs="+",
-        metavar="TASK",
-        default=["lift_ball"],
-        help="by whose small recipes; default lift_ball",
+        metavar="NAME=VALUE",
+        default=[],
+        help="options of whole policies, beyond the small recipe",
     )
     parser.add_argument("--full_size", action="store_true", help="policies at their default sizes")
     devices = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)

@@ -3,11 +3,9 @@
 A job is made once and called as often as it is timed. It runs forward, and backward too where gradients are on.
 """
 
-import importlib.util
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from types import ModuleType
 from typing import Any, cast
 
 import draccus
@@ -18,16 +16,19 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
 from torch import Tensor
 
+from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_policy_bimanual import PerAct2Config
-from lerobot_policy_bimanual.nn.dense_head import DenseTranslation
-from lerobot_policy_bimanual.nn.peract import PerActNetwork
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
+from lerobot_policy_bimanual.peract.network import PerActNetwork
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
-WRITTEN_OUT = Path(__file__).parents[1] / "tests" / "policies" / "written_out.py"
+EPISODE_KEYPOSES = 7
+"""Of the made-up episodes; no time depends on it."""
 
 Job = Callable[[], object]
 
@@ -40,15 +41,6 @@ class Setting:
     batch: int
     device: str
     backward: bool
-
-
-def load_written_out() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("written_out", WRITTEN_OUT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def surfaces(samples: int, image_size: int, device: str) -> Tensor:
@@ -67,12 +59,14 @@ def surfaces(samples: int, image_size: int, device: str) -> Tensor:
 
 def make_network(setting: Setting, **options: Any) -> tuple[PerAct2Config, PerActNetwork]:
     """The full-size network, without dropout."""
-    config = PerAct2Config(device=setting.device, voxel_size=setting.voxels, **options)
+    config = PerAct2Config(
+        device=setting.device, voxel_size=setting.voxels, keypose_horizon=EPISODE_KEYPOSES + 1, **options
+    )
     return config, cast(PerActNetwork, PerAct2Policy(config).network.eval().to(setting.device))
 
 
 def index_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tensor) -> Tensor:
-    """What `written_out.one_hot_loss` computes, by the translation's own loss and from indices."""
+    """What `reference.one_hot_loss` computes, by the translation's own loss and from indices."""
     loss = DenseTranslation(translation).cross_entropy(voxel).sum(1).mean()
     bins = (pose.shape[-1] - 4) // 3
     for logits, target in zip(pose.split([bins] * 3 + [2, 2], dim=-1), classes.unbind(-1), strict=True):
@@ -91,7 +85,6 @@ def network_job(variant: str, setting: Setting) -> Job:
     language = torch.randn(B, config.language_tokens, config.language_dim, device=device)
     voxel = torch.full((B, 2, 3), V // 2, device=device)
     classes = torch.ones(B, 2, 5, dtype=torch.long, device=device)
-    reference = load_written_out()
 
     def job() -> None:
         if variant == "written_out":
@@ -110,13 +103,20 @@ def network_job(variant: str, setting: Setting) -> Job:
     return job
 
 
+def small_flags(policy_type: str) -> dict[str, str]:
+    """What the small recipe of a policy says about its config, by name."""
+    section = Recipe.find(policy_type, "small").sections["policy"]
+    return {name: json.dumps(value) for name, value in section.items() if name != "type"}
+
+
 def policy_job(policy_type: str, flags: Mapping[str, str], setting: Setting) -> Job:
     """A whole policy on five 128 px cameras: one optimiser step, or one `select_action` without gradients."""
     config = draccus.parse(
         PreTrainedConfig.get_choice_class(policy_type),
         args=[f"--device={setting.device}", *(f"--{option}={value}" for option, value in flags.items())],
     )
-    policy: Any = get_policy_class(policy_type)(config).to(setting.device)
+    stats = {schema.KEYPOSE_STEP: {"max": EPISODE_KEYPOSES}}
+    policy: Any = get_policy_class(policy_type)(config, dataset_stats=stats).to(setting.device)
     batch = {
         key: value.to(setting.device) if isinstance(value, Tensor) else value
         for key, value in random_batch(setting.batch, 128).items()

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
-from policy_jobs import Job, Setting, index_loss, load_written_out, make_network, surfaces
+from policy_jobs import Job, Setting, index_loss, make_network, surfaces
 from torch import Tensor
 
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_policy_bimanual.nn.conv3d import PATCH
-from lerobot_policy_bimanual.nn.pooling import pool
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.config import PATCH
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 TITLES = {
     "voxelise": "points to voxels, five 256 px cameras",
@@ -37,7 +38,6 @@ class Stages:
         self._config, self._network = make_network(setting)
         self._parameters = dict(self._network.named_parameters())
         self._head: Any = self._network.translation
-        self._written: Any = load_written_out()
 
     def voxelise(self) -> Compared:
         """Where five cameras see something."""
@@ -46,7 +46,7 @@ class Stages:
 
     def tokens(self) -> Compared:
         """From the voxel grid."""
-        network, leaky, conv = self._network, self._written.leaky, self._written.conv
+        network, leaky, conv = self._network, reference.leaky, reference.conv
 
         def written(grid: Tensor) -> Tensor:
             stem = leaky(conv(grid, *self._weights("stem.conv")))
@@ -61,7 +61,7 @@ class Stages:
         tokens = torch.randn(self._setting.batch, words + patches, self._config.token_dim)
         return self._compare(
             lambda x: self._network.perceiver(x, x[:, words:]),
-            lambda x: torch.stack(self._written.trunk(self._parameters, x, 2, heads)),
+            lambda x: torch.stack(reference.trunk(self._parameters, x, 2, heads)),
             tokens.to(self._setting.device),
         )
 
@@ -70,7 +70,7 @@ class Stages:
         upsample, weights = self._head.upsample, self._weights("translation.upsample.conv")
         return self._compare(
             lambda x: upsample(x, upsample.kernel()),
-            lambda x: self._written.upsampled_conv(x, *weights),
+            lambda x: reference.upsampled_conv(x, *weights),
             self._volume(self._config.channels, self._setting.voxels // PATCH),
         )
 
@@ -83,8 +83,8 @@ class Stages:
             return torch.stack([join(half, x) for x in fine])
 
         def written(stem: Tensor, *fine: Tensor) -> Tensor:
-            joined = [self._written.conv(torch.cat([stem, x], dim=1), *weights) for x in fine]
-            return torch.stack([self._written.leaky(x) for x in joined])
+            joined = [reference.conv(torch.cat([stem, x], dim=1), *weights) for x in fine]
+            return torch.stack([reference.leaky(x) for x in joined])
 
         channels, border = self._config.channels, 2  # our upsampling brings the border along
         stem = self._volume(channels)
@@ -96,11 +96,11 @@ class Stages:
         """One number per voxel."""
         weights = self._weights("translation.logits.0")
         voxels = self._volume(self._config.channels)
-        return self._compare(self._head.logits[0], lambda x: self._written.conv(x, *weights), voxels)
+        return self._compare(self._head.logits[0], lambda x: reference.conv(x, *weights), voxels)
 
     def pool(self) -> Compared:
         """Spatial softmax and maximum."""
-        return self._compare(pool, self._written.pool, self._volume(self._config.channels))
+        return self._compare(pool, reference.pool, self._volume(self._config.channels))
 
     def loss(self) -> Compared:
         """Cross-entropies of voxel and pose."""
@@ -110,7 +110,7 @@ class Stages:
         logits = torch.randn(batch, 2, size, size, size, device=device)
         return self._compare(
             lambda x, y: index_loss(x, y, voxel, classes),
-            lambda x, y: self._written.one_hot_loss(x, y, voxel, classes),
+            lambda x, y: reference.one_hot_loss(x, y, voxel, classes),
             logits,
             torch.randn(batch, 2, 220, device=device),
         )

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import draccus
 import numpy as np
@@ -24,6 +24,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
+from policy_jobs import small_flags
 from rich.console import Console
 from rich.table import Table
 
@@ -31,12 +32,11 @@ import lerobot_policy_bimanual as _registers  # noqa: F401
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
-from lerobot_policy_bimanual.nn.point_renderer import render_views
-from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation
-from lerobot_policy_bimanual.nn.rvt_layers import UpsampledConv2d
-from lerobot_policy_bimanual.nn.rvt_views import COLUMNS, DEPTHS, ROWS, pixels_of_voxels
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt.layers import UpsampledConv2d
+from lerobot_policy_bimanual.rvt.point_renderer import render_views
+from lerobot_policy_bimanual.rvt.views import VIEWS, pixels_of_voxels
 
 SIZE = 220
 RADIUS = 0.012
@@ -60,10 +60,10 @@ def paint(points: torch.Tensor, colours: torch.Tensor) -> torch.Tensor:
     disc = torch.cartesian_prod(step, step)
     disc = disc[disc.pow(2).sum(1) <= (RADIUS * SIZE / 2) ** 2]
     images = torch.zeros(5, SIZE, SIZE, 6)
-    for image, row, column, depth in zip(images, ROWS, COLUMNS, DEPTHS, strict=True):
-        order = depths[depth].argsort(descending=True)
-        rows = cells[row, order, None] + disc[:, 0]
-        columns = cells[column, order, None] + disc[:, 1]
+    for image, view in zip(images, VIEWS, strict=True):
+        order = depths[view.depth].argsort(descending=True)
+        rows = cells[view.row, order, None] + disc[:, 0]
+        columns = cells[view.column, order, None] + disc[:, 1]
         on = (rows >= 0) & (rows < SIZE) & (columns >= 0) & (columns < SIZE)
         image[rows[on], columns[on]] = content[order][:, None].expand(-1, len(disc), -1)[on]
     return images.permute(0, 3, 1, 2)
@@ -130,7 +130,7 @@ def observation(image_size: int) -> dict[str, Any]:
 def make_act(name: str) -> Callable[[], object]:
     """One select_action, of "act:<policy>:<size>"."""
     _, policy_type, size = name.split(":")
-    flags = SMALL_FLAGS[cast(PolicyName, policy_type)] if size == "small" else {}
+    flags = small_flags(policy_type) if size == "small" else {}
     config = draccus.parse(
         PreTrainedConfig.get_choice_class(policy_type),
         args=["--device=cpu", *(f"--{option}={value}" for option, value in flags.items())],

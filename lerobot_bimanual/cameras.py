@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 CAMERA_NAMES = ("front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist")
 """The five cameras of the paper, in the order of every calibration vector."""
 
-EXTRINSICS_DIM = 16 * len(CAMERA_NAMES)
-INTRINSICS_DIM = 9 * len(CAMERA_NAMES)
-
 
 def intrinsics_from_fovy(fovy_rad: float, height: int, width: int) -> NDArray[np.float64]:
     """Pinhole matrix (3, 3) in pixels of a camera with square pixels and a vertical field of view."""

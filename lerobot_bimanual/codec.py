@@ -49,9 +49,9 @@ class KeyposeCodec:
     """Between continuous keyposes and bins.
 
     Attributes:
-        workspace: The box that the voxels fill.
-        voxels: Voxels per axis (paper: 100, so 1 cm; 50 on the paper's real robot).
-        rotation_bin_deg: Width of a rotation bin (paper: 5 degrees, 72 bins per axis).
+        workspace: the box that the voxels fill.
+        voxels: voxels per axis (paper: 100, so 1 cm; 50 on the paper's real robot).
+        rotation_bin_deg: width of a rotation bin (paper: 5 degrees, 72 bins per axis).
     """
 
     workspace: Workspace = VOXEL_WORKSPACE

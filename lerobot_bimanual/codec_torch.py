@@ -31,15 +31,22 @@ class DiscreteKeypose:
     ignore_collisions: Tensor
 
 
-class KeyposeCodec(NumpyKeyposeCodec):
-    """`codec.KeyposeCodec` on tensors of any device."""
+@dataclass(frozen=True)
+class KeyposeCodec:
+    """A `codec.KeyposeCodec` on tensors of any device.
 
-    def encode(self, vectors: Tensor) -> DiscreteKeypose:  # pyright: ignore[reportIncompatibleMethodOverride]
+    Attributes:
+        bins: the same in NumPy, which says how space and angles are cut.
+    """
+
+    bins: NumpyKeyposeCodec
+
+    def encode(self, vectors: Tensor) -> DiscreteKeypose:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
         voxel = self.in_voxels(vectors).floor().long()
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
-        rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
+        rotation = ((euler_deg + 180) / self.bins.rotation_bin_deg).round().long() % self.bins.rotation_bins
         return DiscreteKeypose(
             voxel,
             rotation,
@@ -47,25 +54,25 @@ class KeyposeCodec(NumpyKeyposeCodec):
             (arms[..., IGNORE_COLLISIONS] > 0.5).long(),
         )
 
-    def decode(self, discrete: DiscreteKeypose) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def decode(self, discrete: DiscreteKeypose) -> Tensor:
         """Flat keyposes (..., 18) at the voxel centres and bin angles."""
         return self.assemble(self.voxel_centers(discrete.voxel), discrete)
 
     def in_voxels(self, vectors: Tensor) -> Tensor:
         """Positions of flat keyposes (..., 18) in voxels from the grid's corner, (..., 2, 3)."""
         position = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))[..., POSITION]
-        lower = vectors.new_tensor(self.workspace.lower)
-        return (position - lower) / vectors.new_tensor(self.voxel_size_m)
+        lower = vectors.new_tensor(self.bins.workspace.lower)
+        return (position - lower) / vectors.new_tensor(self.bins.voxel_size_m)
 
     def voxel_centers(self, voxel: Tensor) -> Tensor:
         """World positions (..., 3) of voxel indices (..., 3); fractions of a voxel are allowed."""
-        lower = torch.tensor(self.workspace.lower, dtype=torch.float32, device=voxel.device)
-        size = torch.tensor(self.voxel_size_m, dtype=torch.float32, device=voxel.device)
+        lower = torch.tensor(self.bins.workspace.lower, dtype=torch.float32, device=voxel.device)
+        size = torch.tensor(self.bins.voxel_size_m, dtype=torch.float32, device=voxel.device)
         return lower + (voxel + 0.5) * size
 
     def assemble(self, position: Tensor, discrete: DiscreteKeypose) -> Tensor:
         """Flat keyposes (..., 18) from positions (..., 2, 3) in metres and the other bins."""
-        euler_rad = torch.deg2rad(discrete.rotation * self.rotation_bin_deg - 180)
+        euler_rad = torch.deg2rad(discrete.rotation * self.bins.rotation_bin_deg - 180)
         flags = torch.stack([discrete.gripper_open, discrete.ignore_collisions], dim=-1).to(position)
         arms = torch.cat([position, euler_xyz_to_quat_wxyz(euler_rad).to(position), flags], dim=-1)
         return arms.flatten(-2)

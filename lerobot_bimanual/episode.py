@@ -15,11 +15,11 @@ class EpisodeMeta:
     """What an episode is.
 
     Attributes:
-        task: Registered task name.
-        variation: Variation index.
+        task: registered task name.
+        variation: variation index.
         split: "train", "val" or "test".
-        seed: The integer that, with task, variation and split, determines every state bit for bit.
-        instruction: The sentence given to the policy.
+        seed: the integer that, with task, variation and split, determines every state bit for bit.
+        instruction: the sentence given to the policy.
     """
 
     task: str
@@ -34,10 +34,10 @@ class Step:
     """One control tick.
 
     Attributes:
-        observation: Dataset key -> vector, seen before the tick.
+        observation: dataset key -> vector, seen before the tick.
         action: (16,) float32 joint action applied during the tick.
-        stage: Index of the keypose being executed, which is also the number of keyposes completed.
-        state_hash: First 64 bits of the simulation state's hash after the tick, as a signed integer.
+        stage: index of the keypose being executed, which is also the number of keyposes completed.
+        state_hash: first 64 bits of the simulation state's hash after the tick, as a signed integer.
     """
 
     observation: dict[str, NDArray]
@@ -53,11 +53,11 @@ class Episode:
     A demonstration of T ticks has T + 1 observations; row t is the one before tick t, row T the last one.
 
     Attributes:
-        meta: What the episode is.
+        meta: what the episode is.
         keyposes: (stages, 18) float32, the keypose commanded in each stage.
-        steps: One entry per control tick; at least one.
-        final_observation: Vectors of row T.
-        images: Gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
+        steps: one entry per control tick; at least one.
+        final_observation: vectors of row T.
+        images: gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
             millimetres, as the environment emits them. They are asked for row by row, so that nobody renders
             rows that no view stores, and an episode never has to fit into memory with all its images.
     """

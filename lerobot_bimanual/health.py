@@ -16,7 +16,6 @@ from importlib import metadata
 from lerobot_bimanual.errors import MissingGL
 
 CORE, ENVS, POLICIES = "lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual"
-ENV_TYPE = "bimanual"
 # The packages whose version decides whether we work, or (MuJoCo) whether trajectories are the same.
 WATCHED = ("lerobot", "mujoco", "gymnasium", "frankik", "torch", "numpy")
 REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies"
@@ -50,10 +49,10 @@ class Finding:
     """Result of one check.
 
     Attributes:
-        subject: What was looked at.
-        level: The verdict.
-        detail: What was found.
-        remedy: How to mend it; "" if nothing is to be done.
+        subject: what was looked at.
+        level: the verdict.
+        detail: what was found.
+        remedy: how to mend it; "" if nothing is to be done.
     """
 
     subject: str

@@ -31,10 +31,10 @@ class Keypose:
     """One arm's target.
 
     Attributes:
-        pose: Hand pose in the world frame: origin between the fingertips, z out of the palm, y along the
+        pose: hand pose in the world frame: origin between the fingertips, z out of the palm, y along the
             opening of the fingers.
-        gripper_open: Whether the gripper is open after the motion.
-        ignore_collisions: True for a straight contact motion, False for a planned collision-free one.
+        gripper_open: whether the gripper is open after the motion.
+        ignore_collisions: true for a straight contact motion, False for a planned collision-free one.
     """
 
     pose: Pose
@@ -69,7 +69,7 @@ class BimanualKeypose:
         Quaternions are normalised and flags are true above 0.5, as learned values are never exact.
 
         Raises:
-            InvalidAction: If the vector has another length, is not finite, or holds a zero quaternion.
+            InvalidAction: if the vector has another length, is not finite, or holds a zero quaternion.
         """
         v = np.asarray(vector, dtype=np.float64)
         if v.shape != (KEYPOSE_DIM,):

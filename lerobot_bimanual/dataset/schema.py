@@ -94,9 +94,9 @@ def features(cameras: tuple[str, ...], height: int, width: int, view: View) -> d
     """LeRobot feature table of one view.
 
     Args:
-        cameras: Cameras whose images are stored. Calibration always covers all five.
-        height: Image height in pixels.
-        width: Image width in pixels.
+        cameras: cameras whose images are stored. Calibration always covers all five.
+        height: image height in pixels.
+        width: image width in pixels.
         view: "frames" stores images as video, "keyframes" stores them losslessly in the table.
     """
     dtype = "video" if view == "frames" else "image"

@@ -94,13 +94,6 @@ class Pose:
         """Moved along its own z axis: for a hand pose, `distance_m` further in the approach direction."""
         return self.translated(self.rotation[:, 2] * distance_m)
 
-    def interpolate(self, other: "Pose", fraction: float) -> "Pose":
-        """Pose at `fraction` of the straight way to `other`, with the shorter rotation."""
-        return Pose(
-            self.position + (other.position - self.position) * fraction,
-            rotations.quat_wxyz_slerp(self.quat_wxyz, other.quat_wxyz, fraction),
-        )
-
     def distance_to(self, other: "Pose") -> tuple[float, float]:
         """Distance in metres and rotation angle in radians."""
         return (

@@ -146,24 +146,6 @@ def rotation_vector(matrix: ArrayLike) -> Array:
     return quat_wxyz_to_rotation_vector(matrix_to_quat_wxyz(matrix))
 
 
-def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of axis-times-angle vectors (..., 3) in radians."""
-    v = np.asarray(vector, dtype=np.float64)
-    angle = np.linalg.norm(v, axis=-1, keepdims=True)
-    # sin(angle / 2) / angle tends to one half as the rotation vanishes.
-    scale = np.where(angle > 1e-12, np.sin(angle / 2) / np.maximum(angle, 1e-12), 0.5)
-    return quat_wxyz_to_matrix(np.concatenate([np.cos(angle / 2), scale * v], axis=-1))
-
-
-def quat_wxyz_slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Array:
-    """Rotation at `fraction` (...,) of the shorter way from `a` (0) to `b` (1); shape (..., 4)."""
-    a = quat_wxyz_canonical(a)
-    step = quat_wxyz_to_rotation_vector(quat_wxyz_multiply(b, quat_wxyz_conjugate(a)))
-    step = step * np.asarray(fraction, dtype=np.float64)[..., None]
-    turned = matrix_to_quat_wxyz(matrix_from_rotation_vector(step))
-    return quat_wxyz_canonical(quat_wxyz_multiply(turned, a))
-
-
 def rotation_angle_rad(a: ArrayLike, b: ArrayLike) -> Array:
     """Angle in [0, pi] between the rotations of two quaternions (..., 4)."""
     difference = quat_wxyz_multiply(b, quat_wxyz_conjugate(a))

@@ -16,8 +16,8 @@ class Workspace:
     """A box in world coordinates, metres.
 
     Attributes:
-        lower: Smallest x, y, z.
-        upper: Largest x, y, z.
+        lower: smallest x, y, z.
+        upper: largest x, y, z.
     """
 
     lower: Vector3

@@ -1,4 +1,4 @@
-"""Made-up episodes, and datasets of them, for the tests of schema, writer and reader."""
+"""Made-up episodes, datasets of them, and recipes of made-up policies."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -37,6 +37,38 @@ def datasets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         for seed in (0, 1):
             write_episode(_make_episode(seed), [frames, keyframes])
     return {view: root / view for view in schema.VIEWS}
+
+
+RECIPE = """
+dataset: {{repo_id: local/demonstrations, root: data/keyframes}}
+steps: 4
+batch_size: 2
+save_freq: 2
+policy: {{type: {policy}, depth: 3, shift: [0.5, 0], head: null, name: plain}}
+"""
+
+
+@pytest.fixture
+def install_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+    """Installs a distribution with the recipe `small` for one policy, and gives the recipe's file."""
+
+    def install(policy: str, recipe: str = RECIPE) -> Path:
+        site = tmp_path / f"site_{policy}"
+        file = site / f"package_of_{policy}" / "recipes" / "small.yaml"
+        file.parent.mkdir(parents=True)
+        file.write_text(recipe.format(policy=policy))
+        (file.parents[1] / "__init__.py").write_text(
+            "raise ImportError('recipes are found without an import')"
+        )
+        metadata = site / f"{policy}-1.0.dist-info"
+        metadata.mkdir()
+        (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {policy}\nVersion: 1.0\n")
+        entry = f"[lerobot_bimanual.recipes]\n{policy} = package_of_{policy}\n"
+        (metadata / "entry_points.txt").write_text(entry)
+        monkeypatch.syspath_prepend(site)
+        return file
+
+    return install
 
 
 def _make_episode(seed: int) -> Episode:

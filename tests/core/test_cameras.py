@@ -51,4 +51,4 @@ def test_torch_unprojection_agrees_for_a_batch_of_cameras():
         torch.from_numpy(np.stack([INTRINSICS] * 3)),
         torch.from_numpy(transforms),
     )
-    np.testing.assert_allclose(got.numpy(), expected, atol=1e-9)
+    np.testing.assert_allclose(got.mT.numpy(), expected.reshape(3, -1, 3), atol=1e-9)

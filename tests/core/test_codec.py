@@ -81,7 +81,8 @@ def test_discretise_clips_into_the_grid():
 
 def test_torch_twin_gives_the_same_bins_and_poses():
     vectors = random_keyposes(200).astype(np.float32)
-    ours, twin = KeyposeCodec(voxels=50), codec_torch.KeyposeCodec(voxels=50)
+    ours = KeyposeCodec(voxels=50)
+    twin = codec_torch.KeyposeCodec(ours)
     expected, got = ours.encode(vectors), twin.encode(torch.from_numpy(vectors).double())
     np.testing.assert_array_equal(got.voxel.numpy(), expected.voxel)
     np.testing.assert_array_equal(got.rotation.numpy(), expected.rotation)

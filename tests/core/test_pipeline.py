@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual import pipeline as module
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import Pipeline, Stage
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
 
@@ -23,67 +22,67 @@ def pipeline(tmp_path: Path, console: Console) -> Pipeline:
     return Pipeline(tmp_path / "chain", console)
 
 
-def counting(folder: Path, more: str = "", **options) -> Stage:
-    """A stage that appends a letter to `folder/count`, then does something more."""
+def counting(folder: Path, more: str = "", **options) -> Command:
+    """A command that appends a letter to `folder/count`, then does something more."""
     program = f"open({str(folder / 'count')!r}, 'a').write('x'); {more}"
-    return Stage("count", ["python", "-c", program], **options)
+    return Command("count", ["python", "-c", program], **options)
 
 
 def count(folder: Path) -> int:
     return len((folder / "count").read_text())
 
 
-def test_a_stage_runs_once(tmp_path, pipeline, console):
-    stage = counting(tmp_path, output=tmp_path / "count")
-    pipeline.run(stage)
-    assert pipeline.seconds(stage) > 0
-    Pipeline(tmp_path / "chain", console).run(stage)
+def test_a_command_runs_once(tmp_path, pipeline, console):
+    command = counting(tmp_path, output=tmp_path / "count")
+    pipeline.run(command)
+    assert pipeline.seconds(command) > 0
+    Pipeline(tmp_path / "chain", console).run(command)
     assert count(tmp_path) == 1
     shown = console.export_text()
-    assert f"$ {stage}" in shown
+    assert f"$ {command}" in shown
     assert "count (already done)" in shown
 
 
-def test_a_stage_runs_again_when_its_command_changed(tmp_path, pipeline):
+def test_a_command_runs_again_when_its_command_changed(tmp_path, pipeline):
     pipeline.run(counting(tmp_path))
     pipeline.run(counting(tmp_path, more="pass"))
     assert count(tmp_path) == 2
 
 
-def test_a_stage_runs_again_when_its_output_is_gone(tmp_path, pipeline):
+def test_a_command_runs_again_when_its_output_is_gone(tmp_path, pipeline):
     output = tmp_path / "output"
-    stage = counting(tmp_path, more=f"open({str(output)!r}, 'w')", output=output)
-    pipeline.run(stage)
+    command = counting(tmp_path, more=f"open({str(output)!r}, 'w')", output=output)
+    pipeline.run(command)
     output.unlink()
-    pipeline.run(stage)
+    pipeline.run(command)
     assert count(tmp_path) == 2
 
 
-def test_a_stage_runs_again_when_its_input_changed(tmp_path, pipeline):
+def test_a_command_runs_again_when_its_input_changed(tmp_path, pipeline):
     weights = tmp_path / "weights"
     weights.write_text("some")
-    stage = counting(tmp_path, inputs=(weights,))
-    pipeline.run(stage)
+    command = counting(tmp_path, inputs=(weights,))
+    pipeline.run(command)
     weights.write_text("others")
-    pipeline.run(stage)
+    pipeline.run(command)
     assert count(tmp_path) == 2
 
 
-def test_a_failure_names_stage_code_and_command_and_is_tried_again(tmp_path, pipeline):
-    stage = counting(tmp_path, more="raise SystemExit(3)")
+def test_a_failure_names_code_and_command_and_is_tried_again(tmp_path, pipeline):
+    command = counting(tmp_path, more="raise SystemExit(3)")
     for _ in range(2):
-        with pytest.raises(BimanualError, match=r"stage 'count' failed with exit code 3") as caught:
-            pipeline.run(stage)
-        assert str(caught.value).endswith(str(stage))
+        with pytest.raises(BimanualError, match=r"'count' failed with exit code 3") as caught:
+            pipeline.run(command)
+        assert str(caught.value).endswith(str(command))
     assert count(tmp_path) == 2
 
 
 def test_a_verdict_is_no_failure_if_it_was_written(tmp_path, pipeline):
     output = tmp_path / "verdict"
     program = f"open({str(output)!r}, 'w'); raise SystemExit(1)"
-    stage = counting(tmp_path, more=program, output=output, judges=True)
-    pipeline.run(stage)
-    pipeline.run(stage)
+    command = counting(tmp_path, more=program, output=output, judges=True)
+    pipeline.run(command)
+    pipeline.run(command)
     assert count(tmp_path) == 1
 
 
@@ -101,7 +100,7 @@ def test_commands_are_offline_unless_the_user_says_otherwise(tmp_path, pipeline,
             monkeypatch.setenv("HF_HUB_OFFLINE", setting)
         output = tmp_path / f"seen_{setting}"
         program = f"import os; open({str(output)!r}, 'w').write(os.environ['HF_HUB_OFFLINE'])"
-        pipeline.run(Stage(output.name, ["python", "-c", program]))
+        pipeline.run(Command(output.name, ["python", "-c", program]))
         assert output.read_text() == seen
         monkeypatch.setenv("HF_HUB_OFFLINE", "1")
 
@@ -109,12 +108,11 @@ def test_commands_are_offline_unless_the_user_says_otherwise(tmp_path, pipeline,
 class FakeTraining:
     """Stands in for `lerobot-train`: records its words, leaves a checkpoint and returns an exit code."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def __init__(self, folder: Path):
         self.calls: list[list[str]] = []
         self.code = 0
         self.saves = True
         self.last = folder / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
-        monkeypatch.setattr(module, "_call", self)
 
     def __call__(self, words: list[str]) -> int:
         self.calls.append(words)
@@ -126,69 +124,83 @@ class FakeTraining:
 
 
 @pytest.fixture
-def training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeTraining:
-    return FakeTraining(tmp_path / "train", monkeypatch)
+def training(tmp_path: Path) -> FakeTraining:
+    return FakeTraining(tmp_path / "train")
 
 
-def training_stage(tmp_path: Path, *more: str) -> Stage:
-    return Stage("train", [*NEW_TRAINING, *more], training_folder=tmp_path / "train")
+@pytest.fixture
+def trainings(tmp_path: Path, console: Console, training: FakeTraining) -> Pipeline:
+    """A chain whose programs are that training."""
+    return Pipeline(tmp_path / "chain", console, training)
 
 
-def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, pipeline, training):
-    stage = training_stage(tmp_path)
+def training_command(tmp_path: Path, *more: str) -> Command:
+    return Command("train", [*NEW_TRAINING, *more], training_folder=tmp_path / "train")
+
+
+def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trainings, training):
+    command = training_command(tmp_path)
     training.code = 1
     with pytest.raises(BimanualError):
-        pipeline.run(stage)
-    first = pipeline.seconds(stage)
+        trainings.run(command)
+    first = trainings.seconds(command)
     training.code = 0
-    pipeline.run(stage)
+    trainings.run(command)
     assert training.calls == [
         NEW_TRAINING,
         ["lerobot-train", f"--config_path={training.last}", "--resume=true"],
     ]
-    assert pipeline.seconds(stage) > first  # both runs are counted
-    pipeline.run(stage)
+    assert trainings.seconds(command) > first  # both runs are counted
+    trainings.run(command)
     assert len(training.calls) == 2
 
 
-def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path, pipeline, training):
+def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path, trainings, training):
     training.code, training.saves = 1, False
     for _ in range(2):
         with pytest.raises(BimanualError):
-            pipeline.run(training_stage(tmp_path))
+            trainings.run(training_command(tmp_path))
         (tmp_path / "train" / "rest").touch()
     assert training.calls == [NEW_TRAINING, NEW_TRAINING]
     training.code = 0
-    pipeline.run(training_stage(tmp_path))
+    trainings.run(training_command(tmp_path))
     assert not (tmp_path / "train" / "rest").exists()
 
 
 @pytest.mark.parametrize("code", [0, 1])
-def test_checkpoints_of_a_training_with_other_flags_are_kept(tmp_path, pipeline, training, code):
+def test_checkpoints_of_a_training_with_other_flags_are_kept(tmp_path, trainings, training, code):
     training.code = code
     try:
-        pipeline.run(training_stage(tmp_path))
+        trainings.run(training_command(tmp_path))
     except BimanualError:
         assert code
     with pytest.raises(BimanualError, match=r"other flags. Choose another --output, or remove"):
-        pipeline.run(training_stage(tmp_path, "--seed=1"))
+        trainings.run(training_command(tmp_path, "--seed=1"))
     assert training.last.exists()
     assert len(training.calls) == 1
 
 
-def test_checkpoints_that_the_chain_did_not_make_are_kept(tmp_path, pipeline, training):
+def test_checkpoints_that_the_chain_did_not_make_are_kept(tmp_path, trainings, training):
     training(NEW_TRAINING)
     with pytest.raises(BimanualError, match="other flags"):
-        pipeline.run(training_stage(tmp_path))
+        trainings.run(training_command(tmp_path))
     assert training.last.exists()
 
 
-def test_an_interruption_leaves_a_marker_of_something_begun(tmp_path, pipeline, monkeypatch):
+def test_an_interruption_leaves_a_marker_of_something_begun(tmp_path, console):
     def interrupt(words: list[str]) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "_call", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(Stage("count", ["python"]))
-    marker = json.loads((tmp_path / "chain" / "count.stage.json").read_text())
+        Pipeline(tmp_path, console, interrupt).run(Command("count", ["python"]))
+    marker = json.loads((tmp_path / "count.command.json").read_text())
     assert (marker["command"], marker["done"]) == ("python", False)
+
+
+@pytest.mark.parametrize("damaged", [b"", b"{", b"\xff", b"[" * 100_000, b"[]", b"{}"])
+def test_a_damaged_marker_is_named(tmp_path, pipeline, damaged):
+    command = counting(tmp_path)
+    pipeline.run(command)
+    (tmp_path / "chain" / "count.command.json").write_bytes(damaged)
+    with pytest.raises(BimanualError, match=r"the marker .*count\.command\.json is damaged"):
+        pipeline.run(command)

@@ -41,14 +41,6 @@ def test_matrix_round_trip(poses):
         assert angle < 1e-9
 
 
-def test_interpolation_meets_both_ends(poses):
-    a, b = poses[:2]
-    for fraction, end in ((0.0, a), (1.0, b)):
-        distance, angle = a.interpolate(b, fraction).distance_to(end)
-        assert distance < 1e-12
-        assert angle < 1e-7
-
-
 def test_looking_points_the_hand_along_the_approach_with_fingers_along_the_opening():
     pose = Pose.looking([0.1, 0.2, 0.3], approach=[0, 0, -2], opening=[1, 0, 5])
     np.testing.assert_allclose(pose.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)

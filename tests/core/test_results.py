@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from lerobot_bimanual.compare import CompareConfig, Pairing, compare, pair
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.leaderboard import LeaderboardConfig, leaderboard, render
-from lerobot_bimanual.results import (
+from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.pairing import Pairing, pair
+from lerobot_bimanual.benchmark.results import (
     BadResult,
     DatasetRecord,
     EpisodeResult,
@@ -20,6 +19,9 @@ from lerobot_bimanual.results import (
     read_certificate,
     read_evaluation,
 )
+from lerobot_bimanual.commands.compare import CompareConfig, compare
+from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.errors import BimanualError
 
 
 def episodes(outcomes: str, first_seed: int = 0) -> tuple[EpisodeResult, ...]:
@@ -31,10 +33,22 @@ ROW = ResultRow(
     schema_version=1,
     task="lift_ball",
     variation="any",
-    policy="peract2",
+    policy="mine",
     recipe="small",
-    flags={"steps": "4"},
-    dataset=DatasetRecord("lerobot-bimanual generate", (0, 1), {"mujoco": "3"}),
+    flags={
+        "dataset.repo_id": "benchmark/lift_ball",
+        "policy.type": "mine",
+        "policy.depth": "3",
+        "policy.shift": "[0.5, 0]",
+        "policy.head": "null",
+        "policy.name": "plain",
+        "steps": "4",
+        "batch_size": "2",
+        "save_freq": "2",
+        "log_freq": "1",
+        "seed": "1000",
+    },
+    dataset=DatasetRecord("lerobot-bimanual generate --image_size=128x128", (0, 1), {"mujoco": "3"}),
     checkpoint_step=4,
     checkpoint_sha256="0f" * 32,
     validation=(Validation(2, episodes("..")), Validation(4, episodes(".x"))),
@@ -53,6 +67,15 @@ def test_a_row_survives_json():
     text = ROW.to_json()
     assert ResultRow.from_json(text) == ROW
     assert ResultRow.from_json(text).to_json() == text
+
+
+def test_where_one_checkpoint_left_nothing_to_choose_the_last_one_was_tested():
+    row = replace(ROW, validation=())
+    assert ResultRow.from_json(row.to_json()) == row
+    with pytest.raises(
+        ValueError, match="'checkpoint_step' is 2, but must be among the validated steps, or the last"
+    ):
+        replace(row, checkpoint_step=2)
 
 
 def test_the_file_shows_success_rates_to_readers():
@@ -112,10 +135,10 @@ def test_a_missing_field_is_named(name: str):
         ResultRow.from_json(json.dumps(content))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "3"])
+@pytest.mark.parametrize("text", [b"", b"{", b"[]", b"3", b"\xff", b"[" * 100_000])
 def test_what_is_no_result_is_refused_with_the_file_it_is_in(tmp_path, text):
     path = tmp_path / "row.json"
-    path.write_text(text)
+    path.write_bytes(text)
     with pytest.raises(BadResult, match=r"row\.json: .*must be"):
         ResultRow.read(path)
 
@@ -174,6 +197,17 @@ def test_a_certificate_of_several_tasks_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "content", [b"", b"[]", b"{}", b"\xff", b"[" * 100_000, b'{"per_task": [1], "episodes": [1]}']
+)
+@pytest.mark.parametrize("read", [read_certificate, lambda path: read_evaluation(path, first_seed=0)])
+def test_measurements_of_another_form_are_refused_by_name(read, content, tmp_path):
+    path = tmp_path / "measured.json"
+    path.write_bytes(content)
+    with pytest.raises(BimanualError, match=r"measured\.json"):
+        read(path)
+
+
+@pytest.mark.parametrize(
     ("only_first", "only_second", "p_value"),
     [(0, 0, 1.0), (1, 9, 22 / 1024), (9, 1, 22 / 1024), (5, 5, 1.0), (6, 0, 2 / 64)],
 )
@@ -213,24 +247,53 @@ def test_compare_prints_both_rates_and_the_test(tmp_path: Path, capsys):
 
 
 @pytest.fixture
-def results(tmp_path: Path) -> Path:
+def results(tmp_path: Path, install_recipe) -> Path:
     """Three of the four results of two policies on two tasks."""
     folder = tmp_path / "results"
     folder.mkdir()
-    for policy, task in (("peract2", "lift_ball"), ("act", "lift_ball"), ("peract2", "push_box")):
-        (folder / f"{task}_{policy}.json").write_text(replace(ROW, policy=policy, task=task).to_json())
+    for policy in ("mine", "other"):
+        install_recipe(policy)
+    for policy, task in (("mine", "lift_ball"), ("other", "lift_ball"), ("mine", "push_box")):
+        flags = ROW.flags | {"dataset.repo_id": f"benchmark/{task}", "policy.type": policy}
+        row = replace(ROW, policy=policy, task=task, flags=flags)
+        (folder / f"{task}_{policy}.json").write_text(row.to_json())
     return folder
 
 
 def test_a_leaderboard_has_a_line_per_task_and_a_column_per_policy(results: Path):
     lines = render(results).splitlines()
-    first = lines.index("| task | `peract2` | `act` | expert | blind |")
+    first = lines.index("| task | `mine` | `other` | expert | blind |")
     score = "2/4 (15% to 85%)"
     assert lines[first + 2 : first + 4] == [
         f"| `lift_ball` | {score} | {score} | 4 | 0/1 (0% to 79%) |",
         f"| `push_box` | {score} | – | 4 | 0/1 (0% to 79%) |",
     ]
-    assert "| `push_box` | `peract2` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 |" in lines
+    beyond = "`--demos=2 --val_episodes=2 --test_episodes=4`"
+    assert f"| `push_box` | `mine` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | {beyond} |" in lines
+
+
+def test_a_leaderboard_says_how_a_row_departs_from_todays_recipe(results: Path):
+    departing = {"steps": "6", "policy.depth": "3.0", "policy.shift": "[0.5,1]", "policy.more": "a b"}
+    flags = ROW.flags | departing | {"policy.device": "cpu", "num_workers": "3", "wandb.enable": "false"}
+    (results / "lift_ball_mine.json").write_text(replace(ROW, flags=flags, task="sweep").to_json())
+    (results / "push_box_mine.json").unlink()
+    flags["dataset.repo_id"] = "benchmark/sweep"
+    (results / "lift_ball_mine.json").write_text(replace(ROW, flags=flags, task="sweep").to_json())
+    beyond = """--steps=6 --val_episodes=2 --test_episodes=4 --train_flags="--policy.shift=[0.5,1] '--policy.more=a b'\""""
+    command = f"lerobot-bimanual benchmark --policy=mine --task=sweep --recipe=small --demos=2 {beyond} --device=cpu"
+    page = render(results)
+    assert f"| `--demos=2 {beyond}` |" in page
+    assert f"```bash\n{command}\n```" in page
+
+
+def test_a_row_that_no_command_gives_again_is_refused(results: Path, install_recipe):
+    flags = {name: value for name, value in ROW.flags.items() if name != "policy.depth"}
+    (results / "lift_ball_mine.json").write_text(replace(ROW, flags=flags).to_json())
+    with pytest.raises(BimanualError, match=r"recipe 'small' of 'mine' now sets policy\.depth, and the row"):
+        render(results)
+    (results / "lift_ball_mine.json").write_text(replace(ROW, policy="gone").to_json())
+    with pytest.raises(BimanualError, match=r"policy is 'gone', but must be one of: .*mine"):
+        render(results)
 
 
 def test_a_leaderboard_is_printed_or_written(results: Path, capsys):

@@ -1,24 +1,20 @@
 """What a benchmark would run: every command is valid, and the best checkpoint is the right one."""
 
+import re
 import shlex
-from typing import get_args
 
 import pytest
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.benchmark import benchmark, best_checkpoint, checkpoint_steps
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan, further_flags
-from lerobot_bimanual.demo import DemoConfig, stages
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
+from lerobot_bimanual.benchmark.results import EpisodeResult, Validation
+from lerobot_bimanual.benchmark.run import best_checkpoint
+from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_bimanual.commands.benchmark import benchmark
+from lerobot_bimanual.commands.demo import DemoConfig, demo
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.flags import parse_flags
-from lerobot_bimanual.recipes import SMALL_FLAGS, PolicyName
-from lerobot_bimanual.results import EpisodeResult, Validation
 
-POLICIES = get_args(PolicyName)
-
-
-def test_every_policy_has_a_recipe():
-    assert set(POLICIES) == set(SMALL_FLAGS)
+POLICIES = ("act", "peract2", "peract_independent", "peract_lf", "rvt_lf")
 
 
 def check(words: list[str]) -> None:
@@ -42,15 +38,19 @@ def check(words: list[str]) -> None:
     draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
+def commands_of(config: BenchmarkConfig) -> list[list[str]]:
+    """Words of every command, when the last checkpoint is the best."""
+    plan = Plan.of(config)
+    return [command.words for command in plan.commands(plan.checkpoint_steps[-1])]
+
+
 @pytest.mark.parametrize(
     ("policy", "recipe"), [*((policy, "small") for policy in POLICIES), ("act", "paper")]
 )
-def test_a_dry_run_prints_valid_commands_and_runs_nothing(policy, recipe, tmp_path, capsys):
+def test_the_commands_of_a_benchmark_are_valid(policy, recipe, tmp_path):
     output = tmp_path / "a folder"
-    benchmark(BenchmarkConfig(policy=policy, recipe=recipe, device="cpu", output=output, dry_run=True))
+    commands = commands_of(BenchmarkConfig(policy=policy, recipe=recipe, device="cpu", output=output))
     assert not output.exists()
-    commands = [shlex.split(line, comments=True) for line in capsys.readouterr().out.splitlines()]
-    commands = [words for words in commands if words]
     checkpoints = 2 if recipe == "small" else 10
     programs = [words[0] for words in commands]
     trains = "lerobot-train" if policy == "act" else "lerobot-bimanual-train"
@@ -62,16 +62,71 @@ def test_a_dry_run_prints_valid_commands_and_runs_nothing(policy, recipe, tmp_pa
     assert splits == ["--env.split=val"] * checkpoints + ["--env.split=test"]
 
 
-def test_the_commands_of_the_demo_are_valid(tmp_path):
-    for stage in stages(DemoConfig(), tmp_path):
-        check(stage.command)
+def test_the_demo_is_a_benchmark_of_one_checkpoint_with_films(tmp_path):
+    config = DemoConfig(output=tmp_path / "a folder")
+    commands = commands_of(config.benchmark())
+    for words in commands:
+        check(words)
+    assert [words[0] for words in commands][3:] == ["lerobot-bimanual-train", "lerobot-eval"]
+    assert f"--env.video_dir={config.films}" in commands[-1]
+    assert "--env.split=test" in commands[-1]
 
 
-def test_numbers_that_are_given_win_over_the_recipe():
+def test_a_dry_run_prints_and_runs_nothing(tmp_path, capsys):
+    benchmark(BenchmarkConfig(output=tmp_path / "output", dry_run=True))
+    printed = capsys.readouterr().out.splitlines()
+    commands = commands_of(BenchmarkConfig(output=tmp_path / "output"))
+    assert [shlex.split(line) for line in printed if not line.startswith("#")] == commands
+    assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.parametrize(
+    ("task", "variation", "message"),
+    [
+        (
+            "symmetric",
+            "any",
+            "'symmetric', a suite, but a benchmark is of one task; run one for each of: dual_push",
+        ),
+        ("lift_bal", "any", "unknown task 'lift_bal'. Tasks and suites: .*lift_ball"),
+        ("lift_ball", "7", "task 'lift_ball' has no variation '7'"),
+    ],
+)
+def test_what_is_no_task_of_the_environment_is_refused_before_anything_runs(
+    task, variation, message, tmp_path
+):
+    output = tmp_path / "output"
+    with pytest.raises(BimanualError, match=message):
+        benchmark(BenchmarkConfig(task=task, variation=variation, output=output, dry_run=True))
+    assert not output.exists()
+
+
+def test_the_demo_refuses_a_suite_too(tmp_path):
+    with pytest.raises(BimanualError, match="a suite"):
+        demo(DemoConfig(task="symmetric", output=tmp_path / "output"))
+    assert not (tmp_path / "output").exists()
+
+
+def test_numbers_that_are_given_win_over_recipe_and_protocol():
     plan = Plan.of(BenchmarkConfig(steps=7, image_size=32, policy="act"))
-    assert (plan.recipe.steps, plan.recipe.batch_size) == (7, 8)
+    assert (plan.recipe.steps, plan.recipe.batch_size, plan.protocol.image_size) == (7, 8, 32)
     assert plan.training_flags()["steps"] == "7"
     assert "[3, 32, 32]" in plan.training_flags()["policy.input_features"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "save_freq", "checkpoints"), [(4, 2, (2, 4)), (5, 2, (2, 4, 5)), (4, 9, (4,)), (4, 4, (4,))]
+)
+def test_the_last_step_leaves_a_checkpoint_too(steps, save_freq, checkpoints):
+    assert Plan.of(BenchmarkConfig(steps=steps, save_freq=save_freq)).checkpoint_steps == checkpoints
+
+
+def test_without_validation_there_must_be_nothing_to_choose():
+    assert Plan.of(BenchmarkConfig(steps=4, save_freq=4, val_episodes=0)).checkpoint_steps == (4,)
+    with pytest.raises(
+        BimanualError, match=r"val_episodes is 0.* after 2, 4 steps; leave one with --save_freq=4"
+    ):
+        Plan.of(BenchmarkConfig(steps=4, save_freq=2, val_episodes=0))
 
 
 def test_further_flags_win_over_the_recipe():
@@ -95,9 +150,19 @@ def test_further_flags_that_cannot_be_meant_are_refused(text, message):
         further_flags("train_flags", text, own=("steps",))
 
 
-def test_a_benchmark_is_of_one_task():
-    with pytest.raises(BimanualError, match="one task"):
-        Plan.of(BenchmarkConfig(task="lift_ball,push_box"))
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ({"task": "lift_ball,push_box"}, "is 'lift_ball,push_box', but a benchmark is of one task"),
+        ({"task": "../../lift_ball"}, "is '../../lift_ball', but a benchmark is of one task"),
+        ({"variation": "../1"}, "variation is '../1', but must be an index or any"),
+        ({"policy": "../act"}, "policy is '../act', but must be one of: act, peract2"),
+        ({"recipe": "../small"}, "recipe for peract2 is '../small', but must be one of: paper, small"),
+    ],
+)
+def test_names_that_would_leave_the_folder_are_refused(names, message):
+    with pytest.raises(BimanualError, match=re.escape(message)):
+        Plan.of(BenchmarkConfig(**names))
 
 
 def test_numbers_below_one_are_refused():
@@ -128,9 +193,3 @@ def test_the_best_checkpoint_solves_most_and_of_equals_is_the_latest():
     validations = [validation(1000, "xx.."), validation(300, "..xx"), validation(2000, "...x")]
     assert best_checkpoint(validations).step == 1000
     assert best_checkpoint([*validations, validation(100, "xxx.")]).step == 100
-
-
-def test_checkpoints_are_found_by_their_steps(tmp_path):
-    for name in ("000250", "1000000", "000500", "last"):
-        (tmp_path / name).mkdir()
-    assert checkpoint_steps(tmp_path) == [250, 500, 1_000_000]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.flags import parse_flags
+from lerobot_bimanual.cli.flags import parse_flags
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted(

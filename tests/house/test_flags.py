@@ -6,8 +6,8 @@ from typing import Literal
 
 import pytest
 
-from lerobot_bimanual.flag_help import describe_flags, field_comments
-from lerobot_bimanual.flags import BadCommandLine, parse_flags
+from lerobot_bimanual.cli.flag_help import describe_flags, field_comments
+from lerobot_bimanual.cli.flags import BadCommandLine, parse_flags
 
 
 @dataclass

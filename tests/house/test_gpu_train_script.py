@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "gpu_train.sh"
 SECONDS_PER_STEP = 0.5

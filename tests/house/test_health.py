@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from lerobot_bimanual import health
-from lerobot_bimanual.doctor import DoctorConfig, doctor
+from lerobot_bimanual.commands.doctor import DoctorConfig, doctor
 from lerobot_bimanual.health import Finding, Level
 
 
@@ -71,7 +71,7 @@ def test_doctor_prints_findings_and_remedies_and_fails_only_on_failures(
     level: Level, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     finding = Finding("OpenGL", level, "none [of any kind]", "sudo apt-get install " + "x" * 100)
-    monkeypatch.setattr("lerobot_bimanual.doctor.examine", lambda: iter([finding]))
+    monkeypatch.setattr("lerobot_bimanual.commands.doctor.examine", lambda: iter([finding]))
     assert doctor(DoctorConfig()) == code
     out = capsys.readouterr().out
     assert f"{level}" in out

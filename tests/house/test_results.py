@@ -1,19 +1,19 @@
 """What is committed of results: the page is that of the rows, and every trained policy belongs to a row."""
 
-import json
+import shlex
 from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.leaderboard import render
-from lerobot_bimanual.pipeline import sha256
-from lerobot_bimanual.recipes import FAR_TASKS, LONG_TASKS, SMALL_HORIZON, recipe_for
-from lerobot_bimanual.results import ResultRow
-from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.pipeline import sha256
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_of, flag_value
+from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.cli.flags import parse_flags
 
 ROOT = Path(__file__).parents[2]
 ROWS = sorted((ROOT / "results" / "small").glob("*.json"))
-CERTIFICATE = ROOT / "results" / "certificates" / "expert.json"
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
@@ -23,29 +23,26 @@ def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("path", ROWS, ids=lambda path: path.stem)
-def test_a_row_was_trained_with_the_recipe_and_tested_on_fifty_unseen_episodes(path: Path):
+def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_row(path: Path):
     row = ResultRow.read(path)
-    recipe = recipe_for(row.policy, "small", row.task)  # pyright: ignore[reportArgumentType]
-    trained = {name.removeprefix("policy."): value for name, value in row.flags.items()}
-    assert recipe.flags.items() <= trained.items()
-    assert (row.split, len(row.episodes)) == ("test", recipe.test_episodes)
-    assert len(row.dataset.seeds) == recipe.demos
-    assert (trained["steps"], trained["batch_size"]) == (str(recipe.steps), str(recipe.batch_size))
-
-
-def test_the_recipe_names_only_tasks_that_exist():
-    assert {*FAR_TASKS, *LONG_TASKS} <= set(list_tasks())
-
-
-def test_the_recipe_of_every_task_tells_all_its_keyposes_apart():
-    episodes = json.loads(CERTIFICATE.read_text())["episodes"]
-    longest = {
-        task: max((len(episode["keyposes"]) for episode in episodes if episode["task"] == task), default=0)
-        for task in list_tasks()
-    }
-    assert {task: count for task, count in longest.items() if count + 1 > SMALL_HORIZON} == LONG_TASKS
-    for task, count in longest.items():
-        assert int(recipe_for("peract2", "small", task).flags["keypose_horizon"]) > count
+    program, verb, *flags = shlex.split(command(config_of(row)))
+    assert (program, verb) == ("lerobot-bimanual", "benchmark")
+    plan = Plan.of(parse_flags(BenchmarkConfig, flags))
+    trained, planned = (
+        {name: flag_value(value) for name, value in flags.items() if name not in (*PLACES, *INCIDENTAL)}
+        for flags in (row.flags, plan.training_flags())
+    )
+    assert planned == trained
+    recorded, generated = (
+        dict(word.removeprefix("--").split("=", 1) for word in words[2:])
+        for words in (shlex.split(row.dataset.command), plan.generation().words)
+    )
+    for name in ("task", "variation", "split", "view", "cameras", "intermediate", "episodes"):
+        assert generated.get(name) == recorded.get(name)
+    assert recorded["image_size"] == "x".join([generated["image_size"]] * 2)
+    assert [validation.step for validation in row.validation] == list(plan.checkpoint_steps)
+    assert len(row.validation[0].episodes) == plan.protocol.val_episodes
+    assert (row.split, len(row.episodes)) == ("test", plan.protocol.test_episodes)
 
 
 @pytest.mark.parametrize("folder", CHECKPOINTS, ids=lambda path: path.name)

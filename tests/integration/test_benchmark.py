@@ -1,23 +1,28 @@
-"""The benchmark verb from nothing to a result, and again after an interruption."""
+"""The benchmark from nothing to a result, and again after an interruption."""
 
+import io
 import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
-from lerobot_bimanual import pipeline
-from lerobot_bimanual.benchmark import benchmark
-from lerobot_bimanual.benchmark_plan import BenchmarkConfig, Plan
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.pipeline import sha256
-from lerobot_bimanual.results import ResultRow
+from lerobot_bimanual.benchmark.pipeline import sha256
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.benchmark.run import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
-def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(
-    tmp_path: Path, monkeypatch, tiny_flags
-):
+def begun_by(plan: Plan) -> list[str]:
+    """The commands that a benchmark begins, as they are shown."""
+    console = Console(file=io.StringIO(), width=200, record=True)
+    run(plan, console)
+    return [line.removeprefix("$ ") for line in console.export_text().splitlines() if line.startswith("$ ")]
+
+
+def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path: Path, tiny_flags):
     config = BenchmarkConfig(
         demos=2,
         image_size=32,
@@ -33,8 +38,9 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(
         output=tmp_path,
     )
     plan = Plan.of(config)
-    benchmark(config)
+    begun = begun_by(plan)
     row = ResultRow.read(plan.result)
+    assert begun == [str(command) for command in plan.commands(row.checkpoint_step)]
     assert [validation.step for validation in row.validation] == [2, 4]
     assert [episode.seed for episode in row.episodes] == [0, 1]
     assert row.rates["expert"].rate == 1
@@ -42,25 +48,14 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(
     assert row.checkpoint_sha256 == sha256(plan.weights(row.checkpoint_step))
     assert row.training_seconds > 0
 
-    commands: list[list[str]] = []
-    call = pipeline._call
-
-    def recorded(words: list[str]) -> int:
-        commands.append(words)
-        return call(words)
-
-    monkeypatch.setattr(pipeline, "_call", recorded)
     plan.result.unlink()
     plan.evaluation_file("test", row.checkpoint_step).unlink()
-    benchmark(config)
-    assert [words[0] for words in commands] == ["lerobot-eval"]
+    assert begun_by(plan) == [str(plan.evaluation("test", row.checkpoint_step))]
     assert ResultRow.read(plan.result).episodes == row.episodes
     assert ResultRow.read(plan.result).training_seconds == row.training_seconds
 
-    marker = plan.run_folder / "train.stage.json"
+    marker = plan.run_folder / "train.command.json"
     marker.write_text(json.dumps(json.loads(marker.read_text()) | {"done": False}))
-    monkeypatch.setattr(pipeline, "_call", lambda words: commands.append(words) or 1)
-    with pytest.raises(BimanualError, match="stage 'train' failed"):
-        benchmark(config)
-    assert commands[-1][0] == "lerobot-bimanual-train"
-    assert commands[-1][-1] == "--resume=true"
+    (resumed, *_) = begun_by(plan)
+    assert resumed.startswith("lerobot-bimanual-train --config_path=")
+    assert resumed.endswith("--resume=true")

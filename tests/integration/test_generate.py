@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot_bimanual.flags import parse_flags
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.flags import parse_flags
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, make_dataset, settings_of
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key

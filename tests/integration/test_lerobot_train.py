@@ -81,6 +81,14 @@ def weights(folder: Path) -> dict:
     return load_file(folder / "checkpoints" / "last" / "pretrained_model" / "model.safetensors")
 
 
+def horizons(run_folder: Path, data: Path) -> tuple[int, int]:
+    """The keypose horizon in a run's checkpoint, and one more than the most keyposes in its dataset."""
+    model = run_folder / "checkpoints" / "last" / "pretrained_model"
+    stats = json.loads((data / "meta" / "stats.json").read_text())
+    (most,) = stats["observation.keypose_step"]["max"]
+    return json.loads((model / "config.json").read_text())["keypose_horizon"], 1 + round(most)
+
+
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
@@ -105,6 +113,8 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
     flags = (*tiny_flags[policy], *data, f"--output_dir={policy}")
     train(*flags, "--steps=20", "--save_freq=20", folder=room)
+    kept, expected = horizons(room / policy, room / "data" / "keyframes")
+    assert kept == expected
     assert evaluate(policy, room)["n_episodes"] == 1
 
 
@@ -132,6 +142,18 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     )
     assert stock.keys() == resident.keys()
     assert all(stock[name].equal(resident[name]) for name in stock)
+
+
+@pytest.mark.parametrize("command", ["lerobot-train", "lerobot-bimanual-train"])
+def test_the_horizon_is_that_of_the_longest_task(room, tiny_flags, command):
+    if not (room / "tasks").exists():
+        flags = ("--task=push_box,lift_tray", "--episodes=1", f"--image_size={SIZE}", "--workers=1")
+        run("lerobot-bimanual", "generate", *flags, "--view=keyframes", "--root=tasks", folder=room)
+    data = ("--dataset.repo_id=local/tasks", "--dataset.root=tasks")
+    output = f"--output_dir=tasks-{command}"
+    train(*tiny_flags["peract2"], *data, output, "--steps=1", "--save_freq=1", folder=room, command=command)
+    kept, expected = horizons(room / f"tasks-{command}", room / "tasks")
+    assert kept == expected
 
 
 def test_act_trains_on_named_cameras_and_is_evaluated(room):

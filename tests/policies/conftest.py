@@ -1,10 +1,6 @@
-"""Batches, configs and the written-out formulation for the policy tests."""
+"""Batches and configs for the policy tests."""
 
-import importlib.util
-import sys
 from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -25,13 +21,14 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 LOOKING_DOWN = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
 """world_T_camera of a camera two metres above the floor, over the workspace's centre."""
 
 TINY_PERACT = {
     "device": "cpu",
+    "keypose_horizon": 25,
     "voxel_size": 10,
     "channels": 8,
     "token_dim": 16,
@@ -54,6 +51,7 @@ TINY_PERACTS = {
 
 TINY_RVT = {
     "device": "cpu",
+    "keypose_horizon": 25,
     "voxel_size": 15,
     "patch": 5,
     "channels": 8,
@@ -116,9 +114,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def policy_maker(name: str, options: dict[str, Any]) -> Callable[..., KeyposePolicy]:
     """Makes one tiny variant of a policy, with options changed."""
 
-    def make(**changes: Any) -> KeyposePolicy:
+    def make(dataset_stats: dict[str, Any] | None = None, **changes: Any) -> KeyposePolicy:
         config = PreTrainedConfig.get_choice_class(name)(**options | changes)
-        return cast(KeyposePolicy, get_policy_class(name)(config))
+        return cast(KeyposePolicy, get_policy_class(name)(config, dataset_stats=dataset_stats))
 
     return make
 
@@ -140,26 +138,14 @@ def specimens() -> dict[str, Specimen]:
     return SPECIMENS
 
 
-def load_written_out() -> ModuleType:
-    """The module next to this file; tests are not a package, so it cannot be imported by name."""
-    name = "peract_written_out"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name("written_out.py"))
-        assert spec is not None
-        assert spec.loader is not None
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
-    return sys.modules[name]
-
-
 @pytest.fixture(scope="session")
-def written_out() -> ModuleType:
-    return load_written_out()
+def tiny_peract() -> dict[str, Any]:
+    return dict(TINY_PERACT)
 
 
 @pytest.fixture
-def tiny() -> dict[str, Any]:
-    return dict(TINY_PERACT)
+def tiny(tiny_peract: dict[str, Any]) -> dict[str, Any]:
+    return dict(tiny_peract)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 import torch
 from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
-from lerobot_policy_bimanual.nn.language import make_language
+from lerobot_policy_bimanual.nn.language import ClipLanguage
 
 DIM, CONTEXT, TOKENS = 16, 12, 8
 START, END = "<|startoftext|>", "<|endoftext|>"
@@ -38,7 +38,7 @@ def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def encoder(tower: Path, tokens: int = TOKENS, dim: int = DIM) -> torch.nn.Module:
-    return make_language(f"clip:{tower}", tokens=tokens, dim=dim)
+    return ClipLanguage(str(tower), tokens=tokens, dim=dim)
 
 
 def test_tokens_are_the_towers_last_hidden_state_over_a_sentence_padded_with_zeros(tower):
@@ -121,4 +121,4 @@ def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
 def test_a_missing_transformers_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
     with pytest.raises(ImportError, match=r"pip install 'lerobot_policy_bimanual\[clip\]'"):
-        make_language("clip:some/folder", tokens=TOKENS, dim=DIM)
+        ClipLanguage("some/folder", tokens=TOKENS, dim=DIM)

@@ -8,6 +8,7 @@ from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, VECTORS, depth_key, image_key
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig
+from lerobot_policy_bimanual.errors import BadConfig
 
 
 def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
@@ -34,7 +35,7 @@ def test_command_line_flags_reach_the_config():
     )
     assert config.cameras == ("front", "left_wrist")
     assert config.augmentation_shift_m == (0.1, 0.1, 0.05)
-    assert config.codec.voxels == 25
+    assert config.codec.bins.voxels == 25
 
 
 def test_config_survives_saving(tmp_path):
@@ -48,21 +49,32 @@ def test_config_survives_saving(tmp_path):
     ("changes", "error", "hint"),
     [
         ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
-        ({"voxel_cells": 5}, ValueError, "translation_head=factorised"),
-        ({"translation_head": "factorised", "voxel_cells": 1}, ValueError, "at least 2"),
-        ({"projection_dilations": (3, 9)}, ValueError, "translation_head=factorised"),
-        ({"translation_head": "factorised", "projection_dilations": (0,)}, ValueError, "from 1"),
+        ({"voxel_cells": 5}, BadConfig, "translation_head=factorised"),
+        ({"translation_head": "factorised", "voxel_cells": 1}, BadConfig, "at least 2"),
+        ({"projection_dilations": (3, 9)}, BadConfig, "translation_head=factorised"),
+        ({"translation_head": "factorised", "projection_dilations": (0,)}, BadConfig, "numbers from 1"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
         ({"dtype": "float16"}, InvalidChoice, "float32, bfloat16"),
         ({"optimizer": "sgd"}, InvalidChoice, "adamw, lamb"),
         ({"lr_schedule": "step"}, InvalidChoice, "cosine, constant"),
         ({"language_encoder": "bert"}, InvalidChoice, "learned, clip:"),
         ({"cameras": ("overhead",)}, UnknownCamera, "left_shoulder"),
-        ({"cameras": ()}, ValueError, "at least one camera"),
-        ({"voxel_size": 64}, ValueError, "multiple of 5"),
-        ({"num_latents": 33}, ValueError, "evenly"),
-        ({"latent_dim": 100}, ValueError, "multiple of 8"),
-        ({"rotation_bin_deg": 7.0}, ValueError, "divide 360"),
+        ({"cameras": ()}, BadConfig, "at least one camera"),
+        ({"cameras": ("front", "front")}, BadConfig, "none twice"),
+        ({"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
+        ({"heads": True}, BadConfig, "whole number"),
+        ({"depth": 2.0}, BadConfig, "whole number"),
+        ({"compile": 1}, BadConfig, "true or false"),
+        ({"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
+        ({"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
+        ({"workspace_upper": (1.0, 1.0)}, BadConfig, "3 numbers from -100 to 100"),
+        ({"workspace_upper": (0.7, -0.5, 1.6)}, BadConfig, "on every axis"),
+        ({"rotation_bin_deg": 0}, BadConfig, "a number from 0.5 to 180"),
+        ({"n_obs_steps": 2}, BadConfig, "must be 1"),
+        ({"voxel_size": 64}, BadConfig, "multiple of 5"),
+        ({"num_latents": 33}, BadConfig, "evenly"),
+        ({"latent_dim": 100}, BadConfig, "multiple of 8"),
+        ({"rotation_bin_deg": 7.0}, BadConfig, "divide 360"),
     ],
 )
 def test_values_that_cannot_work_are_refused_with_what_can(changes, error, hint):

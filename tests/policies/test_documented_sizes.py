@@ -35,8 +35,8 @@ def size(module: nn.Module, prefixes: tuple[str, ...] = ("",)) -> int:
 def networks() -> list[tuple[nn.Module, ...]]:
     """PerAct2's network, and the leader's and the follower's."""
     with torch.device("meta"):
-        both = PerAct2Policy(PerAct2Config(device="cpu")).network
-        pair = PerActLFPolicy(PerActLFConfig(device="cpu")).network
+        both = PerAct2Policy(PerAct2Config(device="cpu", keypose_horizon=25)).network
+        pair = PerActLFPolicy(PerActLFConfig(device="cpu", keypose_horizon=25)).network
     return [(both,), (pair.leader, pair.follower)]
 
 
@@ -56,5 +56,5 @@ def test_every_stage_has_the_documented_parameters_and_no_stage_is_left_out(netw
 
 def test_the_language_encoder_has_the_documented_parameters():
     with torch.device("meta"):
-        policy = PerAct2Policy(PerAct2Config(device="cpu"))
+        policy = PerAct2Policy(PerAct2Config(device="cpu", keypose_horizon=25))
     assert stages()[LANGUAGE][1] == [size(policy.language)]

@@ -4,15 +4,17 @@ import copy
 import dataclasses
 import re
 
+import numpy as np
 import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, depth_key
+from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE, depth_key
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 
 
 def part(batch: dict, sample: int) -> dict:
@@ -42,7 +44,7 @@ def test_lerobot_finds_the_policy_by_its_type(policy_type):
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
     policy_class = get_policy_class(policy_type)
-    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
+    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu", keypose_horizon=25)
     with torch.device("meta"):
         policy = policy_class(config)
     count = sum(
@@ -179,6 +181,31 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
         processed = preprocess(dict(batch))
         assert_equal_batches({key: processed[key] for key in batch}, batch)
         assert torch.equal(postprocess(keypose), keypose)
+
+
+@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2)])
+def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
+    make_policy, make_batch, tmp_path, largest, horizon
+):
+    stats = {KEYPOSE_STEP: {"max": np.array([largest])}}
+    policy = make_policy(dataset_stats=stats, keypose_horizon=None)
+    assert policy.config.keypose_horizon == horizon
+    policy.save_pretrained(tmp_path)
+    restored = type(policy).from_pretrained(tmp_path)
+    assert restored.config.keypose_horizon == horizon
+    batch = make_batch()
+    assert torch.equal(restored.select_action(batch), policy.eval().select_action(batch))
+
+
+def test_a_horizon_that_is_set_stays(make_policy):
+    stats = {KEYPOSE_STEP: {"max": np.array([7.0])}}
+    assert make_policy(dataset_stats=stats, keypose_horizon=25).config.keypose_horizon == 25
+
+
+@pytest.mark.parametrize("stats", [None, {}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
+def test_without_horizon_and_dataset_the_flag_is_named(make_policy, stats):
+    with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
+        make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
 @pytest.mark.slow

@@ -25,9 +25,9 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels, look
 from lerobot_policy_bimanual.inspection.loading import load_policy, load_row, open_dataset
+from lerobot_policy_bimanual.inspection.projection import VIEWPOINTS, Frame
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, INK, draw_scene
-from lerobot_policy_bimanual.inspection.viewpoint import VIEWPOINTS, Frame
-from lerobot_policy_bimanual.losses import keypose_errors
+from lerobot_policy_bimanual.keypose.losses import keypose_errors
 from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 

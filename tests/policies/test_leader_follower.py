@@ -6,8 +6,9 @@ import torch
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_bimanual.dataset.schema import GRIPPER_FINGERS, NEXT_KEYPOSE
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.leader_follower import LeaderFollower
+from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
     PerActIndependentConfig,
 )
@@ -95,7 +96,7 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
 
     def turned(arm) -> DiscreteKeypose:
         rotation = bins.rotation.clone()
-        rotation[:, arm.ordinal] = (rotation[:, arm.ordinal] + 20) % policy.codec.rotation_bins
+        rotation[:, arm.ordinal] = (rotation[:, arm.ordinal] + 20) % policy.codec.bins.rotation_bins
         return DiscreteKeypose(bins.voxel, rotation, bins.gripper_open, bins.ignore_collisions)
 
     before = policy.predict(observation, bins).rotation
@@ -150,7 +151,7 @@ def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-def test_one_arm_networks_equal_the_written_out_formulation(written_out, tiny, make_batch, samples):
+def test_one_arm_networks_equal_the_written_out_formulation(tiny, make_batch, samples):
     policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny)).eval()
     batch = make_batch(samples=samples)
     seen = []
@@ -159,7 +160,7 @@ def test_one_arm_networks_equal_the_written_out_formulation(written_out, tiny, m
     grid, proprio, language, _ = seen[0]
     for arm, network in zip(ARMS, policy.network.arms, strict=True):
         own = proprio[:, 4 * arm.ordinal : 4 * arm.ordinal + 4]
-        translation, pose = written_out.network(
+        translation, pose = reference.network(
             dict(network.named_parameters()), grid, own, language, arms=1, heads=tiny["heads"]
         )
         torch.testing.assert_close(

@@ -5,10 +5,12 @@ import math
 import pytest
 import torch
 
+from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
 from lerobot_bimanual.codec_torch import DiscreteKeypose, KeyposeCodec
-from lerobot_policy_bimanual.losses import keypose_errors, keypose_losses
-from lerobot_policy_bimanual.nn.dense_head import DenseTranslation
+from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
 
 
 def random_target(samples: int = 3, voxels: int = 10) -> DiscreteKeypose:
@@ -29,13 +31,13 @@ def random_prediction(samples: int = 3, voxels: int = 10) -> KeyposePrediction:
     )
 
 
-def test_losses_equal_cross_entropy_from_one_hot_labels(written_out):
+def test_losses_equal_cross_entropy_from_one_hot_labels():
     prediction, target = random_prediction(), random_target()
     pose = torch.cat(
         [prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions], dim=-1
     )
     flags = torch.stack([target.gripper_open, target.ignore_collisions], dim=-1)
-    expected = written_out.one_hot_loss(
+    expected = reference.one_hot_loss(
         prediction.translation.logits, pose, target.voxel, torch.cat([target.rotation, flags], dim=-1)
     )
     torch.testing.assert_close(sum(keypose_losses(prediction, target).values()), expected)
@@ -86,7 +88,7 @@ def test_errors_are_the_distances_that_were_put_in(random_keyposes):
 
 
 def test_a_perfect_prediction_decodes_to_within_half_a_voxel_and_half_a_bin(random_keyposes):
-    codec, keyposes = KeyposeCodec(voxels=10), random_keyposes(5)
+    codec, keyposes = KeyposeCodec(NumpyKeyposeCodec(voxels=10)), random_keyposes(5)
     errors = keypose_errors(codec.decode(codec.encode(keyposes)), keyposes)
     assert errors["left_position_cm"] <= 100 * 0.05 * 3**0.5
     assert errors["right_rotation_deg"] <= 2.5 * 3**0.5 + 1e-3

@@ -4,51 +4,44 @@ import pytest
 import torch
 
 from lerobot_bimanual.codec_torch import DiscreteKeypose
-from lerobot_policy_bimanual.nn.conv3d import PatchConv3d, PointwiseConv3d, pad_replicate
-from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
-from lerobot_policy_bimanual.nn.factorised_head import (
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
+from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.peract.factorised_head import (
     FactorisedTranslation,
     FactorisedTranslationHead,
     split_voxel,
 )
-from lerobot_policy_bimanual.nn.peract import PerActNetwork
-from lerobot_policy_bimanual.nn.pooling import pool
-from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
-from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
+from lerobot_policy_bimanual.peract.network import PerActNetwork
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 
 BINS = 72
 
 
-def make_network(arms: int = 2, **changes) -> PerActNetwork:
-    options = {
-        "arms": arms,
-        "voxels": 10,
-        "channels": 4,
-        "token_dim": 8,
-        "proprio_dim": 4 * arms,
-        "language_tokens": 3,
-        "language_dim": 6,
-        "num_latents": 8,
-        "latent_dim": 16,
-        "depth": 2,
-        "heads": 2,
-        "feedforward_multiplier": 2,
-        "attention_dropout": 0.0,
-        "rotation_bins": BINS,
-        "translation_head": "dense",
-        "voxel_cells": 0,
-        "projection_dilations": (),
-        "checkpointing": False,
-    }
-    return PerActNetwork(**(options | changes)).double()
+@pytest.fixture
+def make_network(tiny_peract):
+    """Networks of the tiny size in double precision, for one arm or two."""
+
+    def make(arms: int = 2, **changes) -> PerActNetwork:
+        config = PerAct2Config(**tiny_peract | changes)
+        return PerActNetwork(config, arms=arms, proprio_dim=4 * arms).double()
+
+    return make
 
 
 def make_inputs(arms: int = 2, samples: int = 2, voxels: int = 10) -> tuple[torch.Tensor, ...]:
     return (
         torch.randn(samples, 10, voxels, voxels, voxels, dtype=torch.float64),
         torch.randn(samples, 4 * arms, dtype=torch.float64),
-        torch.randn(samples, 3, 6, dtype=torch.float64),
+        torch.randn(samples, 4, 16, dtype=torch.float64),
     )
+
+
+def head_config(**changes) -> PerAct2Config:
+    return PerAct2Config(device="cpu", translation_head="factorised", channels=4, token_dim=8, **changes)
 
 
 def labels(voxel: torch.Tensor) -> DiscreteKeypose:
@@ -65,15 +58,15 @@ def pose_logits(prediction) -> torch.Tensor:
 
 @pytest.mark.parametrize("arms", [1, 2])
 @pytest.mark.parametrize("checkpointing", [False, True])
-def test_dense_network_and_its_gradients_equal_the_written_out_formulation(written_out, arms, checkpointing):
-    network = make_network(arms, checkpointing=checkpointing)
+def test_dense_network_and_its_gradients_equal_the_written_out_formulation(make_network, arms, checkpointing):
+    network = make_network(arms, activation_checkpointing=checkpointing)
     inputs = make_inputs(arms)
     voxel = torch.randint(0, 10, (2, arms, 3))
     classes = torch.cat([torch.randint(0, BINS, (2, arms, 3)), torch.randint(0, 2, (2, arms, 2))], dim=-1)
 
     parameters = dict(network.named_parameters())
-    translation, pose = written_out.network(parameters, *inputs, arms=arms, heads=2)
-    written_out.one_hot_loss(translation, pose, voxel, classes).backward()
+    translation, pose = reference.network(parameters, *inputs, arms=arms, heads=2)
+    reference.one_hot_loss(translation, pose, voxel, classes).backward()
     expected = {name: parameter.grad.clone() for name, parameter in parameters.items()}
     network.zero_grad()
 
@@ -94,12 +87,12 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(writt
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
-def test_upsampled_convolution_equals_interpolation_then_convolution(written_out, size):
+def test_upsampled_convolution_equals_interpolation_then_convolution(size):
     layer = UpsampledConv3d(3, 2).double()
     torch.nn.init.normal_(layer.conv.bias)
     x = torch.randn(2, 3, size, size + 1, size + 2, dtype=torch.float64, requires_grad=True)
     weights = (x, layer.conv.weight, layer.conv.bias)
-    expected = pad_replicate(written_out.upsampled_conv(*weights), 1, 1)
+    expected = pad_replicate(reference.upsampled_conv(*weights), 1, 1)
     actual = layer(x, layer.kernel())
     torch.testing.assert_close(actual, expected)
     probe = torch.randn_like(actual)
@@ -119,7 +112,7 @@ def test_upsampling_in_chunks_changes_nothing(monkeypatch):
     probe = torch.randn_like(whole)
     gradients = torch.autograd.grad(whole, weights, probe)
     monkeypatch.setattr(
-        "lerobot_policy_bimanual.nn.upsample.CHUNK_CPU", 2 * 5 * 12 * 12 * 2
+        "lerobot_policy_bimanual.peract.upsample.CHUNK_CPU", 2 * 5 * 12 * 12 * 2
     )  # two coarse planes
     parts = layer(x, layer.kernel())
     torch.testing.assert_close(parts, whole)
@@ -127,11 +120,11 @@ def test_upsampling_in_chunks_changes_nothing(monkeypatch):
         torch.testing.assert_close(got, want)
 
 
-def test_skip_convolution_equals_convolving_the_joined_maps(written_out):
+def test_skip_convolution_equals_convolving_the_joined_maps():
     layer = SkipConv3d(3).double()
     skip, x = torch.randn(2, 2, 3, 4, 4, 4, dtype=torch.float64)
     joined = torch.cat([skip, x], dim=1)
-    expected = written_out.leaky(written_out.conv(joined, layer.conv.weight, layer.conv.bias))
+    expected = reference.leaky(reference.conv(joined, layer.conv.weight, layer.conv.bias))
     torch.testing.assert_close(layer(layer.skip_half(skip), pad_replicate(x, 1, 1)), expected)
 
 
@@ -142,9 +135,9 @@ def test_logit_convolution_equals_a_plain_convolution():
     torch.testing.assert_close(layer(x), expected)
 
 
-def test_pooling_equals_a_softmax_over_all_voxels_with_gradients(written_out):
+def test_pooling_equals_a_softmax_over_all_voxels_with_gradients():
     x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
-    expected, actual = written_out.pool(x), pool(x)
+    expected, actual = reference.pool(x), pool(x)
     torch.testing.assert_close(actual, expected)
     probe = torch.randn_like(actual)
     torch.testing.assert_close(
@@ -169,7 +162,7 @@ def test_pooling_in_chunks_changes_nothing(monkeypatch):
     whole = pool(x)
     probe = torch.randn_like(whole)
     gradient = torch.autograd.grad(whole, x, probe)[0]
-    monkeypatch.setattr("lerobot_policy_bimanual.nn.pooling.CHUNK_CPU", 200)  # two planes of 90
+    monkeypatch.setattr("lerobot_policy_bimanual.peract.pooling.CHUNK_CPU", 200)  # two planes of 90
     torch.testing.assert_close(pool(x), whole)
     torch.testing.assert_close(torch.autograd.grad(pool(x), x, probe)[0], gradient)
 
@@ -181,7 +174,7 @@ def test_pooling_keeps_the_ranking_of_bfloat16_features():
     torch.testing.assert_close(pool(x)[0], torch.tensor([1.0, -1.0, -1 / 3, 8.0]))
 
 
-def test_factorised_head_gives_one_normalised_distribution_over_all_voxels():
+def test_factorised_head_gives_one_normalised_distribution_over_all_voxels(make_network):
     network = make_network(translation_head="factorised").eval()  # 8 patches, all within the beam
     candidates = network(*make_inputs()).translation.candidates()
     assert candidates.voxel.shape == (2, 2, 1000, 3)
@@ -189,7 +182,7 @@ def test_factorised_head_gives_one_normalised_distribution_over_all_voxels():
     torch.testing.assert_close(candidates.score.exp().sum(-1), torch.ones(2, 2, dtype=torch.float64))
 
 
-def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution():
+def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution(make_network):
     network = make_network(translation_head="factorised").eval()
     inputs = make_inputs()
     voxel = torch.randint(0, 10, (2, 2, 3))
@@ -200,7 +193,7 @@ def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution
 
 
 def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():
-    head = FactorisedTranslationHead(arms=1, channels=4, token_dim=8, cells=0)
+    head = FactorisedTranslationHead(head_config(), arms=1)
     stem, patches, answers = (
         torch.rand(1, 4, 20, 20, 20),
         torch.rand(1, 4, 4, 4, 4),
@@ -222,14 +215,14 @@ def test_dilations_let_patches_and_their_voxels_see_things_far_to_their_side():
     bright = stem.clone()
     bright[0, :, 13, 2, 8] = 10
     for dilations, sees in (((), False), ((3, 9), True)):
-        head = FactorisedTranslationHead(arms=1, channels=4, token_dim=8, cells=0, dilations=dilations)
+        head = FactorisedTranslationHead(head_config(projection_dilations=dilations), arms=1)
         before, after = (head(features, *rest)[0] for features in (stem, bright))
         assert (before.patch_logits[0, 0, 0] != after.patch_logits[0, 0, 0]) == sees
         target = split_voxel(torch.tensor([2, 2, 2]), 4)[1]
         assert (before.target_voxel_logits[0, 0, target] != after.target_voxel_logits[0, 0, target]) == sees
 
 
-def test_cells_add_the_likelihood_of_the_place_within_the_voxel():
+def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):
     network = make_network(translation_head="factorised", voxel_cells=4).eval()
     inputs = make_inputs()
     voxel = torch.randint(0, 10, (2, 2, 3))
@@ -256,7 +249,7 @@ def test_cells_move_the_local_mean_by_the_expected_offset():
     torch.testing.assert_close(mean, torch.tensor([[[3.25, 3.0, 3.5]]]))
 
 
-def test_a_network_with_cells_learns_a_position_finer_than_a_voxel():
+def test_a_network_with_cells_learns_a_position_finer_than_a_voxel(make_network):
     torch.manual_seed(0)
     network = make_network(translation_head="factorised", voxel_cells=5).float()
     inputs = tuple(tensor.float() for tensor in make_inputs(samples=1))
@@ -274,7 +267,7 @@ def test_a_network_with_cells_learns_a_position_finer_than_a_voxel():
     torch.testing.assert_close(mean, voxel + offset, atol=0.05, rtol=0)
 
 
-def test_factorised_loss_without_target_voxels_is_refused():
+def test_factorised_loss_without_target_voxels_is_refused(make_network):
     network = make_network(translation_head="factorised").eval()
     prediction = network(*make_inputs())
     with pytest.raises(ValueError, match="without target voxels"):
@@ -282,7 +275,7 @@ def test_factorised_loss_without_target_voxels_is_refused():
 
 
 @pytest.mark.parametrize("head", ["dense", "factorised"])
-def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(head):
+def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make_network, head):
     network = make_network(translation_head=head).eval()
     candidates = network(*make_inputs()).translation.candidates()
     best, mean = candidates.best(), candidates.local_mean()
@@ -307,7 +300,7 @@ def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(head
             torch.testing.assert_close(mean[sample, arm], torch.tensor(expected, dtype=torch.float64))
 
 
-def test_dense_candidates_leave_out_neighbours_beyond_the_border():
+def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
     network = make_network().eval()
     prediction = network(*make_inputs())
     logits = prediction.translation.logits
@@ -317,7 +310,7 @@ def test_dense_candidates_leave_out_neighbours_beyond_the_border():
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
 
 
-def test_bfloat16_autocast_stays_close_and_ends_in_float32():
+def test_bfloat16_autocast_stays_close_and_ends_in_float32(make_network):
     network = make_network().float()
     inputs = [tensor.float() for tensor in make_inputs()]
     full = network(*inputs)
@@ -327,19 +320,19 @@ def test_bfloat16_autocast_stays_close_and_ends_in_float32():
     torch.testing.assert_close(half.translation.logits, full.translation.logits, atol=0.1, rtol=0.1)
 
 
-def test_pointwise_convolution_equals_a_plain_one(written_out):
+def test_pointwise_convolution_equals_a_plain_one():
     layer = PointwiseConv3d(3, 4).double()
     x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64)
-    expected = written_out.leaky(torch.nn.functional.conv3d(x, layer.conv.weight, layer.conv.bias))
+    expected = reference.leaky(torch.nn.functional.conv3d(x, layer.conv.weight, layer.conv.bias))
     torch.testing.assert_close(layer(x), expected)
 
 
 @pytest.mark.parametrize("centred", [False, True])
-def test_patches_equal_a_strided_convolution(written_out, centred):
+def test_patches_equal_a_strided_convolution(centred):
     layer = PatchConv3d(3, 4, centred=centred).double()
     x = torch.randn(2, 3, 10, 10, 10, dtype=torch.float64)
     padding = 2 if centred else 0
-    expected = written_out.leaky(
-        written_out.conv(x, layer.conv.weight, layer.conv.bias, stride=5, padding=padding)
+    expected = reference.leaky(
+        reference.conv(x, layer.conv.weight, layer.conv.bias, stride=5, padding=padding)
     )
     torch.testing.assert_close(layer(x), expected.flatten(2).transpose(1, 2))

@@ -5,7 +5,7 @@ import torch
 from lerobot.optim import OptimizerConfig
 from lerobot.optim.optimizers import load_optimizer_state, save_optimizer_state
 
-from lerobot_policy_bimanual.optimizers import LambConfig
+from lerobot_policy_bimanual.keypose.lamb import LambConfig
 
 
 def written_out_lamb(weight: np.ndarray, gradients: list[np.ndarray], config: LambConfig) -> np.ndarray:

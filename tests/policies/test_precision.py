@@ -6,10 +6,10 @@ from typing import Any
 import torch
 
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_policy_bimanual.nn.dense_head import LogitConv3d, SkipConv3d
-from lerobot_policy_bimanual.nn.pooling import pool
-from lerobot_policy_bimanual.nn.upsample import UpsampledConv3d
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from lerobot_policy_bimanual.nn.projections import ProjectionConv2d, project
+from lerobot_policy_bimanual.peract.projections import ProjectionConv2d, project
 
 
 def test_projections_are_the_maxima_along_each_axis():

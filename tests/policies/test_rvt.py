@@ -6,21 +6,20 @@ import pytest
 import torch
 import torch.nn.functional as F  # noqa: N812
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
-from lerobot_policy_bimanual.nn.rvt import RVTNetwork
-from lerobot_policy_bimanual.nn.rvt_heatmaps import HeatmapTranslation, best_voxel
-from lerobot_policy_bimanual.nn.rvt_layers import SkipConv2d, UpsampledConv2d
-from lerobot_policy_bimanual.nn.rvt_views import VIEWS, pixels_of_voxels, sum_over_views
-from lerobot_policy_bimanual.rvt_lf.modeling_rvt_lf import make_network
+from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation, best_voxel
+from lerobot_policy_bimanual.rvt.layers import SkipConv2d, UpsampledConv2d
+from lerobot_policy_bimanual.rvt.network import RVTNetwork
+from lerobot_policy_bimanual.rvt.views import VIEWS, pixels_of_voxels, sum_over_views
 
-BINS = 72
 HEADS = 2
 
 
 def tiny_network() -> RVTNetwork:
-    network = RVTNetwork(
-        size=9,
+    config = RVTLFConfig(
+        device="cpu",
+        voxel_size=9,
         patch=3,
         channels=4,
         token_dim=8,
@@ -29,11 +28,9 @@ def tiny_network() -> RVTNetwork:
         heads=HEADS,
         feedforward_multiplier=2,
         attention_dropout=0.0,
-        proprio_dim=4,
         language_dim=6,
-        rotation_bins=BINS,
-        heatmap_sigma_px=1.5,
-    ).double()
+    )
+    network = RVTNetwork(config, proprio_dim=4).double()
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.3)  # biases and norms too, so that none is invisible
     return network
@@ -160,7 +157,7 @@ def lattice(images: torch.Tensor) -> torch.Tensor:
 @pytest.mark.parametrize(("proprio_dim", "expected"), [(4, 36_348_093), (12, 36_348_605)])
 def test_networks_have_the_reference_implementations_parameter_counts(proprio_dim, expected):
     with torch.device("meta"):
-        network = make_network(RVTLFConfig(device="cpu"), proprio_dim)
+        network = RVTNetwork(RVTLFConfig(device="cpu"), proprio_dim=proprio_dim)
     assert sum(parameter.numel() for parameter in network.parameters()) == expected
 
 
@@ -259,7 +256,7 @@ def test_planes_hold_what_a_voxel_gets_from_all_views():
 @pytest.mark.parametrize("levels", [2, 1000])
 @pytest.mark.parametrize("chunk", [1, 200, 2**18])
 def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, levels, chunk):
-    monkeypatch.setattr("lerobot_policy_bimanual.nn.rvt_heatmaps.CHUNK_VOXELS", chunk)
+    monkeypatch.setattr("lerobot_policy_bimanual.rvt.heatmaps.CHUNK_VOXELS", chunk)
     xy, xz, yz = torch.randint(0, levels, (3, 4, 9, 9)) / 10  # few levels: many voxels are equally good
     scores = xy[:, :, :, None] + (xz[:, :, None, :] + yz[:, None, :, :])
     first = scores.flatten(1).argmax(1)
@@ -316,9 +313,9 @@ def test_a_batch_decodes_like_its_samples():
         ("token_dim", 12, "multiple of 8"),
         ("attention_dim", 100, "multiple of 8"),
         ("depth", 3, "multiple of 2"),
-        ("heatmap_sigma_px", 0.0, "must be positive"),
+        ("heatmap_sigma_px", 0.0, "a number from 0.01"),
     ],
 )
 def test_sizes_that_do_not_fit_are_refused(option, value, message):
-    with pytest.raises((ValueError, InvalidChoice), match=message):
+    with pytest.raises(BimanualError, match=message):
         RVTLFConfig(device="cpu", **{option: value})

@@ -2,11 +2,11 @@
 
 import torch
 
-from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual import codec
 from lerobot_bimanual.codec_torch import KeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
-from lerobot_policy_bimanual.nn.point_cloud import unproject_planar
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 
 def random_cloud(samples: int = 2, points: int = 300) -> tuple[torch.Tensor, torch.Tensor]:
@@ -17,9 +17,9 @@ def random_cloud(samples: int = 2, points: int = 300) -> tuple[torch.Tensor, tor
     return cloud, torch.rand(samples, 3, points, dtype=torch.float64) * 2 - 1
 
 
-def test_grid_equals_averaging_point_by_point(written_out):
+def test_grid_equals_averaging_point_by_point():
     points, colours = random_cloud()
-    expected = written_out.voxelise(
+    expected = reference.voxelise(
         points, colours, torch.tensor(VOXEL_WORKSPACE.lower), torch.tensor(VOXEL_WORKSPACE.upper), 5
     )
     actual = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=5)
@@ -55,20 +55,8 @@ def test_points_outside_and_invalid_points_leave_the_grid_empty():
 
 def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):
     keyposes = random_keyposes(20)
-    for keypose, voxel in zip(keyposes, KeyposeCodec(voxels=50).encode(keyposes).voxel, strict=True):
+    bins = KeyposeCodec(codec.KeyposeCodec(voxels=50)).encode(keyposes)
+    for keypose, voxel in zip(keyposes, bins.voxel, strict=True):
         left = keypose[:3].view(1, 3, 1)
         grid = voxelise(left, torch.zeros_like(left), workspace=VOXEL_WORKSPACE, voxels=50)
         assert grid[0, 9].nonzero().tolist() == [voxel[0].tolist()]
-
-
-def test_planar_unprojection_equals_the_image_shaped_one():
-    depth_mm = 300 + 1000 * torch.rand(3, 1, 6, 9)
-    depth_mm[:, :, 2, 3] = 0
-    intrinsics = torch.tensor([[50.0, 0, 4.2], [0, 55.0, 2.9], [0, 0, 1]]).repeat(3, 1, 1)
-    pose = torch.eye(4).repeat(3, 1, 1)
-    pose[:, :3, :3] = torch.linalg.qr(torch.randn(3, 3, 3)).Q
-    pose[:, :3, 3] = torch.randn(3, 3)
-    expected = unproject(depth_mm[:, 0] / 1000, intrinsics, pose).flatten(1, 2).transpose(1, 2)
-    actual = unproject_planar(depth_mm, intrinsics, pose)
-    torch.testing.assert_close(actual, expected, equal_nan=True)
-    assert actual.isnan().any()

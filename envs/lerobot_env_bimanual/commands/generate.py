@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.commands.push import PushConfig, push
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.push import PushConfig, push
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.executor import Executor

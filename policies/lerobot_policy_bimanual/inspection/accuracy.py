@@ -15,8 +15,8 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
 from lerobot_policy_bimanual.inspection.loading import Batch
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
-from lerobot_policy_bimanual.losses import distances
+from lerobot_policy_bimanual.keypose.losses import distances
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 ROWS_AT_ONCE = 16
 

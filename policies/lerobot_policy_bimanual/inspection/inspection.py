@@ -12,8 +12,8 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.geometry.rotations import rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
-from lerobot_policy_bimanual.nn.voxel_grid import voxelise
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
 SHOWN_VOXELS = 100
 """Voxels per axis that the scene is shown with, at most."""
@@ -49,15 +49,15 @@ class ArmInspection:
     """One arm's prediction and truth.
 
     Attributes:
-        arm: Whose.
-        predicted: The chosen keypose.
-        true: The label.
-        hot: The most probable voxels, the coldest first.
+        arm: whose.
+        predicted: the chosen keypose.
+        true: the label.
+        hot: the most probable voxels, the coldest first.
         heat: (n,) their probabilities.
         true_voxel_probability: 0 if the label lies outside the workspace.
-        rotation_probabilities: Of the chosen bin of each Euler axis.
-        gripper_probability: Of the chosen state of the gripper.
-        collision_probability: Of the chosen collision flag.
+        rotation_probabilities: of the chosen bin of each Euler axis.
+        gripper_probability: of the chosen state of the gripper.
+        collision_probability: of the chosen collision flag.
     """
 
     arm: Arm
@@ -87,11 +87,11 @@ class Inspection:
     """One sample.
 
     Attributes:
-        instruction: The sentence.
-        keypose_step: Keyposes executed before.
-        scene: Occupied voxels of the workspace.
+        instruction: the sentence.
+        keypose_step: keyposes executed before.
+        scene: occupied voxels of the workspace.
         rgb: (n, 3) uint8, their colours.
-        arms: Left first.
+        arms: left first.
     """
 
     instruction: str
@@ -125,9 +125,9 @@ def look(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     arms = []
     for arm in ARMS:
         index, volume = arm.ordinal, probabilities[arm.ordinal]
-        hot, heat = _hottest(volume, codec.voxel_centers, codec.voxel_size_m)
+        hot, heat = _hottest(volume, codec.voxel_centers, codec.bins.voxel_size_m)
         x, y, z = true_bins.voxel[0, index].tolist()
-        within = all(0 <= place < codec.voxels for place in (x, y, z))
+        within = all(0 <= place < codec.bins.voxels for place in (x, y, z))
         rotation = _of_class(prediction.rotation[0, index], chosen_bins.rotation[0, index]).tolist()
         gripper = _of_class(prediction.gripper_open[0, index], chosen_bins.gripper_open[0, index])
         collisions = _of_class(

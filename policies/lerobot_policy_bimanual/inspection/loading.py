@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,50 +11,43 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch.utils.data import default_collate
 
-import lerobot_policy_bimanual.configurations  # noqa: F401  registers them
 from lerobot_bimanual.dataset.reader import INFO_FILE, check_features, find_view
-from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
-from lerobot_policy_bimanual.keypose_config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose_policy import KeyposePolicy
+from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
+from lerobot_policy_bimanual.checkpoint.config_file import read_config
+from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 Batch = dict[str, Any]
-
-
-class CheckpointError(BimanualError):
-    """A folder that holds no keypose policy."""
 
 
 def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batch]]:
     """The policy of a folder `pretrained_model`, and its preprocessor, on the device that there is.
 
     Raises:
-        CheckpointError: There is no checkpoint, or its policy does not predict keyposes.
+        CheckpointError: There is no checkpoint, it is damaged or not to be trusted, or its policy does not predict
+            keyposes.
     """
-    file = checkpoint / "config.json"
-    if not file.is_file():
+    config = read_config(checkpoint)
+    if not isinstance(config, KeyposePolicyConfig):
+        known = PreTrainedConfig.get_known_choices().items()
+        fit = ", ".join(name for name, kind in known if issubclass(kind, KeyposePolicyConfig))
         raise CheckpointError(
-            f"no checkpoint at {checkpoint}: {file} does not exist. Give the folder `pretrained_model` of a "
-            "training, as in outputs/peract2/checkpoints/last/pretrained_model"
+            f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes. Policies that do: {fit}"
         )
-    name = json.loads(file.read_text(encoding="utf-8")).get("type")
-    keypose_policies = [
-        known
-        for known, config_class in PreTrainedConfig.get_known_choices().items()
-        if issubclass(config_class, KeyposePolicyConfig)
-    ]
-    if name not in keypose_policies:
-        raise CheckpointError(
-            f"{checkpoint} holds the policy {name!r}, which predicts no keyposes. Policies that do: "
-            f"{', '.join(keypose_policies)}"
+    check_checkpoint(checkpoint)
+    # One prediction does not pay for compiling, and there may be fewer devices of its kind than in training.
+    config = replace(config, compile=False, device=str(config.device).partition(":")[0])
+    policy = cast(KeyposePolicy, get_policy_class(config.type).from_pretrained(checkpoint, config=config))
+    try:
+        preprocess, _ = make_pre_post_processors(
+            config,
+            pretrained_path=str(checkpoint),
+            preprocessor_overrides={"device_processor": {"device": config.device}},
         )
-    config = cast(KeyposePolicyConfig, PreTrainedConfig.from_pretrained(checkpoint))
-    config.compile = False  # one prediction does not pay for it
-    policy = cast(KeyposePolicy, get_policy_class(name).from_pretrained(checkpoint, config=config))
-    preprocess, _ = make_pre_post_processors(
-        config,
-        pretrained_path=str(checkpoint),
-        preprocessor_overrides={"device_processor": {"device": config.device}},
-    )
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise CheckpointError(f"{checkpoint}: {error}") from error
     return policy, preprocess
 
 
@@ -74,8 +68,8 @@ def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
     """A dataset with labels.
 
     Args:
-        dataset: Folder of a dataset, or of both its views; `keyframes` is taken then.
-        config: Config of the policy that is to read it.
+        dataset: folder of a dataset, or of both its views; `keyframes` is taken then.
+        config: config of the policy that is to read it.
 
     Raises:
         DatasetError: There is no dataset.

@@ -10,7 +10,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels
-from lerobot_policy_bimanual.inspection.viewpoint import Frame, Viewpoint
+from lerobot_policy_bimanual.inspection.projection import Frame, Viewpoint
 
 PAPER = (255, 255, 255)
 INK = (32, 34, 40)

@@ -6,8 +6,8 @@ from PIL import Image, ImageDraw, ImageFont
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_euler_xyz
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection
+from lerobot_policy_bimanual.inspection.projection import VIEWPOINTS
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, AXIS_COLORS, INK, PAPER, draw_scene
-from lerobot_policy_bimanual.inspection.viewpoint import VIEWPOINTS
 
 Color = tuple[int, int, int]
 
@@ -35,8 +35,8 @@ def draw_sheet(inspection: Inspection, origin: str) -> Image.Image:
     """Three views side by side above one card per arm.
 
     Args:
-        inspection: What to draw.
-        origin: Which policy and which sample, for the line below the title.
+        inspection: what to draw.
+        origin: which policy and which sample, for the line below the title.
     """
     width = GAP + len(VIEWPOINTS) * (VIEW_WIDTH + GAP)
     cards_top = HEADER_HEIGHT + LABEL_HEIGHT + VIEW_HEIGHT + GAP

@@ -6,7 +6,7 @@ import zlib
 import torch
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.perceiver import Attention, FeedForward
+from lerobot_policy_bimanual.nn.attention import Attention, FeedForward
 
 BUCKETS = 2048
 """Word slots. All instructions of the benchmark use about a hundred words, so few of them share a slot."""
@@ -16,7 +16,6 @@ MAX_WORDS = 77
 """Words read of an instruction; the context length of CLIP."""
 
 START = 0
-CLIP_PREFIX = "clip:"
 
 
 def word_ids(instruction: str) -> list[int]:
@@ -61,9 +60,9 @@ class ClipLanguage(nn.Module):
     (CLIP and PerAct2 code).
 
     Args:
-        source: Local path or hub id of a CLIP model in the transformers format.
-        tokens: Tokens per instruction.
-        dim: Expected width of the token features.
+        source: local path or hub id of a CLIP model in the transformers format.
+        tokens: tokens per instruction.
+        dim: expected width of the token features.
 
     Raises:
         ImportError: If transformers is not installed.
@@ -76,7 +75,7 @@ class ClipLanguage(nn.Module):
             from transformers import CLIPTextModel, CLIPTokenizer
         except ImportError as error:
             raise ImportError(
-                f"language_encoder='{CLIP_PREFIX}{source}' needs the package transformers: "
+                f"the CLIP text tower {source} needs the package transformers: "
                 "pip install 'lerobot_policy_bimanual[clip]', or use language_encoder='learned'"
             ) from error
         # Without a dtype it would be that of the file, often half precision.
@@ -113,10 +112,3 @@ class ClipLanguage(nn.Module):
             features = self._encode_ids(input_ids=padded).last_hidden_state
         assert features is not None  # optional only in transformers' annotations
         return features[0]
-
-
-def make_language(encoder: str, *, tokens: int, dim: int) -> nn.Module:
-    """The module for `language_encoder`: "learned", or "clip:<local path or hub id>"."""
-    if encoder.startswith(CLIP_PREFIX):
-        return ClipLanguage(encoder.removeprefix(CLIP_PREFIX), tokens=tokens, dim=dim)
-    return LearnedLanguage(tokens=tokens, dim=dim)

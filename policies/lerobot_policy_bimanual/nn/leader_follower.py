@@ -22,16 +22,16 @@ class LeaderFollower(nn.Module):
     passes between the networks, no gradient does.
 
     Args:
-        make_network: Builds a network for one arm from the length of its proprioception. It is called as
-            `network(scene, proprio, language, target)` and returns a `KeyposePrediction` of one arm.
-        proprio_dim: Numbers of proprioception per arm, without the leader's keypose.
-        leader: The arm that decides first.
-        codec: The discretisation of keyposes.
+        make_network: builds a network for one arm, given `proprio_dim`, the length of its proprioception. It is called
+            as `network(scene, proprio, language, target)` and returns a `KeyposePrediction` of one arm.
+        proprio_dim: numbers of proprioception per arm, without the leader's keypose.
+        leader: the arm that decides first.
+        codec: the discretisation of keyposes.
     """
 
     def __init__(
         self,
-        make_network: Callable[[int], nn.Module],
+        make_network: Callable[..., nn.Module],
         *,
         proprio_dim: int,
         leader: Arm,
@@ -40,8 +40,8 @@ class LeaderFollower(nn.Module):
         super().__init__()
         self.leading_arm = leader
         self.codec = codec
-        self.leader = make_network(proprio_dim)
-        self.follower = make_network(proprio_dim + KEYPOSE_NUMBERS)
+        self.leader = make_network(proprio_dim=proprio_dim)
+        self.follower = make_network(proprio_dim=proprio_dim + KEYPOSE_NUMBERS)
 
     def forward(
         self, scene: Any, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
@@ -49,10 +49,10 @@ class LeaderFollower(nn.Module):
         """Predict the next keypose of both arms.
 
         Args:
-            scene: What both networks see, passed on as it is.
+            scene: what both networks see, passed on as it is.
             proprio: (b, 2 proprio_dim), left arm first.
             language: (b, tokens, dim).
-            target: Label of both arms in training, moved by the same augmentation as the scene; None at
+            target: label of both arms in training, moved by the same augmentation as the scene; None at
                 inference.
 
         Returns:
@@ -77,8 +77,9 @@ class LeaderFollower(nn.Module):
         """
         return torch.cat(
             [
-                (2 * keypose.voxel + 1) / self.codec.voxels - 1,  # the voxel's centre within the workspace
-                2 * keypose.rotation / self.codec.rotation_bins - 1,  # the angle in half turns
+                (2 * keypose.voxel + 1) / self.codec.bins.voxels
+                - 1,  # the voxel's centre within the workspace
+                2 * keypose.rotation / self.codec.bins.rotation_bins - 1,  # the angle in half turns
                 2.0 * keypose.gripper_open[..., None] - 1,
                 2.0 * keypose.ignore_collisions[..., None] - 1,
             ],

@@ -66,7 +66,7 @@ class KeyposePrediction:
     """Distributions over the discrete keypose, as logits; arms in the order of the policy's streams.
 
     Attributes:
-        translation: Distribution over voxels.
+        translation: distribution over voxels.
         rotation: (b, arms, 3, bins), one distribution per Euler axis.
         gripper_open: (b, arms, 2), class 1 = open.
         ignore_collisions: (b, arms, 2), class 1 = collisions are ignored.
@@ -92,7 +92,7 @@ class JointTranslation:
     """Distributions of several one-arm networks as one.
 
     Attributes:
-        parts: One distribution per arm, each over (b, 1, ...), with equally many candidates.
+        parts: one distribution per arm, each over (b, 1, ...), with equally many candidates.
     """
 
     parts: tuple[TranslationPrediction, ...]

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
-from lerobot_policy_bimanual.peract_config import PerActConfig
+from lerobot_policy_bimanual.keypose.fields import require_multiple
+from lerobot_policy_bimanual.peract.config import PerActConfig
 
 
 @PreTrainedConfig.register_subclass("peract2")
@@ -15,4 +16,4 @@ class PerAct2Config(PerActConfig):
     def __post_init__(self):
         """Refuse latents that two arms cannot share."""
         super().__post_init__()
-        self._require_multiple("num_latents", 2, "the arms share the latents evenly")
+        require_multiple(self, "num_latents", 2, "the arms share the latents evenly")

@@ -4,12 +4,11 @@ Grotz et al., "PerAct2: Benchmarking and Learning for Robotic Bimanual Manipulat
 (https://arxiv.org/abs/2407.00278).
 """
 
-from typing import Any
-
 from lerobot_bimanual.arms import ARMS
+from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM
+from lerobot_policy_bimanual.peract.network import PerActNetwork
+from lerobot_policy_bimanual.peract.policy import PerActPolicy
 from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
-from lerobot_policy_bimanual.peract_policy import PerActPolicy, make_network
-from lerobot_policy_bimanual.processing import PROPRIO_PER_ARM
 
 
 class PerAct2Policy(PerActPolicy):
@@ -19,6 +18,6 @@ class PerAct2Policy(PerActPolicy):
     config_class = PerAct2Config  # pyright: ignore[reportAssignmentType]
     name = "peract2"  # pyright: ignore[reportAssignmentType]
 
-    def __init__(self, config: PerAct2Config, **kwargs: Any):
-        super().__init__(config, **kwargs)
-        self.network = make_network(config, arms=len(ARMS), proprio_dim=len(ARMS) * PROPRIO_PER_ARM)
+    def make_network(self) -> PerActNetwork:
+        """One network for both arms."""
+        return PerActNetwork(self.config, arms=len(ARMS), proprio_dim=len(ARMS) * PROPRIO_PER_ARM)

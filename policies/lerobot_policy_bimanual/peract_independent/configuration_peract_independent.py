@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
-from lerobot_policy_bimanual.peract_config import PerActConfig
+from lerobot_policy_bimanual.peract.config import PerActConfig
 
 
 @PreTrainedConfig.register_subclass("peract_independent")

@@ -5,14 +5,12 @@ Bimanual Manipulation Tasks", 2024 (https://arxiv.org/abs/2407.00278), made of P
 https://arxiv.org/abs/2209.05451).
 """
 
-from typing import Any
-
-from lerobot_policy_bimanual.nn.independent import IndependentArms
+from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM
+from lerobot_policy_bimanual.peract.independent import IndependentArms
+from lerobot_policy_bimanual.peract.policy import PerActPolicy
 from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
     PerActIndependentConfig,
 )
-from lerobot_policy_bimanual.peract_policy import PerActPolicy, make_network
-from lerobot_policy_bimanual.processing import PROPRIO_PER_ARM
 
 
 class PerActIndependentPolicy(PerActPolicy):
@@ -22,9 +20,6 @@ class PerActIndependentPolicy(PerActPolicy):
     config_class = PerActIndependentConfig  # pyright: ignore[reportAssignmentType]
     name = "peract_independent"  # pyright: ignore[reportAssignmentType]
 
-    def __init__(self, config: PerActIndependentConfig, **kwargs: Any):
-        super().__init__(config, **kwargs)
-        self.network = IndependentArms(
-            lambda proprio_dim: make_network(config, arms=1, proprio_dim=proprio_dim),
-            proprio_dim=PROPRIO_PER_ARM,
-        )
+    def make_network(self) -> IndependentArms:
+        """One network per arm."""
+        return IndependentArms(self.config, proprio_dim=PROPRIO_PER_ARM)

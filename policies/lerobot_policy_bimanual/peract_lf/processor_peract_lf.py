@@ -1,18 +1,5 @@
-"""Pre- and post-processing of PerAct-LF: LeRobot's standard steps; the geometry happens in the policy."""
+"""Processors of PerAct-LF, where LeRobot looks for them: its standard ones, as the policy normalises itself."""
 
-from typing import Any
+from lerobot.processor import make_default_pre_post_processors as make_peract_lf_pre_post_processors
 
-import torch
-from lerobot.processor import PolicyAction, PolicyProcessorPipeline, make_default_pre_post_processors
-
-from lerobot_policy_bimanual.peract_lf.configuration_peract_lf import PerActLFConfig
-
-
-def make_peract_lf_pre_post_processors(
-    config: PerActLFConfig, dataset_stats: dict[str, dict[str, torch.Tensor]] | None = None
-) -> tuple[
-    PolicyProcessorPipeline[dict[str, Any], dict[str, Any]],
-    PolicyProcessorPipeline[PolicyAction, PolicyAction],
-]:
-    """Rename, batch and move to the device; bring the keypose back to the CPU. Nothing is normalised."""
-    return make_default_pre_post_processors(config, dataset_stats)
+__all__ = ["make_peract_lf_pre_post_processors"]

@@ -24,9 +24,9 @@ class ResidentDataset(Dataset):
     Attributes that are not found here are the dataset's.
 
     Args:
-        dataset: What is read, once; so nothing random may be done to its rows.
-        device: Where the rows are kept.
-        row_key: Key of an item's number, different for datasets of one training.
+        dataset: what is read, once; so nothing random may be done to its rows.
+        device: where the rows are kept.
+        row_key: key of an item's number, different for datasets of one training.
 
     Raises:
         DatasetError: It does not fit into memory.
@@ -68,7 +68,7 @@ class ResidentDataset(Dataset):
         """What LeRobot's training loop makes of these rows: float tensors of colours in [0, 1], and all else.
 
         Args:
-            items: Items, collated.
+            items: items, collated.
         """
         rows = items[self.row_key]
         texts = {key: value for key, value in items.items() if key != self.row_key}

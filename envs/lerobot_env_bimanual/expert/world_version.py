@@ -1,0 +1,114 @@
+"""Which world a task is played in: a short hash of what it does, not of the text it is written in.
+
+Certificates and results are true of a world. Moving a comment or a file leaves its version as it is; another friction,
+planner, placement law or success condition changes it.
+
+Plans differ in the last bit between families of processors, so nothing is hashed that such a bit can reach: numbers of
+the compiled model by six digits, and of one expert's episode what was drawn, how long each motion took, and where the
+arms stood before anything was touched.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import Move, run_expert
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.robots.arm_pair import FINGERS
+
+PROBE_SPLIT, PROBE_SEED = "val", 0
+HASH_DIGITS = 12
+
+MODEL_PARTS = (
+    "body",
+    "jnt",
+    "dof",
+    "geom",
+    "site",
+    "cam",
+    "light",
+    "tendon",
+    "eq",
+    "actuator",
+    "pair",
+    "exclude",
+)
+"""Prefixes of the model's arrays that say what there is and how it moves; the rest is bookkeeping."""
+NOISY = ("body_iquat",)
+"""Axes of inertia, which round bodies leave to the last bit."""
+NEARLY_ZERO = 1e-9
+ARM_POSITIONS = len(ARMS) * (JOINTS_PER_ARM + len(FINGERS))
+"""Of a scene's positions these come first."""
+OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity", "density", "iterations", "tolerance")
+
+
+@functools.cache
+def world_version(task: str) -> str:
+    """Version of a task's world; plays one episode of its expert, half a second or two.
+
+    Raises:
+        UnknownTask: there is no such task.
+        PlacementFailure: the probed episode cannot start.
+    """
+    digest = hashlib.sha256()
+    for fact in (*_model_facts(task), *_episode_facts(task)):
+        digest.update(fact.encode() + b"\n")
+    return digest.hexdigest()[:HASH_DIGITS]
+
+
+def joint_version(tasks: Iterable[str]) -> str:
+    """One version for the worlds of several tasks."""
+    text = "\n".join(f"{task} {world_version(task)}" for task in sorted(tasks))
+    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
+
+
+def _model_facts(task: str) -> Iterator[str]:
+    """The compiled model, by six digits."""
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
+    model = env.scene.model
+    for name in OPTIONS:
+        yield f"{name} {_digits(np.atleast_1d(getattr(model.opt, name)))}"
+    for name in sorted(dir(model)):
+        is_part = name.partition("_")[0] in MODEL_PARTS and name not in NOISY
+        values = getattr(model, name) if is_part else None
+        if isinstance(values, np.ndarray):
+            yield f"{name} {_digits(values)}"
+    yield f"mujoco {mujoco.mj_versionString()}"
+    env.close()
+
+
+def _episode_facts(task: str) -> Iterator[str]:
+    """What is drawn in one episode of the expert, where its first motion ends, and how long each takes."""
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
+    stood: list[NDArray[np.float64]] = []
+
+    def note(_: Move) -> None:
+        if len(stood) < 2:  # at the start, and after the first motion
+            stood.append(np.append(env.scene.data.time, env.scene.data.qpos))
+
+    outcome = run_expert(env, PROBE_SEED, on_move=note)
+    spec = env.task_definition.spec
+    yield f"{spec.name} {spec.id} {env.progress.variation} {env.task_description} draws {outcome.draws}"
+    yield f"conditions {sorted(env.progress.conditions)} horizon {spec.horizon_ticks}"
+    yield f"placed {_positions(stood[0], 4)}"
+    yield f"moved {_positions(stood[-1][: 1 + ARM_POSITIONS], 3)}"
+    for report in outcome.keyposes:
+        yield f"{report.name} {report.ticks}"
+    yield f"success {outcome.success} ticks {outcome.ticks}"
+    env.close()
+
+
+def _positions(values: NDArray[np.float64], decimals: int) -> str:
+    return " ".join(f"{value:.{decimals}f}" for value in (np.round(values, decimals) + 0.0).tolist())
+
+
+def _digits(values: NDArray) -> str:
+    cleaned = np.where(np.abs(values) < NEARLY_ZERO, 0, values)
+    return " ".join(f"{value:.6g}" for value in cleaned.ravel().tolist())

@@ -1,0 +1,184 @@
+"""A chain of stock commands that goes on where it was interrupted.
+
+Each command is shown as a user would type it. A marker file per command holds its words and whether it finished, so
+that running the chain again does only what is missing.
+"""
+
+import hashlib
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from lerobot_bimanual.benchmark.json_file import read_json
+from lerobot_bimanual.errors import BimanualError
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of a chain.
+
+    Attributes:
+        name: shown to the user; also names the marker.
+        words: program and flags, as a user would type them.
+        output: what exists once the command has succeeded; None for a command that leaves nothing behind.
+        inputs: files made by earlier commands; this one counts as done only for their present content.
+        training_folder: where a command with the flags of `lerobot-train` keeps its checkpoints, from which it is
+            resumed.
+        judges: whether the command exits with 1 when it has measured something that it finds not good enough, as
+            `certify` does. Its output is then a result like any other.
+    """
+
+    name: str
+    words: list[str]
+    output: Path | None = None
+    inputs: tuple[Path, ...] = ()
+    training_folder: Path | None = None
+    judges: bool = False
+
+    def __str__(self) -> str:
+        return shlex.join(self.words)
+
+
+@dataclass(frozen=True)
+class _Marker:
+    command: str
+    inputs: dict[str, str]
+    done: bool
+    seconds: float
+
+
+def call(words: list[str]) -> int:
+    """Exit code of a program of this Python environment."""
+    program, *flags = words
+    defaults = {
+        # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
+        "HF_HUB_OFFLINE": "1",
+        # One core is left to the data loader; threads that wait for each other on a full machine crawl.
+        "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
+    }
+    executable = Path(sys.executable).parent / program
+    return subprocess.run([executable, *flags], env=defaults | os.environ, check=False).returncode
+
+
+class Pipeline:
+    """Runs commands and remembers in a folder what is done.
+
+    Args:
+        folder: where the markers lie; made if absent.
+        console: where commands and times are shown.
+        call: runs a program and gives its exit code.
+    """
+
+    def __init__(self, folder: Path, console: Console, call: Callable[[list[str]], int] = call):
+        self._folder = folder
+        self._console = console
+        self._call = call
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def run(self, command: Command) -> None:
+        """Run one command with its output shown, unless the same command has already succeeded here.
+
+        An interrupted training goes on from its last checkpoint; other commands begin anew.
+
+        Raises:
+            BimanualError: the command failed, a training with other flags is in its place, or its marker is damaged.
+        """
+        marker = self._marker(command)
+        if marker.done and (command.output is None or command.output.exists()):
+            self._console.rule(f"[bold]{command.name}[/bold] (already done)")
+            return
+        self._console.rule(f"[bold]{command.name}[/bold]")
+        words, seconds = command.words, 0.0
+        if command.training_folder is not None and (resume := self._resume(command, command.training_folder)):
+            words, seconds = resume, marker.seconds
+        show_command(self._console, "$ ", words)
+        if command.judges and command.output is not None:
+            command.output.unlink(missing_ok=True)  # so that afterwards it is known to be new
+        marker = replace(marker, done=False, seconds=seconds)
+        self._write(command, marker)
+        started = time.monotonic()
+        try:
+            code = self._call(words)
+        finally:
+            marker = replace(marker, seconds=seconds + time.monotonic() - started)
+            self._write(command, marker)
+        measured = command.judges and command.output is not None and command.output.exists()
+        if code and not measured:
+            raise BimanualError(
+                f"{command.name!r} failed with exit code {code}; its output is above. "
+                f"The same command line continues from here. What failed was: {shlex.join(words)}"
+            )
+        self._write(command, replace(marker, done=True))
+        self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
+
+    def seconds(self, command: Command) -> float:
+        """Wall time of a command that is done, with the runs that were interrupted and resumed."""
+        return self._marker(command).seconds
+
+    def _path(self, command: Command) -> Path:
+        return self._folder / f"{command.name}.command.json"
+
+    def _read(self, command: Command) -> _Marker | None:
+        """The marker that lies in a command's place, be it of this command or of one with other flags."""
+        path = self._path(command)
+        if not path.is_file():
+            return None
+        try:
+            return _Marker(**read_json(path))
+        except (TypeError, BimanualError) as error:
+            raise BimanualError(f"the marker {path} is damaged ({error}); remove it and try again") from error
+
+    def _marker(self, command: Command) -> _Marker:
+        """The marker of this very command and these inputs; a fresh one if they were never begun."""
+        inputs = {str(path): sha256(path) for path in command.inputs}
+        found = self._read(command)
+        if found is not None and (found.command, found.inputs) == (str(command), inputs):
+            return found
+        return _Marker(str(command), inputs, done=False, seconds=0.0)
+
+    def _write(self, command: Command, marker: _Marker) -> None:
+        # In one move: an interruption while writing must not leave half a marker.
+        path = self._path(command)
+        temporary = path.with_suffix(".partial")
+        temporary.write_text(json.dumps(asdict(marker), indent=1) + "\n")
+        temporary.replace(path)
+
+    def _resume(self, command: Command, folder: Path) -> list[str] | None:
+        """The words that go on from the last checkpoint; None if there is none to go on from."""
+        last = folder / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
+        if not last.is_file():
+            # lerobot-train refuses an existing folder, and in this one is nothing to keep.
+            shutil.rmtree(folder, ignore_errors=True)
+            return None
+        found = self._read(command)
+        if found is None or found.command != str(command):
+            raise BimanualError(
+                f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
+                f"remove the folder to train anew with: {command}"
+            )
+        return [command.words[0], f"--config_path={last}", "--resume=true"]
+
+
+def flag_words(flags: Mapping[str, object]) -> list[str]:
+    """`--name=value` for each flag."""
+    return [f"--{name}={value}" for name, value in flags.items()]
+
+
+def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:
+    """Print a command in one piece, ready to be copied."""
+    console.print(f"{prompt}{shlex.join(words)}", style="cyan", soft_wrap=True, highlight=False, markup=False)
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,305 @@
+"""Flags, folders and commands of a benchmark."""
+
+import os
+import shlex
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Self
+
+from lerobot_bimanual.benchmark.pipeline import Command, flag_words
+from lerobot_bimanual.benchmark.protocol import INTERMEDIATE, PROTOCOLS, Protocol, ScoredSplit
+from lerobot_bimanual.benchmark.recipe import Recipe
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+
+OWN_TRAINING_FLAGS = (
+    "dataset.repo_id",
+    "dataset.root",
+    "policy.type",
+    "policy.path",
+    "steps",
+    "batch_size",
+    "save_freq",
+    "seed",
+    "output_dir",
+    "resume",
+    "config_path",
+)
+OWN_EVALUATION_FLAGS = (
+    "policy.path",
+    "env.type",
+    "env.task",
+    "env.variation",
+    "env.split",
+    "env.image_size",
+    "eval.n_episodes",
+    "seed",
+    "output_dir",
+    "config_path",
+)
+"""Flags that the benchmark sets from its own, which `--train_flags` and `--eval_flags` therefore cannot hold."""
+
+
+@dataclass
+class BenchmarkConfig:
+    """What is asked of a benchmark; flags of the verb `benchmark`."""
+
+    policy: str = "peract2"  # type of the policy, as for lerobot-train
+    task: str = "lift_ball"  # one registered task
+    variation: str = "any"  # index, or any
+    recipe: str = "small"  # file of the policy's training, and the numbers of the protocol: small or paper
+    demos: int | None = None  # demonstrations; by default 100
+    image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
+    steps: int | None = None  # optimiser steps; by default the recipe's
+    batch_size: int | None = None  # rows of the dataset per step; by default the recipe's
+    save_freq: int | None = None  # steps between checkpoints; by default the recipe's
+    # Per checkpoint; by default 20 (small) or 100 (paper). 0 scores none, where there is only one to choose.
+    val_episodes: int | None = None
+    test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
+    seed: int = 1000  # of the training
+    first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
+    # Further flags of lerobot-train, in one text; they win over the recipe's.
+    train_flags: str = ""
+    eval_flags: str = ""  # further flags of lerobot-eval, in one text
+    device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
+    workers: int = 0  # processes for generation and certification; 0 takes one per core
+    output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and controls here
+    dry_run: bool = False  # print the commands and run nothing
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Folders and commands of one benchmark.
+
+    Attributes:
+        config: what was asked for.
+        recipe: how the policy is trained, with the numbers that were asked for.
+        protocol: the other numbers, likewise.
+        more_training: flags of `--train_flags`, by name.
+        more_evaluation: flags of `--eval_flags`, by name.
+    """
+
+    config: BenchmarkConfig
+    recipe: Recipe
+    protocol: Protocol
+    more_training: dict[str, str]
+    more_evaluation: dict[str, str]
+
+    @classmethod
+    def of(cls, config: BenchmarkConfig) -> Self:
+        """Look up recipe and protocol.
+
+        Raises:
+            BimanualError: the task or variation is not one, policy or recipe is not installed, a number is too
+                small, nothing would choose among several checkpoints, or further flags are not allowed.
+        """
+        if not config.task.isidentifier():
+            raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
+        if config.variation != "any" and not config.variation.isdecimal():
+            raise BimanualError(f"variation is {config.variation!r}, but must be an index or any")
+        recipe = Recipe.find(config.policy, config.recipe)
+        if config.recipe not in PROTOCOLS:
+            raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
+        plan = cls(
+            config,
+            replace(recipe, **_given(config, Recipe)),
+            replace(PROTOCOLS[config.recipe], **_given(config, Protocol)),
+            further_flags("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
+            further_flags("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS),
+        )
+        if not plan.protocol.val_episodes and len(plan.checkpoint_steps) > 1:
+            raise BimanualError(
+                "val_episodes is 0, so that nothing would choose among the checkpoints after "
+                f"{', '.join(map(str, plan.checkpoint_steps))} steps; leave one with --save_freq={plan.recipe.steps}"
+            )
+        return plan
+
+    @property
+    def checkpoint_steps(self) -> tuple[int, ...]:
+        """Steps after which LeRobot leaves a checkpoint, the last one included."""
+        steps, every = self.recipe.steps, self.recipe.save_freq
+        return (*range(every, steps, every), steps)
+
+    @property
+    def folder(self) -> Path:
+        """What the policies of a task share."""
+        task, variation = self.config.task, self.config.variation
+        return self.config.output.resolve() / (task if variation == "any" else f"{task}_{variation}")
+
+    @property
+    def dataset(self) -> Path:
+        """The demonstrations."""
+        return self.folder / f"{self.recipe.view}_{self.protocol.image_size}_{self.protocol.demos}"
+
+    @property
+    def run_folder(self) -> Path:
+        """Training and evaluations."""
+        return self.folder / f"{self.config.policy}_{self.config.recipe}_seed{self.config.seed}"
+
+    @property
+    def result(self) -> Path:
+        """The result's file."""
+        return self.folder.parent / "results" / f"{self.folder.name}_{self.run_folder.name}.json"
+
+    def certificate(self, control: str) -> Path:
+        """The result of the expert or a control on the test seeds."""
+        return self.folder / f"{control}_{self._test_seeds.replace(':', '_')}.json"
+
+    def checkpoint(self, step: int) -> Path:
+        """The policy after so many steps."""
+        digits = max(6, len(str(self.recipe.steps)))  # as LeRobot writes them
+        return self.run_folder / "train" / "checkpoints" / f"{step:0{digits}d}" / "pretrained_model"
+
+    def weights(self, step: int) -> Path:
+        """The weights of the policy after so many steps."""
+        return self.checkpoint(step) / "model.safetensors"
+
+    def evaluation_file(self, split: ScoredSplit, step: int) -> Path:
+        """What `lerobot-eval` finds out about a checkpoint."""
+        return self.run_folder / f"{split}_{self.checkpoint(step).parent.name}" / "eval_info.json"
+
+    def generation(self) -> Command:
+        """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
+        flags = {
+            "task": self.config.task,
+            "variation": self.config.variation,
+            "episodes": self.protocol.demos,
+            "split": "train",
+            "view": self.recipe.view,
+            "image_size": self.protocol.image_size,
+            "cameras": ",".join(self.recipe.cameras),
+            **({"intermediate": INTERMEDIATE} if self.recipe.view == "keyframes" else {}),
+            "root": self.dataset,
+            "repo_id": self._repo_id,
+            "workers": self.config.workers,
+        }
+        words = ["lerobot-bimanual", "generate", *flag_words(flags)]
+        return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
+
+    def certification(self, control: str) -> Command:
+        """Score the expert or a control on the test seeds."""
+        output = self.certificate(control)
+        flags = {
+            "task": self.config.task,
+            "variation": self.config.variation,
+            "split": "test",
+            "seeds": self._test_seeds,
+            "control": control,
+            "workers": self.config.workers,
+            "output": output,
+        }
+        words = ["lerobot-bimanual", "certify", *flag_words(flags)]
+        return Command(output.stem, words, output=output, judges=True)
+
+    def training_flags(self) -> dict[str, str]:
+        """Flags of `lerobot-train`, by name."""
+        flags = self.recipe.flags(self.protocol.image_size) | {
+            "dataset.repo_id": self._repo_id,
+            "dataset.root": self.dataset,
+            **self._device,
+            "steps": self.recipe.steps,
+            "batch_size": self.recipe.batch_size,
+            # A worker process per core beyond the one that trains; LeRobot's own default is four.
+            "num_workers": 0 if self._resident else min(4, max(1, (os.cpu_count() or 1) - 1)),
+            "log_freq": max(1, self.recipe.save_freq // 5),
+            "save_freq": self.recipe.save_freq,
+            "seed": self.config.seed,
+            "output_dir": self.run_folder / "train",
+            **self.more_training,
+        }
+        return {name: str(value) for name, value in flags.items()}
+
+    def training(self) -> Command:
+        """Train with a checkpoint every `save_freq` steps."""
+        return Command(
+            "train",
+            [
+                "lerobot-bimanual-train" if self._resident else "lerobot-train",
+                *flag_words(self.training_flags()),
+            ],
+            output=self.checkpoint(self.recipe.steps),
+            training_folder=self.run_folder / "train",
+        )
+
+    def evaluation(self, split: ScoredSplit, step: int) -> Command:
+        """Score one checkpoint."""
+        evaluation = self.evaluation_file(split, step)
+        flags = {
+            "policy.path": self.checkpoint(step),
+            **self._device,
+            "env.type": "bimanual",
+            "env.task": self.config.task,
+            "env.variation": self.config.variation,
+            "env.split": split,
+            "env.image_size": self.protocol.image_size,
+            "env.cameras": ",".join(self.recipe.cameras),
+            "eval.n_episodes": self.protocol.val_episodes if split == "val" else self.protocol.test_episodes,
+            "eval.batch_size": 2,
+            "seed": self.config.first_seed,
+            "output_dir": evaluation.parent,
+            **self.more_evaluation,
+        }
+        words = ["lerobot-eval", *flag_words(flags)]
+        return Command(evaluation.parent.name, words, output=evaluation, inputs=(self.weights(step),))
+
+    def evaluations(self, step: int) -> Iterator[Command]:
+        """All evaluations, that on the split `test` with the checkpoint after so many steps."""
+        if self.protocol.val_episodes:
+            yield from (self.evaluation("val", step) for step in self.checkpoint_steps)
+        yield self.evaluation("test", step)
+
+    def commands(self, step: int) -> list[Command]:
+        """Every command in its order, when the checkpoint after so many steps is the best."""
+        certifications = [self.certification(control) for control in ("expert", "blind")]
+        return [self.generation(), *certifications, self.training(), *self.evaluations(step)]
+
+    @property
+    def _resident(self) -> bool:
+        """Whether the dataset fits into memory: keyframes do, all frames do not."""
+        return self.recipe.view == "keyframes"
+
+    @property
+    def _device(self) -> dict[str, str]:
+        return {} if self.config.device is None else {"policy.device": self.config.device}
+
+    @property
+    def _repo_id(self) -> str:
+        return f"benchmark/{self.folder.name}"
+
+    @property
+    def _test_seeds(self) -> str:
+        return f"{self.config.first_seed}:{self.config.first_seed + self.protocol.test_episodes}"
+
+
+def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:
+    """The numbers of a recipe or protocol that were asked for."""
+    numbers = {field.name: getattr(config, field.name, None) for field in fields(kind)}
+    given = {name: number for name, number in numbers.items() if number is not None}
+    for name, number in given.items():
+        least = 0 if name == "val_episodes" else 1
+        if number < least:
+            raise BimanualError(f"{name} is {number}, but must be at least {least}")
+    return given
+
+
+def further_flags(option: str, text: str, own: Collection[str]) -> dict[str, str]:
+    """Flags in the text of one option, by name.
+
+    Raises:
+        BimanualError: the text is not a list of `--name=value`, or sets what the benchmark sets itself.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise BimanualError(f"--{option} is {text!r}, which no shell could read: {error}") from error
+    flags: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not (word.startswith("--") and equals):
+            raise BimanualError(f"--{option} holds {word!r}, but must hold flags of the form --name=value")
+        if name in own:
+            raise BimanualError(
+                f"--{option} sets --{name}, which the benchmark sets itself from its own flags"
+            )
+        flags[name] = value
+    return flags

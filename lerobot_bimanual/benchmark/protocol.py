@@ -1,0 +1,34 @@
+"""What is the same for every policy: how much it is shown, and on how much it is scored."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+ScoredSplit = Literal["val", "test"]
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """The numbers of a benchmark that are no matter of training.
+
+    Attributes:
+        demos: expert demonstrations of the split `train`.
+        image_size: side of the images in pixels, in the demonstrations and in the evaluations.
+        val_episodes: episodes of the split `val` on which every checkpoint is scored, to choose the best; 0 where
+            there is nothing to choose, because there is only one.
+        test_episodes: episodes of the split `test` on which the chosen checkpoint is scored.
+    """
+
+    demos: int
+    image_size: int
+    val_episodes: int
+    test_episodes: int
+
+
+PROTOCOLS = {
+    "small": Protocol(demos=100, image_size=128, val_episodes=20, test_episodes=50),
+    "paper": Protocol(demos=100, image_size=256, val_episodes=100, test_episodes=100),
+}
+"""By the name of the recipe; the second is that of the PerAct2 paper."""
+
+INTERMEDIATE = "0.35,0.7"
+"""Where on the way to a keypose observations are kept in the view `keyframes`; the paper keeps every tenth frame."""

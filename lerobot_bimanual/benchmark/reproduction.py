@@ -1,0 +1,110 @@
+"""The command that trains a row of results again, and how far it departs from today's recipe of that name.
+
+Rows hold every flag of their training, so they stay true when a recipe changes; what a recipe no longer says, the
+command says itself.
+"""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+import yaml
+
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.errors import BimanualError
+
+INCIDENTAL = ("num_workers", "wandb.enable")
+"""Training flags that decide nothing about what is learned: how many processes read, and whether a tracker watches."""
+
+
+def config_of(row: ResultRow) -> BenchmarkConfig:
+    """What is asked of a benchmark that trains a row again; what its recipe and protocol say anyway is left open.
+
+    Raises:
+        BimanualError: policy or recipe is not installed, the command of the dataset does not name a size of images,
+            or the recipe now sets what the row was trained without, so that no command gives it again.
+    """
+    asked = BenchmarkConfig(
+        policy=row.policy,
+        task=row.task,
+        variation=row.variation,
+        recipe=row.recipe,
+        demos=len(row.dataset.seeds),
+        image_size=_image_size(row.dataset.command),
+        steps=int(row.flags["steps"]),
+        batch_size=int(row.flags["batch_size"]),
+        save_freq=int(row.flags["save_freq"]),
+        val_episodes=len(row.validation[0].episodes) if row.validation else 0,
+        test_episodes=len(row.episodes),
+        seed=int(row.flags["seed"]),
+        first_seed=min(episode.seed for episode in row.episodes),
+        device=row.flags.get("policy.device"),
+    )
+    usual = Plan.of(BenchmarkConfig(policy=row.policy, recipe=row.recipe))
+    numbers = vars(usual.protocol) | vars(usual.recipe)
+    said_anyway = {name: None for name, number in numbers.items() if getattr(asked, name, None) == number}
+    return replace(asked, **said_anyway, train_flags=_further_flags(row, Plan.of(asked).training_flags()))
+
+
+def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:
+    """The training flags of a row that are others than today's, in one text."""
+    if unset := today.keys() - row.flags.keys() - {*PLACES, *INCIDENTAL}:
+        raise BimanualError(
+            f"the recipe {row.recipe!r} of {row.policy!r} now sets {', '.join(sorted(unset))}, and the row of "
+            f"{row.task!r} was trained without: train it anew, or leave it out"
+        )
+    others = [
+        f"--{name}={value}"
+        for name, value in row.flags.items()
+        if name not in INCIDENTAL and (name not in today or flag_value(today[name]) != flag_value(value))
+    ]
+    return " ".join(word if shlex.split(word) == [word] else shlex.quote(word) for word in others)
+
+
+def beyond_recipe(config: BenchmarkConfig) -> str:
+    """Flags of the verb `benchmark` that change what is trained or how it is scored; "" if there are none."""
+    named = ("policy", "task", "variation", "recipe", "device")
+    return " ".join(word for name, word in _words(config).items() if name not in named)
+
+
+def command(config: BenchmarkConfig) -> str:
+    """The command line of a benchmark, without the flags that have their defaults."""
+    return " ".join(["lerobot-bimanual", "benchmark", *_words(config).values()])
+
+
+def _words(config: BenchmarkConfig) -> dict[str, str]:
+    """`--name=value` by name, for a shell, of the flags that do not have their defaults, and of what names a cell."""
+    return {
+        field.name: _quoted(field.name, str(getattr(config, field.name)))
+        for field in fields(config)
+        if field.name in ("policy", "task", "recipe") or getattr(config, field.name) != field.default
+    }
+
+
+def _quoted(name: str, value: str) -> str:
+    """`--name=value` for a shell, if possible with the value in double quotes, which people can read."""
+    word = f"--{name}={value}"
+    if shlex.quote(word) == word or set(value) & set('"$`!\\'):
+        return shlex.quote(word)
+    return f'--{name}="{value}"'
+
+
+def _image_size(generation: str) -> int:
+    """Side of the images of a dataset by the command that makes it."""
+    for word in shlex.split(generation):
+        if word.startswith("--image_size="):
+            height, _, width = word.partition("=")[2].partition("x")
+            if width in ("", height) and height.isdecimal():
+                return int(height)
+    raise BimanualError(f"no square --image_size in {generation!r}")
+
+
+def flag_value(text: str) -> Any:
+    """What LeRobot reads from a flag: `2e-3` and `0.002` are one number."""
+    value = yaml.safe_load(text)
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value

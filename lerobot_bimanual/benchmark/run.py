@@ -1,0 +1,109 @@
+"""The commands of a benchmark, run one after the other, and what they give."""
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from rich.console import Console
+
+from lerobot_bimanual.benchmark.pipeline import Pipeline, sha256, show_command
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.benchmark.rates_table import rates_table
+from lerobot_bimanual.benchmark.results import (
+    PLACES,
+    SCHEMA_VERSION,
+    DatasetRecord,
+    Machine,
+    ResultRow,
+    Validation,
+    read_certificate,
+    read_evaluation,
+    success_rate,
+    versions,
+)
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.errors import BimanualError
+
+
+def show(plan: Plan, console: Console) -> None:
+    """Print the commands of a benchmark, as a script that would run it."""
+    *commands, test = plan.commands(plan.checkpoint_steps[-1])
+    for command in commands:
+        show_command(console, "", command.words)
+    if plan.protocol.val_episodes:
+        console.print(
+            "# the best checkpoint of the validation, here as if it were the last one", highlight=False
+        )
+    show_command(console, "", test.words)
+
+
+def run(plan: Plan, console: Console) -> ResultRow:
+    """Run what is not done yet, and write the result."""
+    config = plan.config
+    shared = Pipeline(plan.folder, console)
+    for command in (plan.generation(), plan.certification("expert"), plan.certification("blind")):
+        shared.run(command)
+
+    own = Pipeline(plan.run_folder, console)
+    own.run(plan.training())
+    validations = []
+    for step in plan.checkpoint_steps if plan.protocol.val_episodes else ():
+        own.run(plan.evaluation("val", step))
+        episodes = read_evaluation(plan.evaluation_file("val", step), config.first_seed)
+        validations.append(Validation(step, episodes))
+    step = best_checkpoint(validations).step if validations else plan.recipe.steps
+    own.run(plan.evaluation("test", step))
+
+    row = ResultRow(
+        schema_version=SCHEMA_VERSION,
+        task=config.task,
+        variation=config.variation,
+        policy=config.policy,
+        recipe=config.recipe,
+        flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
+        dataset=_dataset_record(plan.dataset),
+        checkpoint_step=step,
+        checkpoint_sha256=sha256(plan.weights(step)),
+        validation=tuple(validations),
+        split="test",
+        episodes=read_evaluation(plan.evaluation_file("test", step), config.first_seed),
+        expert=read_certificate(plan.certificate("expert")),
+        blind=read_certificate(plan.certificate("blind")),
+        training_seconds=round(own.seconds(plan.training()), 1),
+        machine=Machine.this(),
+        versions=versions(),
+        date=date.today().isoformat(),
+    )
+    plan.result.parent.mkdir(parents=True, exist_ok=True)
+    plan.result.write_text(row.to_json())
+    return row
+
+
+def report(row: ResultRow, plan: Plan, console: Console) -> None:
+    """Print the success rates, and where the result lies."""
+    validated = {
+        f"{row.policy} after {validation.step} steps (val)": success_rate(validation.episodes)
+        for validation in row.validation
+    }
+    tested = {
+        "expert (test)": row.rates["expert"],
+        f"{row.policy} after {row.checkpoint_step} steps (test)": row.rates["policy"],
+        "blind: mean keyposes of the training split (test)": row.rates["blind"],
+    }
+    console.rule("[bold]result[/bold]")
+    console.print(rates_table(f"{row.task}, recipe {row.recipe}", validated | tested))
+    for name, path in {"checkpoint": plan.checkpoint(row.checkpoint_step), "result": plan.result}.items():
+        console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
+
+
+def best_checkpoint(validations: Sequence[Validation]) -> Validation:
+    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
+    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
+
+
+def _dataset_record(folder: Path) -> DatasetRecord:
+    provenance = Provenance.read(folder)
+    if provenance is None:
+        raise BimanualError(f"{folder} does not say where it comes from; remove it to generate it again")
+    seeds = tuple(episode.seed for episode in provenance.episodes)
+    return DatasetRecord(provenance.command, seeds, dict(provenance.versions))

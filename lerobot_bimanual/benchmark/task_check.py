@@ -1,0 +1,31 @@
+"""Whether the installed environment knows the task of a benchmark."""
+
+import json
+import subprocess
+import sys
+
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig
+from lerobot_bimanual.errors import BimanualError, UnknownVariation
+
+
+def check_task(config: BenchmarkConfig) -> None:
+    """Ask the environment, before anything runs that takes minutes.
+
+    Through its verb `tasks` in a process of its own: core knows the environment by its commands only.
+
+    Raises:
+        BimanualError: no environment is installed, or what is asked for is no task, a suite, or a variation that the
+            task does not have.
+    """
+    words = ["tasks", f"--task={config.task}", "--format=json"]
+    program = [sys.executable, "-m", "lerobot_bimanual.cli"]
+    answer = subprocess.run([*program, *words], capture_output=True, text=True, check=False)
+    if answer.returncode:
+        raise BimanualError(answer.stderr.strip().removeprefix("lerobot-bimanual: "))
+    tasks = {task["name"]: len(task["variations"]) for task in json.loads(answer.stdout)}
+    if tasks.keys() != {config.task}:
+        raise BimanualError(
+            f"task is {config.task!r}, a suite, but a benchmark is of one task; run one for each of: {', '.join(tasks)}"
+        )
+    if config.variation != "any" and int(config.variation) >= tasks[config.task]:
+        raise UnknownVariation(config.task, config.variation, tasks[config.task])

@@ -1,0 +1,38 @@
+"""`lerobot-bimanual <verb>`: the one command line of the project.
+
+Core knows no verb but its own. Every installed distribution adds verbs through the entry-point group
+`lerobot_bimanual.verbs`, so core never imports a plugin by name.
+
+How to write a verb
+    1. A function with one parameter, a dataclass, returning None or an exit code::
+
+           @dataclass
+           class GenerateConfig:
+               task: str = "all"  # task names, comma separated, or a suite
+               seeds: str = "0:100"  # half-open range a:b of the training split
+               # A comment above the field is shown as well; use it for a text
+               # that is longer than a line.
+               output: Path = field(kw_only=True)  # new folder (no default: the flag is required)
+
+           def generate(config: GenerateConfig) -> None:
+               '''Record expert demonstrations as a LeRobot dataset.
+
+               Further paragraphs, and a Google-style section of examples (whole command lines,
+               one per line), are shown by `lerobot-bimanual generate --help`.
+               '''
+
+    2. An entry point of the distribution that owns it: `generate = "package.commands.generate:generate"`.
+    3. Light at import: simulation and learning modules are imported inside the function, because
+       `--help` imports the verb's module. The first docstring line is read from the source without
+       importing anything, for the list of verbs.
+    4. Failures that a user can cause are raised as `lerobot_bimanual.errors.BimanualError`: the command
+       prints the message on one line and exits with 1. Set LEROBOT_BIMANUAL_TRACEBACK=1 to see the traceback.
+
+`lerobot_bimanual.cli.flags` says which flags a dataclass gets. Exit codes: 0 done (or what the verb returned),
+1 the verb failed with a clear message, 2 the command line is wrong, 130 interrupted.
+"""
+
+from lerobot_bimanual.cli.command_line import main
+from lerobot_bimanual.cli.verbs import config_type_of, find_verbs
+
+__all__ = ["config_type_of", "find_verbs", "main"]

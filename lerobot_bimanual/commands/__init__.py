@@ -1,0 +1,1 @@
+"""Verbs of `lerobot-bimanual` that need neither environment nor policies to be imported."""

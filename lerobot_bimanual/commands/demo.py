@@ -1,0 +1,76 @@
+"""The verb `demo`."""
+
+import shlex
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.run import report, run
+from lerobot_bimanual.benchmark.task_check import check_task
+
+
+@dataclass
+class DemoConfig:
+    """Flags of the verb `demo`."""
+
+    task: str = "lift_ball"  # one registered task
+    output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
+    episodes: int = 100  # expert demonstrations to generate
+    steps: int = 1000  # optimiser steps
+    batch_size: int = 8  # keyframes per step
+    eval_episodes: int = 20  # unseen placements on which expert, blind control and policy are scored
+    seed: int = 1000  # first of these placements' seeds, in the test split
+    workers: int = 0  # processes for generation and certification; 0 takes one per core
+    videos: bool = True  # write an mp4 of every evaluated episode
+
+    @property
+    def films(self) -> Path:
+        """Where the films lie."""
+        return self.output.resolve() / "films"
+
+    def benchmark(self) -> BenchmarkConfig:
+        """The same as a benchmark: on the CPU, with one checkpoint, so that nothing is to be chosen."""
+        return BenchmarkConfig(
+            task=self.task,
+            demos=self.episodes,
+            steps=self.steps,
+            batch_size=self.batch_size,
+            save_freq=self.steps,
+            val_episodes=0,
+            test_episodes=self.eval_episodes,
+            first_seed=self.seed,
+            eval_flags=f"--env.video_dir={shlex.quote(str(self.films))}" if self.videos else "",
+            device="cpu",
+            workers=self.workers,
+            output=self.output,
+        )
+
+
+def demo(config: DemoConfig) -> None:
+    """Generate demonstrations, train a small PerAct2, evaluate it on unseen seeds.
+
+    A short `lerobot-bimanual benchmark`: runs the stock training and `lerobot-eval` on expert demonstrations, prints
+    each command so that it can be copied, and ends with the success of the policy beside the expert's and that of a
+    blind control, which repeats the mean keyposes of the training set. An interrupted demo continues where it stopped.
+
+    Examples:
+        lerobot-bimanual demo
+        lerobot-bimanual demo --task=push_box --steps=2000 --output=outputs/push_box
+    """
+    console, started = Console(), time.monotonic()
+    plan = Plan.of(config.benchmark())
+    check_task(plan.config)
+    doctor = Command("doctor", ["lerobot-bimanual", "doctor"])
+    Pipeline(plan.folder, console).run(doctor)
+    row = run(plan, console)
+    report(row, plan, console)
+    if config.videos:
+        console.print(f"films       {config.films}", soft_wrap=True, highlight=False)
+    console.print("\nThe commands that were run:")
+    for command in (doctor, *plan.commands(row.checkpoint_step)):
+        console.print(f"  {command}", soft_wrap=True, highlight=False, markup=False)
+    console.print(f"[dim]finished in {(time.monotonic() - started) / 60:.1f} minutes[/dim]")

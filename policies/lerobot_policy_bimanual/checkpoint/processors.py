@@ -1,0 +1,96 @@
+"""Processor files of a checkpoint: which steps they name.
+
+LeRobot's loader calls whatever class such a file names, and only then looks at what it got; so a step is a registered
+name here, and nothing else.
+"""
+
+import importlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from lerobot.configs import PreTrainedConfig
+from lerobot.processor import ProcessorStepRegistry
+
+from lerobot_policy_bimanual.checkpoint.json_file import read_object
+from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.keypose.weights import check_weights
+
+PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.json"
+STEP_KEYS = {"registry_name", "config", "state_file"}
+
+
+def check_processors(
+    folder: Path, allowed: Mapping[str, Sequence[dict[str, Any]]] | None
+) -> dict[str, list[str]]:
+    """Check both processor files of a folder, and the tensors that they name.
+
+    Args:
+        folder: a folder `pretrained_model`.
+        allowed: by file, the steps that it must list, in order: their names, and their options by name. None for any
+            steps of LeRobot's registry.
+
+    Returns:
+        The names of the steps by file.
+
+    Raises:
+        CheckpointError: A file is missing or malformed, or lists another step, by class or from outside.
+    """
+    return {
+        name: _check_file(folder / name, None if allowed is None else allowed[name])
+        for name in (PREPROCESSOR, POSTPROCESSOR)
+    }
+
+
+def register_steps_of(config: PreTrainedConfig) -> None:
+    """Import LeRobot's own steps for one of its policies."""
+    importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
+
+
+def _check_file(file: Path, allowed: Sequence[dict[str, Any]] | None) -> list[str]:
+    steps = read_object(file).get("steps")
+    if not isinstance(steps, list) or not all(isinstance(step, dict) for step in steps):
+        raise CheckpointError(f"{file} has no list of steps")
+    for step in steps:
+        _check_step(step, file)
+    names = [step["registry_name"] for step in steps]
+    if allowed is not None:
+        wanted = [step["registry_name"] for step in allowed]
+        if names != wanted:
+            raise CheckpointError(f"{file} lists the steps {names}, but must list {wanted}")
+        for step, own in zip(steps, allowed, strict=True):
+            if unknown := step.get("config", {}).keys() - own.get("config", {}).keys():
+                raise CheckpointError(f"{file}: {step['registry_name']} has no option {min(unknown)!r}")
+    return names
+
+
+def _check_step(step: dict[str, Any], file: Path) -> None:
+    name = step.get("registry_name")
+    if "class" in step or not isinstance(name, str):
+        raise CheckpointError(
+            f"{file} names a step by class, {step.get('class')!r}, which a loader would call: a step must have a "
+            "registered name. Do not load this checkpoint"
+        )
+    if name not in ProcessorStepRegistry.list() or not _is_lerobots(name):
+        raise CheckpointError(f"{file} names the step {name!r}, which LeRobot does not have")
+    if unknown := step.keys() - STEP_KEYS:
+        raise CheckpointError(f"{file}: the step {name!r} has the unknown key {min(unknown)!r}")
+    if not isinstance(step.get("config", {}), dict):
+        raise CheckpointError(f"{file}: the options of the step {name!r} are no object")
+    if "state_file" in step:
+        _check_state_file(step["state_file"], file)
+
+
+def _check_state_file(name: Any, file: Path) -> None:
+    if (
+        not isinstance(name, str)
+        or "\\" in name
+        or name in ("", ".", "..")
+        or PurePosixPath(name).name != name
+    ):
+        raise CheckpointError(f"{file} names the state file {name!r}, which is not a file of the same folder")
+    check_weights(file.parent / name)
+
+
+def _is_lerobots(name: str) -> bool:
+    return ProcessorStepRegistry.get(name).__module__.partition(".")[0] == "lerobot"

@@ -1,0 +1,71 @@
+"""Where a picture of the workspace is taken from: parallel projections."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A direction to look from. The robots stand at low x and look along +x, the left one at high y.
+
+    Attributes:
+        name: what is written above the picture.
+        azimuth_deg: bearing of the viewer as seen from the workspace, from +x towards +y.
+        elevation_deg: height of the viewer, 90 for straight above.
+    """
+
+    name: str
+    azimuth_deg: float
+    elevation_deg: float
+
+    @property
+    def axes(self) -> Array:
+        """World directions (3, 3), by row: right and up in the picture, and towards the viewer."""
+        azimuth, elevation = np.deg2rad([self.azimuth_deg, self.elevation_deg])
+        level = np.cos(elevation)
+        towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
+        return np.stack([right, np.cross(towards, right), towards])
+
+
+VIEWPOINTS = (
+    Viewpoint("over the robots' shoulders", 205, 35),
+    Viewpoint("facing the robots", 25, 20),
+    Viewpoint("from above, robots at the bottom", 180, 90),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A viewpoint with a scale.
+
+    Attributes:
+        viewpoint: the direction.
+        pixels_per_m: scale.
+        origin_px: (2,) column and row of the world's origin.
+    """
+
+    viewpoint: Viewpoint
+    pixels_per_m: float
+    origin_px: Array
+
+    @classmethod
+    def fit(cls, viewpoint: Viewpoint, points_m: ArrayLike, width: int, height: int) -> "Frame":
+        """The frame in which points (n, 3) fill a picture."""
+        places = np.asarray(points_m) @ viewpoint.axes[:2].T * [1, -1]
+        low, high = places.min(axis=0), places.max(axis=0)
+        pixels_per_m = float((np.array([width, height]) / (high - low)).min())
+        return cls(viewpoint, pixels_per_m, np.array([width, height]) / 2 - pixels_per_m * (low + high) / 2)
+
+    def project(self, points_m: ArrayLike) -> Array:
+        """Pixels (..., 2), column and row, of world points (..., 3)."""
+        places = np.asarray(points_m) @ self.viewpoint.axes[:2].T * [1, -1]
+        return self.origin_px + self.pixels_per_m * places
+
+    def nearness(self, points_m: ArrayLike) -> Array:
+        """How far (...) points (..., 3) stand towards the viewer, in metres."""
+        return np.asarray(points_m) @ self.viewpoint.axes[2]

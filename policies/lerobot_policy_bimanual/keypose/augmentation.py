@@ -1,0 +1,94 @@
+"""Random rigid motions of the whole scene: cloud and both keyposes move together.
+
+One world-frame transform for everything is the correct form for two arms. PerAct2's reference rotates the
+cloud about the right gripper but only shifts the left label, and stops retrying as soon as one arm is inside.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.geometry.rotations_torch import (
+    matrix_to_quat_wxyz,
+    quat_wxyz_canonical,
+    quat_wxyz_multiply,
+)
+from lerobot_bimanual.geometry.workspace import Workspace
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
+
+MAX_DRAWS = 100
+"""Draws per sample before the identity is taken (PerAct2 code gives up after as many)."""
+
+
+@dataclass(frozen=True)
+class SceneAugmentation:
+    """A yaw about the vertical axis through the workspace's centre, then a shift.
+
+    Attributes:
+        workspace: both keyposes must stay inside.
+        shift_m: largest shift along x, y, z; uniform.
+        yaw_deg: largest yaw to either side.
+        yaw_step_deg: yaws are multiples of this, uniform over them, so that they keep rotation bins exact.
+    """
+
+    workspace: Workspace
+    shift_m: tuple[float, float, float]
+    yaw_deg: float
+    yaw_step_deg: float
+
+    def sample(self, keyposes: Tensor) -> Tensor:
+        """Draw one transform per sample, again and again until both keyposes stay inside the workspace.
+
+        Args:
+            keyposes: (b, 18) flat keyposes.
+
+        Returns:
+            (b, 4, 4) world-frame transforms; the identity where every draw left the workspace.
+        """
+        samples = len(keyposes)
+        options = {"dtype": keyposes.dtype, "device": keyposes.device}
+        steps = int(self.yaw_deg / self.yaw_step_deg + 1e-6)
+        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), device=keyposes.device) * math.radians(
+            self.yaw_step_deg
+        )
+        shift = (torch.rand(MAX_DRAWS, samples, 3, **options) * 2 - 1) * torch.tensor(self.shift_m, **options)
+        draws = self._transforms(yaw.to(keyposes.dtype), shift)  # (draws, b, 4, 4)
+        positions = _arms(keyposes)[..., POSITION]  # (b, arms, 3)
+        moved = _apply(draws[:, :, None], positions)  # (draws, b, arms, 3)
+        lower = torch.tensor(self.workspace.lower, **options)
+        upper = torch.tensor(self.workspace.upper, **options)
+        inside = ((moved >= lower) & (moved < upper)).flatten(2).all(dim=-1)  # (draws, b)
+        first = inside.int().argmax(dim=0)
+        chosen = draws[first, torch.arange(samples, device=keyposes.device)]
+        return torch.where(inside.any(dim=0)[:, None, None], chosen, torch.eye(4, **options))
+
+    def _transforms(self, yaw: Tensor, shift: Tensor) -> Tensor:
+        cosine, sine, zero, one = yaw.cos(), yaw.sin(), torch.zeros_like(yaw), torch.ones_like(yaw)
+        rotation = torch.stack([cosine, -sine, zero, sine, cosine, zero, zero, zero, one], dim=-1)
+        rotation = rotation.unflatten(-1, (3, 3))
+        center = torch.tensor(self.workspace.center, dtype=yaw.dtype, device=yaw.device)
+        transform = torch.eye(4, dtype=yaw.dtype, device=yaw.device).repeat(*yaw.shape, 1, 1)
+        transform[..., :3, :3] = rotation
+        transform[..., :3, 3] = center - rotation @ center + shift
+        return transform
+
+
+def move_keyposes(transform: Tensor, keyposes: Tensor) -> Tensor:
+    """Both arms' keyposes (b, 18) after world-frame transforms (b, 4, 4); flags stay."""
+    arms = _arms(keyposes).clone()
+    turn = matrix_to_quat_wxyz(transform[:, :3, :3])[:, None]
+    arms[..., POSITION] = _apply(transform[:, None], arms[..., POSITION])
+    arms[..., QUATERNION] = quat_wxyz_canonical(quat_wxyz_multiply(turn, arms[..., QUATERNION]))
+    return arms.flatten(1)
+
+
+def _arms(keyposes: Tensor) -> Tensor:
+    return keyposes.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
+
+
+def _apply(transform: Tensor, points: Tensor) -> Tensor:
+    """Transforms (..., 4, 4) of points (..., 3), broadcast."""
+    return (transform[..., :3, :3] @ points[..., None])[..., 0] + transform[..., :3, 3]

@@ -1,0 +1,251 @@
+"""What all keypose policies have in common in their configs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from lerobot.configs import NormalizationMode, PreTrainedConfig
+from lerobot.optim import (
+    AdamWConfig,
+    CosineDecayWithWarmupSchedulerConfig,
+    LRSchedulerConfig,
+    OptimizerConfig,
+)
+
+from lerobot_bimanual import codec
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.dataset.schema import (
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    GRIPPER_FINGERS,
+    KEYPOSE_STEP,
+    STATE,
+    depth_key,
+    image_key,
+)
+from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
+from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, whole
+from lerobot_policy_bimanual.keypose.lamb import LambConfig
+
+DTYPES = ("float32", "bfloat16")
+DECODINGS = ("voxel", "expectation")
+OPTIMIZERS = ("adamw", "lamb")
+LR_SCHEDULES = ("cosine", "constant")
+LEARNED_LANGUAGE = "learned"
+CLIP_PREFIX = "clip:"
+
+SCHEDULE_STEPS = 1_000_000
+"""LeRobot shrinks a longer schedule to the length of the training, which is what we want for any length."""
+
+
+@dataclass
+class KeyposePolicyConfig(PreTrainedConfig):
+    """Base config of policies that predict the next keypose of both arms.
+
+    Args:
+        cameras: RGB-D cameras to use, any subset of the five.
+        workspace_lower: lower corner of the workspace in metres. Keyposes outside it cannot be predicted.
+        workspace_upper: upper corner of the workspace in metres.
+        voxel_size: voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
+        rotation_bin_deg: width of the rotation bins; 72 bins per axis.
+        keypose_horizon: keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes
+            one more than the most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it
+            a stronger signal for short tasks.
+        decode: "voxel" commands the centre of the most probable voxel (the paper's), "expectation" the mean over the
+            3x3x3 voxels around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/learning.md).
+        language_encoder: "learned", trained with the policy, or "clip:<local path or hub id>" for the paper's
+            frozen CLIP tokens.
+        language_tokens: tokens per instruction (CLIP: 77).
+        language_dim: width of a language token (CLIP: 512).
+        dtype: "bfloat16" runs the network under autocast. Geometry, softmax and losses stay in float32.
+        compile: compile the network with torch.compile at its first use.
+        augmentation: move the scene and its labels at random during training.
+        augmentation_shift_m: largest shift along x, y, z (paper: 12.5 % of a metre).
+        augmentation_yaw_deg: largest rotation about the vertical (paper: 45). Learning in minutes instead of
+            days wants less, see docs/learning.md.
+        augmentation_yaw_step_deg: rotations are multiples of this (PerAct2 code: 5).
+        optimizer: "adamw", or "lamb" as in PerAct2's code, which trained at 5e-4 without warm-up.
+        optimizer_lr: learning rate.
+        optimizer_weight_decay: weight decay.
+        optimizer_grad_clip_norm: largest gradient norm; 0 for no clipping.
+        lr_schedule: "cosine" (with warm-up) or "constant" (PerAct2 code).
+        warmup_fraction: share of the training steps in which the learning rate rises.
+        final_lr_fraction: learning rate at the end over the one at the peak.
+    """
+
+    # Input and output. The policy normalises inside, with constants, so LeRobot's statistics stay out:
+    # they would treat depth and calibration like any other image or state.
+    normalization_mapping: dict[str, NormalizationMode] = field(
+        default_factory=lambda: {
+            "VISUAL": NormalizationMode.IDENTITY,
+            "STATE": NormalizationMode.IDENTITY,
+            "ACTION": NormalizationMode.IDENTITY,
+        }
+    )
+    cameras: tuple[str, ...] = CAMERA_NAMES
+    workspace_lower: tuple[float, float, float] = reals(VOXEL_WORKSPACE.lower, -100, 100)
+    workspace_upper: tuple[float, float, float] = reals(VOXEL_WORKSPACE.upper, -100, 100)
+    voxel_size: int = whole(100, 1, 512)
+    rotation_bin_deg: float = real(5.0, 0.5, 180)
+    keypose_horizon: int | None = whole(None, 2, 1000)
+    decode: str = choice("voxel", DECODINGS)
+
+    # Language.
+    language_encoder: str = LEARNED_LANGUAGE
+    language_tokens: int = whole(77, 1, 1024)
+    language_dim: int = whole(512, 1, 8192)
+
+    # Execution.
+    dtype: str = choice("float32", DTYPES)
+    compile: bool = flag(False)
+
+    # Augmentation.
+    augmentation: bool = flag(True)
+    augmentation_shift_m: tuple[float, float, float] = reals((0.125, 0.125, 0.125), 0, 10)
+    augmentation_yaw_deg: float = real(45.0, 0, 180)
+    augmentation_yaw_step_deg: float = real(5.0, 0.01, 180)
+
+    # Training preset.
+    optimizer: str = choice("adamw", OPTIMIZERS)
+    optimizer_lr: float = real(5e-4, 0, 10)
+    optimizer_weight_decay: float = real(1e-2, 0, 10)
+    optimizer_grad_clip_norm: float = real(5.0, 0, 1e6)
+    lr_schedule: str = choice("cosine", LR_SCHEDULES)
+    warmup_fraction: float = real(0.05, 0, 1)
+    final_lr_fraction: float = real(0.02, 0, 1)
+
+    def __post_init__(self):
+        """Refuse values that no policy can work with.
+
+        Raises:
+            BadConfig: A value is of another type or out of its range, or values do not fit together.
+            InvalidChoice: A word is none of the choices.
+            UnknownCamera: A camera does not exist.
+        """
+        super().__post_init__()
+        check_fields(self)
+        encoder = self.language_encoder
+        if not isinstance(encoder, str) or (
+            encoder != LEARNED_LANGUAGE and not encoder.startswith(CLIP_PREFIX)
+        ):
+            raise InvalidChoice(
+                "language_encoder", encoder, (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
+            )
+        for camera in self.cameras:
+            if camera not in CAMERA_NAMES:
+                raise UnknownCamera(camera, CAMERA_NAMES)
+        if not self.cameras or len(set(self.cameras)) < len(self.cameras):
+            raise BadConfig(f"cameras={list(self.cameras)} must name at least one camera, and none twice")
+        for lower, upper in zip(self.workspace_lower, self.workspace_upper, strict=True):
+            if lower >= upper:
+                raise BadConfig(
+                    f"workspace_lower={list(self.workspace_lower)} must be below "
+                    f"workspace_upper={list(self.workspace_upper)} on every axis"
+                )
+        if 360 % self.rotation_bin_deg:
+            raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
+        if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) - {NormalizationMode.IDENTITY}:
+            raise BadConfig(
+                f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "
+                "the policy normalises one observation itself, with constants"
+            )
+
+    @property
+    def workspace(self) -> Workspace:
+        """The box that keyposes must lie in."""
+        return Workspace(self.workspace_lower, self.workspace_upper)
+
+    @property
+    def codec(self) -> KeyposeCodec:
+        """The discretisation of keyposes."""
+        return KeyposeCodec(codec.KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg))
+
+    @property
+    def observation_keys(self) -> tuple[str, ...]:
+        """Batch keys that the policy reads, apart from `task`."""
+        images = [key(camera) for camera in self.cameras for key in (image_key, depth_key)]
+        return (*images, CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, KEYPOSE_STEP)
+
+    def validate_features(self) -> None:
+        """Keep the inputs that the policy reads, and check that none is missing.
+
+        The label `observation.next_keypose` and unused cameras go, so that neither the environment nor a
+        user of the checkpoint is asked for them. `output_features` is left alone and never read: LeRobot fills
+        it with the environment's action, which is a joint action.
+
+        Raises:
+            SchemaMismatch: If inputs are listed but some are missing.
+        """
+        if not self.input_features:
+            return
+        missing = [key for key in self.observation_keys if key not in self.input_features]
+        if missing:
+            raise SchemaMismatch(
+                f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
+                "`lerobot-bimanual generate`, or choose cameras with --policy.cameras"
+            )
+        self.input_features = {key: self.input_features[key] for key in self.observation_keys}
+
+    def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
+        """The `keypose_horizon`, which is set by a dataset if it is not set.
+
+        The last row of an episode in the view `keyframes` has seen all its keyposes executed, so the largest step of
+        the dataset is the number of keyposes of its longest episode.
+
+        Args:
+            dataset_stats: LeRobot's statistics of the dataset; None where there is none.
+
+        Raises:
+            BadConfig: There is neither a horizon nor a dataset that tells one.
+        """
+        if self.keypose_horizon is None:
+            largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))
+            if not np.isfinite(largest):
+                raise BadConfig(
+                    "keypose_horizon is not set, and there are no statistics of a dataset with "
+                    f"{KEYPOSE_STEP} to take it from: set --policy.keypose_horizon"
+                )
+            self.keypose_horizon = max(2, 1 + round(float(largest)))
+            check_fields(self)
+        return self.keypose_horizon
+
+    def get_optimizer_preset(self) -> OptimizerConfig:
+        """The optimizer of `optimizer*`."""
+        shared: dict[str, Any] = {
+            "lr": self.optimizer_lr,
+            "weight_decay": self.optimizer_weight_decay,
+            "grad_clip_norm": self.optimizer_grad_clip_norm,
+        }
+        if self.optimizer == "lamb":
+            return LambConfig(**shared)
+        return AdamWConfig(**shared, betas=(0.9, 0.99))
+
+    def get_scheduler_preset(self) -> LRSchedulerConfig | None:
+        """Warm-up and cosine over the whole training, however long, or nothing."""
+        if self.lr_schedule == "constant":
+            return None
+        return CosineDecayWithWarmupSchedulerConfig(
+            num_warmup_steps=round(self.warmup_fraction * SCHEDULE_STEPS),
+            num_decay_steps=SCHEDULE_STEPS,
+            peak_lr=self.optimizer_lr,
+            decay_lr=self.final_lr_fraction * self.optimizer_lr,
+        )
+
+    @property
+    def observation_delta_indices(self) -> None:
+        """One observation is enough."""
+        return None
+
+    @property
+    def action_delta_indices(self) -> None:
+        """The joint actions of the dataset are not used."""
+        return None
+
+    @property
+    def reward_delta_indices(self) -> None:
+        """Rewards are not used."""
+        return None

@@ -1,0 +1,67 @@
+"""The training loss of keypose policies, and the errors that tell what it means."""
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.geometry.rotations_torch import rotation_angle_rad
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+FAR_M = 0.05
+"""Position errors beyond this are counted as misses."""
+
+
+def keypose_losses(
+    prediction: KeyposePrediction, target: DiscreteKeypose, offset: Tensor | None = None
+) -> dict[str, Tensor]:
+    """Cross-entropies of all parts, each summed over arms and rotation axes and averaged over the batch.
+
+    The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
+
+    Args:
+        prediction: what the network says.
+        target: bins of the labels.
+        offset: (b, arms, 3) where in their voxels they lie; see `TranslationPrediction.cross_entropy`.
+    """
+    return {
+        "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1).mean(),
+        "rotation": _cross_entropy(prediction.rotation, target.rotation),
+        "gripper_open": _cross_entropy(prediction.gripper_open, target.gripper_open),
+        "ignore_collisions": _cross_entropy(prediction.ignore_collisions, target.ignore_collisions),
+    }
+
+
+def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
+    """Mean over the batch of the sum over all other dimensions of target (b, ...)."""
+    losses = F.cross_entropy(logits.flatten(0, -2), target.flatten(), reduction="none")
+    return losses.view_as(target).flatten(1).sum(dim=1).mean()
+
+
+@torch.no_grad()
+def keypose_errors(predicted: Tensor, keyposes: Tensor) -> dict[str, Tensor]:
+    """Distances between predicted and true flat keyposes (b, 18), averaged over the batch, per arm.
+
+    Returns:
+        `<arm>_position_cm`, `<arm>_rotation_deg`, and `<arm>_far`, the share beyond `FAR_M`.
+    """
+    distance_m, angle_rad = distances(predicted, keyposes)
+    errors = {}
+    for arm in ARMS:
+        errors[f"{arm}_position_cm"] = 100 * distance_m[:, arm.ordinal].mean()
+        errors[f"{arm}_rotation_deg"] = torch.rad2deg(angle_rad[:, arm.ordinal]).mean()
+        errors[f"{arm}_far"] = (distance_m[:, arm.ordinal] > FAR_M).float().mean()
+    return errors
+
+
+def distances(predicted: Tensor, keyposes: Tensor) -> tuple[Tensor, Tensor]:
+    """Distances in metres and angles in radians, (b, arms) each, between flat keyposes (b, 18)."""
+    predicted, keyposes = (
+        vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) for vector in (predicted, keyposes)
+    )
+    return (
+        (predicted[..., POSITION] - keyposes[..., POSITION]).norm(dim=-1),
+        rotation_angle_rad(predicted[..., QUATERNION], keyposes[..., QUATERNION]),
+    )

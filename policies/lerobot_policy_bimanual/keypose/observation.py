@@ -1,0 +1,111 @@
+"""From a LeRobot batch to what keypose networks see: a point cloud, proprioception and instructions.
+
+This runs inside the policy, on its device, so that images travel as they are stored and the augmentation costs
+nothing: moving the cameras moves the cloud.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual.dataset.schema import (
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    GRIPPER_FINGERS,
+    KEYPOSE_STEP,
+    STATE,
+    depth_key,
+    image_key,
+)
+from lerobot_bimanual.errors import SchemaMismatch
+
+PROPRIO_PER_ARM = 4
+"""Per arm: gripper open 0 or 1, two finger openings, time."""
+
+FINGER_TRAVEL_M = 0.04
+"""Travel of one Panda finger, which makes finger openings 0 to 1. (PerAct2 code feeds raw metres.)"""
+
+OPEN_ABOVE = 0.9
+"""Opening above which a gripper counts as open; a held object keeps it below."""
+
+PLAUSIBLE_DEPTH_MM = 20.0
+"""No scene is as near as this, and no depth in metres is as large."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One batch, in the world frame.
+
+    Attributes:
+        points: (b, 3, n) metres; NaN where a pixel has no depth.
+        colours: (b, 3, n) RGB in [-1, 1].
+        proprio: (b, 8), per arm, left first: gripper open, finger 1, finger 2 (0 to 1), time (+1 to -1).
+        instructions: b sentences.
+    """
+
+    points: Tensor
+    colours: Tensor
+    proprio: Tensor
+    instructions: list[str]
+
+
+def observe(
+    batch: dict[str, Any], *, cameras: Sequence[str], keypose_horizon: int, motion: Tensor | None = None
+) -> Observation:
+    """Read a batch.
+
+    Args:
+        batch: keys of `lerobot_bimanual.dataset.schema`: RGB float in [0, 1] (b, 3, h, w), depth in
+            millimetres (b, 1, h, w), calibration of all five cameras, state, fingers, keypose step, `task`.
+        cameras: cameras to use. Their image sizes may differ.
+        keypose_horizon: keyposes over which the time feature falls from +1 to -1.
+        motion: (b, 4, 4) world-frame motion of the whole scene, or None.
+    """
+    extrinsics = batch[CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))
+    intrinsics = batch[CAMERA_INTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 3, 3))
+    poses = extrinsics if motion is None else motion[:, None] @ extrinsics
+    points, colours = [], []
+    for camera in cameras:
+        index = CAMERA_NAMES.index(camera)
+        depth_m = batch[depth_key(camera)][:, 0] / 1000
+        points.append(unproject(depth_m, intrinsics[:, index], poses[:, index]))
+        colours.append(batch[image_key(camera)].flatten(2))
+    return Observation(
+        points=torch.cat(points, dim=2),
+        colours=torch.cat(colours, dim=2) * 2 - 1,
+        proprio=proprioception(batch, keypose_horizon),
+        instructions=list(batch["task"]),
+    )
+
+
+def proprioception(batch: dict[str, Any], keypose_horizon: int) -> Tensor:
+    """Proprioception (b, 8) as described in `Observation`.
+
+    Time counts executed keyposes, in training and at inference, and stays at -1 after the horizon.
+    """
+    opening = batch[STATE].float().unflatten(-1, (len(ARMS), -1))[..., -1:]  # (b, arms, 1)
+    fingers = batch[GRIPPER_FINGERS].float().unflatten(-1, (len(ARMS), -1)) / FINGER_TRAVEL_M  # (b, arms, 2)
+    step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
+    time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
+    return torch.cat([(opening > OPEN_ABOVE).float(), fingers.clamp(0, 1), time], dim=-1).flatten(1)
+
+
+def check_depth_unit(batch: dict[str, Any], cameras: Sequence[str]) -> None:
+    """Refuse depth that cannot be millimetres.
+
+    Raises:
+        SchemaMismatch: If no pixel of a camera is farther than `PLAUSIBLE_DEPTH_MM`.
+    """
+    for camera in cameras:
+        largest = float(batch[depth_key(camera)].max())
+        if largest < PLAUSIBLE_DEPTH_MM:
+            raise SchemaMismatch(
+                f"{depth_key(camera)} has a maximum of {largest:.3g}, but depth must be in millimetres. "
+                "Depth in metres comes from --dataset.depth_output_unit=m or --dataset.eval_split: leave both out"
+            )

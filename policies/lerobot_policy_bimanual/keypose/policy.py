@@ -1,0 +1,194 @@
+"""What all keypose policies share: LeRobot's contract around a network that predicts the next keypose."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import torch
+from lerobot.policies.pretrained import PreTrainedPolicy
+from torch import Tensor, nn
+
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
+from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
+from lerobot_policy_bimanual.keypose.observation import Observation, check_depth_unit, observe
+from lerobot_policy_bimanual.keypose.weights import load_weights
+from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+
+class KeyposePolicy(PreTrainedPolicy):
+    """Predicts, from one RGB-D observation, the next keypose of both arms.
+
+    A subclass says what the network is, and in which form it sees the scene. The policy keeps no state between calls:
+    how far the episode has come stands in the observation.
+
+    Args:
+        config: the policy's config.
+        dataset_stats: statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
+        **kwargs: `dataset_meta`, which LeRobot passes, too; not needed.
+    """
+
+    config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
+    config_class = KeyposePolicyConfig  # pyright: ignore[reportAssignmentType]
+    name = "keypose"  # pyright: ignore[reportAssignmentType]
+
+    def __init__(
+        self,
+        config: KeyposePolicyConfig,
+        dataset_stats: Mapping[str, Mapping[str, Any]] | None = None,
+        **kwargs: Any,
+    ):
+        super().__init__(config)
+        config.validate_features()
+        self.keypose_horizon = config.fit_keypose_horizon(dataset_stats)
+        self.codec = config.codec
+        self.augmentation = SceneAugmentation(
+            workspace=config.workspace,
+            shift_m=config.augmentation_shift_m,
+            yaw_deg=config.augmentation_yaw_deg,
+            yaw_step_deg=config.augmentation_yaw_step_deg,
+        )
+        self.language = _make_language(config)
+        self.network = self.make_network()
+        self._depth_checked = False
+
+    @abstractmethod
+    def make_network(self) -> nn.Module:
+        """A new network, called as `network(scene, proprio, language, target)`, which predicts both arms."""
+
+    @abstractmethod
+    def scene(self, observation: Observation) -> Tensor:
+        """The cloud as the network sees it."""
+
+    def predict(self, observation: Observation, target: DiscreteKeypose | None) -> KeyposePrediction:
+        """Run the network.
+
+        Args:
+            observation: what is seen.
+            target: the label in training, for heads that are conditioned on it; None at inference.
+        """
+        language = self.language(observation.instructions)
+        return self.network(self.scene(observation), observation.proprio, language, target)
+
+    @classmethod
+    def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Load the weights of a checkpoint, strictly on every way that LeRobot takes: by default it warns only.
+
+        Raises:
+            CheckpointError: Some are missing, too many, of another shape or not finite.
+        """
+        load_weights(model, Path(model_file))
+        return model
+
+    def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """All trained parameters."""
+        return [parameter for parameter in self.parameters() if parameter.requires_grad]
+
+    def reset(self) -> None:
+        """Nothing to forget between episodes."""
+
+    def forward(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Training loss on a batch with labels.
+
+        Args:
+            batch: the keys of `processing.observe`, and `observation.next_keypose` (b, 18).
+
+        Returns:
+            The loss, and its parts in nats with prediction errors per arm in cm and degrees.
+
+        Raises:
+            SchemaMismatch: If the label is missing or depth is not in millimetres.
+        """
+        if NEXT_KEYPOSE not in batch:
+            raise SchemaMismatch(
+                f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual generate` records"
+            )
+        keyposes = batch[NEXT_KEYPOSE].float()
+        with self._full_precision(keyposes):
+            motion = None
+            if self.training and self.config.augmentation:
+                motion = self.augmentation.sample(keyposes)
+                keyposes = move_keyposes(motion, keyposes)
+            observation = self._observe(batch, motion)
+            target = self._target(keyposes)
+            offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
+        prediction = self._predict(observation, target)
+        with self._full_precision(keyposes):
+            losses = keypose_losses(prediction, target, offset)
+            loss = torch.stack(list(losses.values())).sum()
+            errors = keypose_errors(self._decode(prediction), keyposes)
+            report = {f"{part}_loss": value for part, value in losses.items()} | errors
+            # One transfer from the device for all numbers.
+            values = torch.stack([value.detach() for value in report.values()]).tolist()
+        return loss, dict(zip(report, values, strict=True))
+
+    @torch.no_grad()
+    def predict_action_chunk(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The next keypose as a chunk of one action, (b, 1, 18)."""
+        return self.select_action(batch)[:, None]
+
+    @torch.no_grad()
+    def select_action(self, batch: dict[str, Any], **kwargs: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The next keypose of both arms, (b, 18) in the layout of `lerobot_bimanual.keypose`.
+
+        A label in the batch is ignored.
+        """
+        return self.infer(batch)[2]
+
+    @torch.no_grad()
+    def infer(self, batch: dict[str, Any]) -> tuple[Observation, KeyposePrediction, Tensor]:
+        """What is seen, what is predicted from it, and the next keypose (b, 18) that is chosen."""
+        self.eval()
+        any_tensor = next(self.parameters())
+        with self._full_precision(any_tensor):
+            observation = self._observe(batch, None)
+        prediction = self._predict(observation, None)
+        with self._full_precision(any_tensor):
+            return observation, prediction, self._decode(prediction)
+
+    def _observe(self, batch: dict[str, Any], motion: Tensor | None) -> Observation:
+        if not self._depth_checked:  # once is enough, and it makes the host wait for the device
+            check_depth_unit(batch, self.config.cameras)
+            self._depth_checked = True
+        return observe(
+            batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
+        )
+
+    def _target(self, keyposes: Tensor) -> DiscreteKeypose:
+        """Bins of the labels; positions outside the workspace count as its nearest voxel."""
+        bins = self.codec.encode(keyposes)
+        return DiscreteKeypose(
+            bins.voxel.clamp(0, self.codec.bins.voxels - 1),
+            bins.rotation,
+            bins.gripper_open,
+            bins.ignore_collisions,
+        )
+
+    def _predict(self, observation: Observation, target: DiscreteKeypose | None) -> KeyposePrediction:
+        enabled = self.config.dtype == "bfloat16"
+        with torch.autocast(observation.points.device.type, torch.bfloat16, enabled=enabled):
+            return self.predict(observation, target)
+
+    def _decode(self, prediction: KeyposePrediction) -> Tensor:
+        best = prediction.best()
+        if self.config.decode == "voxel":
+            return self.codec.decode(best)
+        mean = prediction.translation.candidates().local_mean()
+        return self.codec.assemble(self.codec.voxel_centers(mean), best)
+
+    @staticmethod
+    def _full_precision(like: Tensor) -> torch.autocast:
+        """LeRobot may train under autocast; world coordinates in bfloat16 would be off by centimetres."""
+        return torch.autocast(like.device.type, enabled=False)
+
+
+def _make_language(config: KeyposePolicyConfig) -> nn.Module:
+    sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
+    if config.language_encoder.startswith(CLIP_PREFIX):
+        return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
+    return LearnedLanguage(**sizes)

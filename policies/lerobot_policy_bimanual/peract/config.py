@@ -1,0 +1,70 @@
+"""What the PerAct variants have in common in their configs."""
+
+from dataclasses import dataclass
+
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.fields import choice, flag, real, require_multiple, whole, wholes
+
+TRANSLATION_HEADS = ("dense", "factorised")
+PATCH = 5
+"""Voxels per patch along each axis (PerAct2 code)."""
+
+
+@dataclass
+class PerActConfig(KeyposePolicyConfig):
+    """Base config of the PerAct variants; the defaults are the paper's network.
+
+    `docs/policies.md` has the flags of a small one that trains in minutes on a laptop's CPU.
+
+    Args:
+        channels: voxel feature channels.
+        token_dim: width of the Perceiver's input tokens, half voxels and half proprioception.
+        num_latents: Perceiver latents per network, shared evenly by the arms that it predicts.
+        latent_dim: width of the latents.
+        depth: self-attention blocks per arm.
+        heads: heads of the self-attentions.
+        feedforward_multiplier: inner over outer width of the feed-forwards.
+        attention_dropout: dropout of attention weights.
+        translation_head: "dense", the paper's softmax over all voxels, or "factorised", the same distribution
+            as patch times voxel in patch, several times cheaper.
+        voxel_cells: with the factorised head, cells into which each axis of a voxel is cut, so that
+            `decode=expectation` answers finer than a voxel; 0 for none (departure from the paper otherwise).
+        projection_dilations: with the factorised head, dilations of further convolutions over what lies in line
+            with a voxel along each axis, so that it sees that many voxels further to every side. Places in the air,
+            far from all things, want [3,9] at 25 voxels; none for one voxel (departure from the paper otherwise).
+        activation_checkpointing: recompute the dense head in the backward pass: less memory, more time.
+    """
+
+    channels: int = whole(64, 1, 1024)
+    token_dim: int = whole(128, 2, 8192)
+    num_latents: int = whole(2048, 1, 65536)
+    latent_dim: int = whole(512, 1, 8192)
+    depth: int = whole(6, 1, 64)
+    heads: int = whole(8, 1, 128)
+    feedforward_multiplier: int = whole(4, 1, 16)
+    attention_dropout: float = real(0.1, 0, 0.9)
+    translation_head: str = choice("dense", TRANSLATION_HEADS)
+    voxel_cells: int = whole(0, 0, 100)
+    projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
+    activation_checkpointing: bool = flag(False)
+
+    def __post_init__(self):
+        """Refuse sizes that do not fit together, too.
+
+        Raises:
+            BadConfig: As in the base, or they do not.
+        """
+        super().__post_init__()
+        if self.voxel_cells == 1 or (self.voxel_cells and self.translation_head == "dense"):
+            raise BadConfig(
+                f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
+            )
+        if self.projection_dilations and self.translation_head == "dense":
+            raise BadConfig(
+                f"projection_dilations={list(self.projection_dilations)} must be [] without "
+                "translation_head=factorised"
+            )
+        require_multiple(self, "voxel_size", PATCH, "a patch is five voxels wide")
+        require_multiple(self, "token_dim", 2, "half of a token is proprioception")
+        require_multiple(self, "latent_dim", self.heads, "the heads share the latent evenly")

@@ -1,0 +1,137 @@
+"""The paper's translation head: a U-Net decoder with one logit per voxel."""
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor, nn
+from torch.utils.checkpoint import checkpoint
+
+from lerobot_policy_bimanual.nn.activation import activate, init_activated
+from lerobot_policy_bimanual.nn.precision import at_least_float32
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.peract.config import PerActConfig
+from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, pad_replicate
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
+
+
+@dataclass(frozen=True, eq=False)
+class DenseTranslation:
+    """One softmax over all voxels.
+
+    Attributes:
+        logits: (b, arms, v, v, v) float32.
+    """
+
+    logits: Tensor
+
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Negative log-likelihood (b, arms) of target voxels (b, arms, 3), from indices, not one-hots."""
+        V = self.logits.shape[-1]
+        flat = (voxel[..., 0] * V + voxel[..., 1]) * V + voxel[..., 2]
+        loss = F.cross_entropy(self.logits.flatten(2).flatten(0, 1), flat.flatten(), reduction="none")
+        return loss.view_as(flat)
+
+    def candidates(self) -> VoxelCandidates:
+        """The most probable voxel and its 26 neighbours."""
+        V = self.logits.shape[-1]
+        flat = self.logits.flatten(2)
+        best = flat.argmax(dim=-1)
+        best = torch.stack([best // V**2, best // V % V, best % V], dim=-1)  # (b, arms, 3)
+        step = torch.arange(-1, 2, device=best.device)
+        voxel = best[:, :, None] + torch.cartesian_prod(step, step, step)  # (b, arms, 27, 3)
+        inside = ((voxel >= 0) & (voxel < V)).all(dim=-1)
+        index = ((voxel[..., 0] * V + voxel[..., 1]) * V + voxel[..., 2]).clamp(0, V**3 - 1)
+        return VoxelCandidates(voxel, flat.gather(-1, index).masked_fill(~inside, -torch.inf))
+
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v)."""
+        return self.logits.flatten(2).softmax(dim=-1).view_as(self.logits)
+
+
+class SkipConv3d(nn.Module):
+    """3x3x3 convolution of a skip map joined with another map, the skip half computed once for all arms."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.conv = nn.Conv3d(2 * channels, channels, 3)
+        init_activated(self.conv)
+
+    def skip_half(self, skip: Tensor) -> Tensor:
+        """Contribution (b, c, v, v, v) of the skip map, bias included."""
+        channels = self.conv.out_channels
+        return F.conv3d(pad_replicate(skip, 1, 1), self.conv.weight[:, :channels], self.conv.bias)
+
+    def forward(self, skip_half: Tensor, x: Tensor) -> Tensor:
+        """Join `skip_half(...)` and x (b, c, v + 2, v + 2, v + 2), which has its border already; LeakyReLU."""
+        channels = self.conv.out_channels
+        return activate(F.conv3d(x, self.conv.weight[:, channels:]).add_(skip_half))
+
+
+class LogitConv3d(nn.Module):
+    """3x3x3 convolution to one logit per voxel: one matrix product, then 27 shifted additions."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.weight = nn.Parameter(torch.empty(1, channels, 3, 3, 3))
+        self.bias = nn.Parameter(torch.zeros(1))
+        nn.init.xavier_uniform_(self.weight)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(b, c, v, v, v) -> (b, v, v, v), at least float32."""
+        X, Y, Z = x.shape[2:]
+        per_tap = self.weight[0].flatten(1).T  # (27, c)
+        voxels = x.permute(0, 2, 3, 4, 1).flatten(1, 3)  # (b, v^3, c)
+        fields = pad_replicate((per_tap @ voxels.mT).unflatten(2, (X, Y, Z)), 1, 1).unbind(1)
+        logits = at_least_float32(self.bias)
+        for tap, field in enumerate(fields):
+            i, j, k = tap // 9, tap // 3 % 3, tap % 3
+            logits = logits + field[:, i : i + X, j : j + Y, k : k + Z]
+        return logits
+
+
+class DenseTranslationHead(nn.Module):
+    """Patches up to voxels, joined with the voxel stem; weights shared by the arms except the last layer."""
+
+    def __init__(self, config: PerActConfig, *, arms: int):
+        super().__init__()
+        channels, token_dim = config.channels, config.token_dim
+        self.checkpointing = config.activation_checkpointing
+        self.coarse = ActivatedConv3d(token_dim, channels, 5)
+        self.upsample = UpsampledConv3d(channels, channels)
+        self.join = SkipConv3d(channels)
+        self.logits = nn.ModuleList(LogitConv3d(channels) for _ in range(arms))
+        self.feature_dim = 4 * channels + 4 * token_dim + 4 * channels
+
+    def forward(
+        self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
+    ) -> tuple[DenseTranslation, Tensor]:
+        """Score every voxel for every arm.
+
+        Args:
+            stem: (b, channels, v, v, v) voxel features.
+            patches: ignored; the factorised head needs them.
+            answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
+            target_voxel: ignored; the factorised head needs it.
+
+        Returns:
+            The distribution, and pooled features (b, arms, feature_dim) of stem, answers and fine map.
+        """
+        skip_half = self.join.skip_half(stem)
+        kernel = self.upsample.kernel()
+        stem_features = pool(stem)
+        logits, features = [], []
+        for arm, answer in enumerate(answers.unbind(1)):
+            inputs = (arm, answer, skip_half, kernel)
+            if self.checkpointing and torch.is_grad_enabled():
+                arm_logits, fine_features = checkpoint(self._decode, *inputs, use_reentrant=False)  # type: ignore[misc]
+            else:
+                arm_logits, fine_features = self._decode(*inputs)
+            logits.append(arm_logits)
+            features.append(torch.cat([stem_features, pool(answer), fine_features], dim=1))
+        return DenseTranslation(torch.stack(logits, dim=1)), torch.stack(features, dim=1)
+
+    def _decode(self, arm: int, answer: Tensor, skip_half: Tensor, kernel: Tensor) -> tuple[Tensor, Tensor]:
+        fine = self.join(skip_half, self.upsample(self.coarse(answer), kernel))
+        return self.logits[arm](fine), pool(fine)

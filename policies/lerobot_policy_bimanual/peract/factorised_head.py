@@ -1,0 +1,281 @@
+"""A cheaper translation head: the same distribution over voxels, factored into patch and voxel in patch.
+
+p(voxel) = p(patch) p(voxel | patch) is exact, so nothing is lost but the second factor is only evaluated for
+the patches that matter: the true one in training, the most probable ones at inference. So it needs no decoder at full
+resolution.
+
+A third factor may tell where in the voxel the position lies: each axis of a voxel is cut into cells, and each voxel
+has one softmax per axis over them. Coarse voxels, which are cheap, then need not mean coarse answers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from einops import rearrange
+from torch import Tensor, nn
+
+from lerobot_policy_bimanual.nn.activation import activate
+from lerobot_policy_bimanual.nn.precision import at_least_float32
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
+from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.projections import ProjectionConv2d, project
+
+BEAM = 8
+"""Patches whose voxels are scored at inference."""
+
+FINE_CHANNELS = 32
+"""Width of the voxel-in-patch branch."""
+
+
+@dataclass(frozen=True, eq=False)
+class FactorisedTranslation:
+    """A softmax over patches and one over the voxels of some patches.
+
+    Attributes:
+        patch_logits: (b, arms, p^3) float32.
+        patches: (b, arms, n) int64, the most probable patches.
+        voxel_logits: (b, arms, n, PATCH^3) float32, over the voxels of `patches`.
+        target_voxel_logits: (b, arms, PATCH^3) float32, over the voxels of the target's patch; None if the
+            head was given no target.
+        cell_logits: (b, arms, n, PATCH^3, 3, cells) float32, over the cells along each axis of every voxel of
+            `patches`; no cells if voxels are not cut.
+        target_cell_logits: (b, arms, PATCH^3, 3, cells) float32, likewise of the target's patch.
+    """
+
+    patch_logits: Tensor
+    patches: Tensor
+    voxel_logits: Tensor
+    target_voxel_logits: Tensor | None
+    cell_logits: Tensor
+    target_cell_logits: Tensor | None
+
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3) that the head was given.
+
+        With that of their cells, if voxels are cut.
+        """
+        if self.target_voxel_logits is None or self.target_cell_logits is None:
+            raise ValueError("the head was run without target voxels, so their likelihood is not known")
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        patch, inner = split_voxel(voxel, P)
+        coarse = F.cross_entropy(self.patch_logits.flatten(0, 1), patch.flatten(), reduction="none")
+        fine = F.cross_entropy(self.target_voxel_logits.flatten(0, 1), inner.flatten(), reduction="none")
+        loss = (coarse + fine).view_as(patch)
+        cells = self.target_cell_logits.shape[-1]
+        if not cells:
+            return loss
+        where = torch.zeros_like(voxel, dtype=torch.float32) if offset is None else offset
+        cell = ((where + 0.5) * cells).long().clamp(0, cells - 1)  # (b, arms, 3)
+        index = inner[..., None, None, None].expand(*inner.shape, 1, 3, cells)
+        logits = self.target_cell_logits.gather(2, index)[:, :, 0]  # (b, arms, 3, cells)
+        within = F.cross_entropy(logits.flatten(0, 2), cell.flatten(), reduction="none")
+        return loss + within.view_as(cell).sum(dim=-1)
+
+    def candidates(self) -> VoxelCandidates:
+        """All voxels of the scored patches with their joint log-probabilities."""
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        prior = self.patch_logits.log_softmax(dim=-1).gather(-1, self.patches)
+        score = prior[..., None] + self.voxel_logits.log_softmax(dim=-1)
+        corner = _place(self.patches, P) * PATCH
+        step = torch.arange(PATCH, device=score.device)
+        voxel = corner[..., None, :] + torch.cartesian_prod(step, step, step)  # (b, arms, n, PATCH^3, 3)
+        return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), self._expected_offset())
+
+    def _expected_offset(self) -> Tensor | None:
+        """Where in every voxel of `patches` the position is expected, (b, arms, n * PATCH^3, 3) in voxels."""
+        cells = self.cell_logits.shape[-1]
+        if not cells:
+            return None
+        centres = (torch.arange(cells, device=self.cell_logits.device) + 0.5) / cells - 0.5
+        return (self.cell_logits.softmax(dim=-1) @ centres).flatten(2, 3)
+
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v); patches that were not scored spread theirs evenly."""
+        P = round(self.patch_logits.shape[-1] ** (1 / 3))
+        patch = self.patch_logits.softmax(dim=-1)
+        within = patch.new_full((*patch.shape, PATCH**3), PATCH**-3)
+        index = self.patches[..., None].expand_as(self.voxel_logits)
+        joint = patch[..., None] * within.scatter(2, index, self.voxel_logits.softmax(dim=-1))
+        return rearrange(
+            joint, "b a (X Y Z) (x y z) -> b a (X x) (Y y) (Z z)", X=P, Y=P, Z=P, x=PATCH, y=PATCH, z=PATCH
+        )
+
+
+def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
+    """Flat indices of the patch and of the voxel in it, (...) each, of voxels (..., 3)."""
+    outer, inner = voxel // PATCH, voxel % PATCH
+    return (
+        (outer[..., 0] * patches + outer[..., 1]) * patches + outer[..., 2],
+        (inner[..., 0] * PATCH + inner[..., 1]) * PATCH + inner[..., 2],
+    )
+
+
+class VoxelInPatch(nn.Module):
+    """Scores the voxels of single patches, and their cells.
+
+    From the stem around each voxel, from what lies in line with it along each axis, however far, and from the trunk's
+    answer. Hands come along an axis: where a hand waits above a thing, there is nothing but the thing below.
+    """
+
+    def __init__(self, channels: int, token_dim: int, cells: int, dilations: Sequence[int]):
+        super().__init__()
+        self.cells = cells
+        self.stem = nn.Conv3d(channels, FINE_CHANNELS, 3)
+        self.lines = nn.ModuleList(ProjectionConv2d(channels, FINE_CHANNELS, dilations) for _ in range(3))
+        self.answer = nn.Linear(token_dim, FINE_CHANNELS * PATCH**3)
+        self.out = nn.Linear(FINE_CHANNELS, 1 + 3 * cells)
+
+    def along_lines(self, planes: Sequence[Tensor]) -> list[Tensor]:
+        """What lies along x, y and z: the stem's projections (b, channels, v, v) to (b, FINE_CHANNELS, v, v)."""
+        return [layer(plane) for layer, plane in zip(self.lines, planes, strict=True)]
+
+    def forward(
+        self, crops: Tensor, along_lines: Sequence[Tensor], patches: Tensor, answers: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Score n patches of each of b samples.
+
+        Args:
+            crops: (b, n, channels, PATCH + 2, ...).
+            along_lines: (b, FINE_CHANNELS, v, v) along x, y and z.
+            patches: (b, n, 3) int64, place of the patches.
+            answers: (b, n, token_dim).
+
+        Returns:
+            Logits (b, n, PATCH^3) of the voxels and (b, n, PATCH^3, 3, cells) of their cells, float32.
+        """
+        # (b, n, FINE_CHANNELS, 5, 5, 5)
+        hidden = self.stem(crops.flatten(0, 1)).unflatten(0, crops.shape[:2])
+        hidden = hidden + self.answer(answers).unflatten(2, (FINE_CHANNELS, PATCH, PATCH, PATCH))
+        for axis, plane in enumerate(along_lines):
+            windows = rearrange(plane, "b c (p i) (q j) -> b p q c i j", i=PATCH, j=PATCH)
+            first, second = patches[..., [other for other in range(3) if other != axis]].unbind(-1)
+            sample = torch.arange(len(patches), device=patches.device)[:, None]
+            hidden = hidden + windows[sample, first, second].unsqueeze(3 + axis)
+        logits = at_least_float32(self.out(activate(hidden).flatten(3).transpose(2, 3)))
+        return logits[..., 0], logits[..., 1:].unflatten(-1, (3, self.cells))
+
+
+class FactorisedTranslationHead(nn.Module):
+    """Logits over patches for every arm, and over the voxels of chosen patches.
+
+    The patches' own features join the trunk's answers, as the voxels' do in the paper's decoder: what lies in a patch
+    need not pass through the latents.
+
+    With `projection_dilations`, what lies along the lines scores the patches, too.
+    """
+
+    def __init__(self, config: PerActConfig, *, arms: int):
+        super().__init__()
+        channels, token_dim = config.channels, config.token_dim
+        cells, dilations = config.voxel_cells, config.projection_dilations
+        self.refine = ActivatedConv3d(token_dim + token_dim // 2, token_dim, 3)
+        self.patch_logits = nn.ModuleList(nn.Linear(token_dim, 1) for _ in range(arms))
+        self.voxel_logits = nn.ModuleList(
+            VoxelInPatch(channels, token_dim, cells, dilations) for _ in range(arms)
+        )
+        self.patch_lines = nn.ModuleList(nn.Linear(FINE_CHANNELS, 1) for _ in range(arms if dilations else 0))
+        self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
+
+    def forward(
+        self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
+    ) -> tuple[FactorisedTranslation, Tensor]:
+        """Score the patches, and the voxels of the patches that matter.
+
+        Args:
+            stem: (b, channels, v, v, v) voxel features.
+            patches: (b, token_dim / 2, p, p, p) patch features.
+            answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
+            target_voxel: (b, arms, 3) in training: its patch is scored too, and its token feeds the other
+                heads (teacher forcing). None at inference: the most probable patch takes its place.
+
+        Returns:
+            The distribution, and features (b, arms, feature_dim): pooled stem and answers, and the token of
+            the chosen patch. The stem is only max-pooled: a softmax over all voxels would be the one step
+            here that touches every voxel more than once.
+        """
+        A, P = answers.shape[1], answers.shape[-1]
+        own = patches[:, None].expand(-1, A, -1, -1, -1, -1)
+        refined = self.refine(torch.cat([answers, own], dim=2).flatten(0, 1))
+        refined = refined.unflatten(0, (-1, A))  # (b, arms, token_dim, p, p, p)
+        tokens = refined.flatten(3).transpose(2, 3)  # (b, arms, p^3, token_dim)
+        patch_logits = at_least_float32(
+            torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
+        )
+        planes = project(stem)
+        along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
+        if self.patch_lines:
+            logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
+            patch_logits = patch_logits + at_least_float32(torch.stack(logits, dim=1))
+        # Zero border: a crop is one voxel wider than its patch on every side.
+        padded = F.pad(stem, (1,) * 6)
+        # In training the prediction is only reported: one patch, no gradient.
+        training = target_voxel is not None
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
+            best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
+            voxel_logits, cell_logits = self._score(padded, along_lines, tokens, best)
+        if target_voxel is None:
+            target_logits = target_cells = None
+            patch = self._patch_of_best_voxel(patch_logits, best, voxel_logits)
+        else:
+            patch = split_voxel(target_voxel, P)[0]
+            scores = self._score(padded, along_lines, tokens, patch[..., None])
+            target_logits, target_cells = (score[:, :, 0] for score in scores)
+        features = [
+            at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
+            pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
+            pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
+            at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
+        ]
+        prediction = FactorisedTranslation(
+            patch_logits, best, voxel_logits, target_logits, cell_logits, target_cells
+        )
+        return prediction, torch.cat(features, dim=-1)
+
+    def _score(
+        self, padded: Tensor, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
+        P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
+        width, size = padded.shape[-1], PATCH + 2
+        step = torch.arange(size, device=padded.device)
+        within = (step[:, None, None] * width + step[:, None]) * width + step  # (7, 7, 7)
+        place = _place(patches, P)  # (b, arms, n, 3)
+        corner = ((place[..., 0] * width + place[..., 1]) * width + place[..., 2]) * PATCH
+        voxels = corner[..., None] + within.flatten()  # (b, arms, n, 343), flat indices into the padded grid
+        scores = []
+        for arm, head in enumerate(self.voxel_logits):
+            index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
+            crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size)).transpose(1, 2)
+            answers = _take(tokens[:, arm, None], patches[:, arm, None])[:, 0]
+            scores.append(head(crops, along_lines[arm], place[:, arm], answers))
+        voxels, cells = (torch.stack(logits, dim=1) for logits in zip(*scores, strict=True))
+        return voxels, cells
+
+    @staticmethod
+    def _patch_of_best_voxel(patch_logits: Tensor, patches: Tensor, voxel_logits: Tensor) -> Tensor:
+        """The patch (b, arms) that holds the most probable voxel."""
+        prior = patch_logits.gather(-1, patches)
+        score = prior + voxel_logits.log_softmax(dim=-1).amax(dim=-1)
+        return patches.gather(-1, score.argmax(dim=-1, keepdim=True)).squeeze(-1)
+
+
+def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:
+    """Logits (b, p^3) of patches from the most that lies along their voxels' lines, (b, FINE_CHANNELS, v, v) each."""
+    pooled = [F.max_pool2d(plane, PATCH).unsqueeze(2 + axis) for axis, plane in enumerate(along_lines)]
+    seen = activate(pooled[0] + pooled[1] + pooled[2])  # (b, FINE_CHANNELS, p, p, p)
+    return layer(seen.flatten(2).transpose(1, 2))[..., 0]
+
+
+def _place(patches: Tensor, size: int) -> Tensor:
+    """Place (..., 3) of patches (...) on their lattice of size^3."""
+    return torch.stack([patches // size**2, patches // size % size, patches % size], dim=-1)
+
+
+def _take(tokens: Tensor, patches: Tensor) -> Tensor:
+    """Rows `patches` (b, arms, n) of tokens (b, arms, p^3, token_dim)."""
+    return tokens.gather(2, patches[..., None].expand(-1, -1, -1, tokens.shape[-1]))

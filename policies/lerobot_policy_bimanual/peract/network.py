@@ -1,0 +1,90 @@
+"""The PerAct family's voxel transformer, for one arm (PerAct) or two (PerAct2)."""
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_policy_bimanual.nn.activation import init_linear
+from lerobot_policy_bimanual.nn.precision import at_least_float32
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
+from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
+from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
+from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
+from lerobot_policy_bimanual.peract.perceiver import PerceiverIO
+from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS
+
+HIDDEN = (256, 64)
+"""Widths of the rotation and flags head (PerAct2 code)."""
+
+
+class PerActNetwork(nn.Module):
+    """Voxels, proprioception and language to one discrete keypose per arm.
+
+    With the defaults of `PerActConfig` it has the parameters of the reference networks: 66 180 794 for two arms
+    (PerAct2), 33 240 669 for one (PerAct), and 33 241 181 for one that is told the keypose of the other.
+
+    Args:
+        config: all sizes.
+        arms: arms to predict; they share the latents evenly.
+        proprio_dim: numbers in the proprioception vector.
+    """
+
+    def __init__(self, config: PerActConfig, *, arms: int, proprio_dim: int):
+        super().__init__()
+        channels, token_dim = config.channels, config.token_dim
+        self.rotation_bins = config.codec.bins.rotation_bins
+        self.patches = config.voxel_size // PATCH
+        dense = config.translation_head == "dense"
+        self.stem = PointwiseConv3d(GRID_CHANNELS, channels)
+        # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
+        # tokens that see exactly the voxels it then chooses from.
+        self.patchify = PatchConv3d(channels, token_dim // 2, centred=dense)
+        self.proprio = ActivatedLinear(proprio_dim, token_dim // 2)
+        self.language = nn.Linear(config.language_dim, token_dim)
+        init_linear(self.language)
+        # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
+        self.positions = nn.Parameter(torch.randn(config.language_tokens + self.patches**3, token_dim))
+        self.perceiver = PerceiverIO(config, streams=arms)
+        self.translation = (DenseTranslationHead if dense else FactorisedTranslationHead)(config, arms=arms)
+        outputs = 3 * self.rotation_bins + 2 + 2
+        self.pose_heads = nn.ModuleList(
+            _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
+        )
+        if config.compile:
+            self.compile()  # in place: the names in the checkpoint stay the same
+
+    def forward(
+        self, grid: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+    ) -> KeyposePrediction:
+        """Predict the next keypose of every arm.
+
+        Args:
+            grid: (b, 10, v, v, v) as made by `voxelise`.
+            proprio: (b, proprio_dim).
+            language: (b, language_tokens, language_dim).
+            target: label of the arms in training; see `FactorisedTranslationHead`.
+        """
+        stem = self.stem(grid)  # (b, channels, v, v, v)
+        patches = self.patchify(stem)  # (b, p^3, token_dim / 2), and as a map
+        patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
+        body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)
+        tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
+        # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
+        answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
+        answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
+        target_voxel = None if target is None else target.voxel
+        translation, features = self.translation(stem, patch_map, answers, target_voxel)
+        logits = torch.stack([head(features[:, arm]) for arm, head in enumerate(self.pose_heads)], dim=1)
+        rotation, gripper_open, ignore_collisions = at_least_float32(logits).split(
+            (3 * self.rotation_bins, 2, 2), dim=-1
+        )
+        rotation = rotation.unflatten(-1, (3, self.rotation_bins))
+        return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
+
+
+def _pose_head(inputs: int, outputs: int) -> nn.Sequential:
+    last = nn.Linear(HIDDEN[1], outputs)
+    init_linear(last)
+    return nn.Sequential(ActivatedLinear(inputs, HIDDEN[0]), ActivatedLinear(*HIDDEN), last)

@@ -1,0 +1,51 @@
+"""Point clouds to voxel grids."""
+
+import torch
+from torch import Tensor
+
+from lerobot_bimanual.geometry.workspace import Workspace
+
+GRID_CHANNELS = 10
+"""Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
+
+
+def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: int) -> Tensor:
+    """Average the points of every voxel.
+
+    Only points inside the workspace are touched; the rest, NaN included, vanish.
+
+    Args:
+        points: (b, 3, n) world positions in metres.
+        colours: (b, 3, n) RGB in [-1, 1].
+        workspace: the box that the grid fills.
+        voxels: voxels per axis.
+
+    Returns:
+        (b, 10, voxels, voxels, voxels) float32, channels as in `GRID_CHANNELS`. Without gradient.
+    """
+    with torch.no_grad():
+        B, _, N = points.shape
+        V = voxels
+        lower = points.new_tensor(workspace.lower)[:, None]
+        size = points.new_tensor(workspace.size / V)[:, None]
+        scaled = (points - lower) / size
+        x, y, z = ((scaled >= 0) & (scaled < V)).unbind(1)
+        inside = x & y & z  # False for NaN
+        x, y, z = scaled.int().unbind(1)  # truncation is the floor of what lies inside
+        # Points outside add zero to some voxel, a different one each: nothing to filter, so the host need not wait
+        # for the device, and no single cell that all of them fight for.
+        anywhere = torch.arange(N, dtype=torch.int32, device=points.device) % V**3
+        cell = torch.where(inside, (x * V + y) * V + z, anywhere).long()[:, None].expand(-1, 3, -1)
+        inside = inside[:, None]
+
+        grid = points.new_zeros(B, GRID_CHANNELS, V**3)
+        means, occupied = grid[:, :6], grid[:, 9:]
+        means[:, :3].scatter_add_(2, cell, torch.where(inside, points, 0.0))
+        means[:, 3:].scatter_add_(2, cell, torch.where(inside, colours, 0.0))
+        occupied.scatter_add_(2, cell[:, :1], inside.to(points.dtype))
+        means /= occupied.clamp(min=1)
+        occupied.clamp_(max=1)
+        grid = grid.unflatten(2, (V, V, V))
+        axis = torch.arange(V, dtype=points.dtype, device=points.device) / V
+        grid[:, 6:9] = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"))
+        return grid

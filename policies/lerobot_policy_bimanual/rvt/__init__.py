@@ -1,0 +1,1 @@
+"""RVT: rendered views of the scene in, keyposes out."""

@@ -1,0 +1,55 @@
+"""Sizes of an RVT network, in the config of its policies."""
+
+from dataclasses import dataclass
+
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.fields import real, require_multiple, whole
+
+
+@dataclass
+class RVTConfig(KeyposePolicyConfig):
+    """Base config of policies with RVT networks; the defaults are the networks of PerAct2's baseline.
+
+    The recipe `small` of `lerobot-bimanual benchmark` has the flags of networks that train on a laptop's CPU.
+
+    Args:
+        voxel_size: pixels per side of every view, and so the voxels per axis from which positions are chosen
+            (RVT code: 220 of both).
+        patch: pixels per side of a patch; odd, so that kernels of this width have a centre.
+        point_radius: radius of a rendered point in units of the workspace's half edge.
+        channels: pixel feature channels.
+        token_dim: width of the image tokens outside the attention, half pixels and half proprioception.
+        attention_dim: width of the tokens within it.
+        depth: attention blocks; the first half within each view, the second half over all of them.
+        heads: heads of the attentions.
+        feedforward_multiplier: inner over outer width of the feed-forwards.
+        attention_dropout: dropout of attention weights.
+        heatmap_sigma_px: standard deviation of the Gaussian that a heatmap is trained towards.
+    """
+
+    voxel_size: int = whole(220, 1, 512)
+    patch: int = whole(11, 1, 99)
+    point_radius: float = real(0.012, 0, 0.2)
+    channels: int = whole(64, 1, 1024)
+    token_dim: int = whole(128, 8, 8192)
+    attention_dim: int = whole(512, 1, 8192)
+    depth: int = whole(8, 2, 64)
+    heads: int = whole(8, 1, 128)
+    feedforward_multiplier: int = whole(4, 1, 16)
+    attention_dropout: float = real(0.1, 0, 0.9)
+    heatmap_sigma_px: float = real(1.5, 0.01, 20)
+
+    def __post_init__(self):
+        """Refuse sizes that do not fit together, too.
+
+        Raises:
+            BadConfig: As in the base, or they do not.
+        """
+        super().__post_init__()
+        if self.patch % 2 == 0:
+            raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
+        require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
+        require_multiple(self, "token_dim", 8, "each half is normalised in four groups")
+        require_multiple(self, "attention_dim", self.heads, "the heads share the width evenly")
+        require_multiple(self, "depth", 2, "half of the blocks stay within a view")

@@ -1,0 +1,103 @@
+"""RVT's translation: one heatmap per view, and the voxel on which the views agree best."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.rvt.views import pixels_of_voxels, sum_over_views
+
+CUT_SIGMAS = 3
+"""Radius at which the target of a heatmap ends, in standard deviations (RVT code)."""
+
+CHUNK_VOXELS = 2**18
+"""Voxels scored at a time, so that they stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeatmapTranslation:
+    """One softmax over the pixels of each view.
+
+    A voxel's probability is taken to be proportional to the mean of the five heatmaps at the pixels in which it
+    is seen.
+
+    Attributes:
+        logits: (b, arms, views, v, v) float32; the pixels are those of `VIEWS`, one per row of voxels.
+        sigma_px: standard deviation of the training target.
+    """
+
+    logits: Tensor
+    sigma_px: float
+
+    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
+        """Cross-entropy (b, arms) in nats of a small Gaussian around the target voxels (b, arms, 3).
+
+        Averaged over the views. The Gaussian is cut off at `CUT_SIGMAS` and at the image's border, and then
+        normalised. Its own entropy is subtracted, so that a perfect heatmap has the loss 0.
+        """
+        V = self.logits.shape[-1]
+        reach = int(CUT_SIGMAS * self.sigma_px)
+        step = torch.arange(-reach, reach + 1, device=voxel.device)
+        row_step, column_step = torch.cartesian_prod(step, step).unbind(1)
+        squared = (row_step**2 + column_step**2).to(self.logits)
+        bump = torch.exp(-squared / (2 * self.sigma_px**2)) * (squared <= (CUT_SIGMAS * self.sigma_px) ** 2)
+
+        rows, columns = (
+            centre[..., None] + shift  # (b, arms, views, window)
+            for centre, shift in zip(pixels_of_voxels(voxel, V), (row_step, column_step), strict=True)
+        )
+        seen = (rows >= 0) & (rows < V) & (columns >= 0) & (columns < V)
+        weight = bump * seen
+        weight = weight / weight.sum(dim=-1, keepdim=True)
+        flat = self.logits.flatten(3)
+        hit = flat.gather(3, rows.clamp(0, V - 1) * V + columns.clamp(0, V - 1))
+        wanted = weight.xlogy(weight).sum(dim=3)
+        return (flat.logsumexp(dim=3) - (weight * hit).sum(dim=3) + wanted).mean(dim=2)
+
+    def candidates(self) -> VoxelCandidates:
+        """The most probable of all voxels and its 26 neighbours."""
+        B, A, K, V, _ = self.logits.shape
+        images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits) / K
+        planes = sum_over_views(images.flatten(0, 1))
+        best = best_voxel(*planes)  # (b arms, 3)
+        step = torch.arange(-1, 2, device=best.device)
+        voxel = best[:, None] + torch.cartesian_prod(step, step, step)  # (b arms, 27, 3)
+        inside = ((voxel >= 0) & (voxel < V)).all(dim=-1)
+        x, y, z = voxel.clamp(0, V - 1).unbind(2)
+        sample = torch.arange(len(best), device=best.device)[:, None]
+        xy, xz, yz = planes
+        score = (xy[sample, x, y] + (xz[sample, x, z] + yz[sample, y, z])).log()
+        score = score.masked_fill(~inside, -torch.inf)
+        return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
+
+    def probabilities(self) -> Tensor:
+        """Every voxel's probability (b, arms, v, v, v)."""
+        images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits)
+        xy, xz, yz = sum_over_views(images)
+        mass = xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]
+        return mass / mass.sum(dim=(2, 3, 4), keepdim=True)
+
+
+def best_voxel(xy: Tensor, xz: Tensor, yz: Tensor) -> Tensor:
+    """The voxel with the highest xy[x, y] + (xz[x, z] + yz[y, z]), of all v^3; the first one if there are several.
+
+    The maximum over z does not depend on xy, so the lattice is one sum and one maximum per voxel, a few planes of
+    constant x at a time.
+
+    Args:
+        xy: (n, v, v), indexed by x and y.
+        xz: likewise.
+        yz: likewise.
+
+    Returns:
+        (n, 3) int64.
+    """
+    n, V, _ = xy.shape
+    planes_at_once = max(1, CHUNK_VOXELS // (n * V**2))
+    over_z = [(part[:, :, None] + yz[:, None]).amax(dim=3) for part in xz.split(planes_at_once, dim=1)]
+    flat = (xy + torch.cat(over_z, dim=1)).flatten(1).argmax(dim=1)
+    x, y = flat // V, flat % V
+    sample = torch.arange(n, device=xy.device)
+    z = (xy[sample, x, y][:, None] + (xz[sample, x] + yz[sample, y])).argmax(dim=1)
+    return torch.stack([x, y, z], dim=1)

@@ -1,0 +1,131 @@
+"""The Robotic View Transformer (RVT) for one arm: five views in, one discrete keypose out."""
+
+import torch
+from torch import Tensor, nn
+
+from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_policy_bimanual.nn.activation import activate, init_linear
+from lerobot_policy_bimanual.nn.attention import Block
+from lerobot_policy_bimanual.nn.precision import at_least_float32
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.rvt.config import RVTConfig
+from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt.layers import (
+    Conv2d,
+    NormedLinear,
+    PatchConv2d,
+    SkipConv2d,
+    UpsampledConv2d,
+)
+from lerobot_policy_bimanual.rvt.point_renderer import VIEW_CHANNELS
+from lerobot_policy_bimanual.rvt.views import VIEWS
+
+
+class RVTNetwork(nn.Module):
+    """Rendered views, proprioception and language to one discrete keypose.
+
+    The first half of the blocks attends within each view, the second half over all views and the instruction.
+    With the defaults of `RVTLFConfig` it has the 36 348 093 parameters of the reference network, and 36 348 605
+    if it is told the keypose of another arm.
+
+    Args:
+        config: all sizes.
+        proprio_dim: numbers in the proprioception vector.
+    """
+
+    def __init__(self, config: RVTConfig, *, proprio_dim: int):
+        super().__init__()
+        channels, token_dim, patch = config.channels, config.token_dim, config.patch
+        self.rotation_bins = config.codec.bins.rotation_bins
+        self.heatmap_sigma_px = config.heatmap_sigma_px
+        self.patches = config.voxel_size // patch
+        self.stem = Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
+        self.patchify = PatchConv2d(channels, token_dim // 2, patch)
+        self.proprio = NormedLinear(proprio_dim, token_dim // 2)
+        self.language = NormedLinear(config.language_dim, token_dim)
+        self.positions = nn.Parameter(torch.randn(len(VIEWS) * self.patches**2, token_dim))
+        self.widen = nn.Linear(token_dim, config.attention_dim)
+        self.narrow = nn.Linear(config.attention_dim, token_dim)
+        self.within_views, self.over_views = _blocks(config), _blocks(config)
+        self.coarse = Conv2d(token_dim, channels, patch, activated=True)
+        self.upsample = UpsampledConv2d(channels, channels, patch)
+        self.join = SkipConv2d(channels)
+        self.heatmap = Conv2d(channels, 1, 3, activated=False)
+        features = token_dim + channels
+        last = nn.Linear(features // 2, 3 * self.rotation_bins + 2 + 2)
+        self.pose_head = nn.Sequential(
+            nn.Linear(len(VIEWS) * features, features),
+            nn.ReLU(),
+            nn.Linear(features, features // 2),
+            nn.ReLU(),
+            last,
+        )
+        for layer in (self.widen, self.narrow, last):
+            init_linear(layer)
+        if config.compile:
+            self.compile()  # in place: the names in the checkpoint stay the same
+
+    def forward(
+        self, views: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+    ) -> KeyposePrediction:
+        """Predict the next keypose of one arm.
+
+        Args:
+            views: (b, 5, 10, size, size) as made by `render_views`.
+            proprio: (b, proprio_dim).
+            language: (b, language_tokens, language_dim).
+            target: ignored; nothing here is conditioned on the label.
+        """
+        stem = self.stem(views.flatten(0, 1))  # (b 5, channels, size, size)
+        answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)
+        fine = self.join(activate(self.upsample(self.coarse(answers))), stem)
+        logits = at_least_float32(self.heatmap(fine))  # (b 5, 1, size, size)
+
+        # Where the pose is to be read off is a question of translation alone, hence no gradient through it.
+        attention = logits.detach().flatten(1).softmax(dim=1).to(fine.dtype)
+        at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
+        features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
+        pose = at_least_float32(self.pose_head(features.flatten(1)))[:, None]  # (b, 1, outputs)
+        rotation, gripper_open, ignore_collisions = pose.split((3 * self.rotation_bins, 2, 2), dim=-1)
+        return KeyposePrediction(
+            HeatmapTranslation(logits.unflatten(0, (-1, len(VIEWS))).transpose(1, 2), self.heatmap_sigma_px),
+            rotation.unflatten(-1, (3, self.rotation_bins)),
+            gripper_open,
+            ignore_collisions,
+        )
+
+    def _attend(self, patches: Tensor, proprio: Tensor, language: Tensor) -> Tensor:
+        """What the transformer says about every patch.
+
+        Args:
+            patches: (b 5, p^2, token_dim / 2).
+            proprio: (b, proprio_dim).
+            language: (b, language_tokens, language_dim).
+
+        Returns:
+            (b 5, token_dim, p, p).
+        """
+        patches = patches.unflatten(0, (-1, len(VIEWS))).flatten(1, 2)  # (b, 5 p^2, token_dim / 2)
+        body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
+        images = self.widen(torch.cat([patches, body], dim=-1) + self.positions)
+        words = self.widen(self.language(language))
+        images = images.unflatten(1, (len(VIEWS), -1)).flatten(0, 1)  # (b 5, p^2, attention_dim)
+        images = self.within_views(images).unflatten(0, (-1, len(VIEWS))).flatten(1, 2)
+        tokens = self.over_views(torch.cat([words, images], dim=1))[:, words.shape[1] :]
+        answers = self.narrow(tokens).unflatten(1, (len(VIEWS), -1)).flatten(0, 1)
+        return answers.transpose(1, 2).unflatten(2, (self.patches, self.patches))
+
+
+def _blocks(config: RVTConfig) -> nn.Sequential:
+    """Half of the attention blocks."""
+    return nn.Sequential(
+        *(
+            Block(
+                config.attention_dim,
+                heads=config.heads,
+                multiplier=config.feedforward_multiplier,
+                dropout=config.attention_dropout,
+            )
+            for _ in range(config.depth // 2)
+        )
+    )

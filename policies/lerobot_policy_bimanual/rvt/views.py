@@ -1,0 +1,82 @@
+"""The five orthographic views of the workspace, as RVT uses them.
+
+Every view looks at one face of the workspace from outside and fills its image with that face. Seen from a robot
+that stands at small x and looks along +x, with +y to its left: "front" looks back at the robot, "left" and
+"right" look from its sides. Its pixels are the lattice of voxels seen end on, so that a voxel lies in one pixel
+of every view, and a pixel shows one row of voxels.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+X, Y, Z, MINUS_X, MINUS_Y, MINUS_Z = range(6)
+"""Signed axes of the workspace, as indices into coordinates followed by mirrored coordinates."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One orthographic view.
+
+    Attributes:
+        name: the face that is seen.
+        row: signed axis along which the image's rows count, from its top.
+        column: signed axis along which its columns count, from its left.
+        depth: signed axis along which it looks.
+    """
+
+    name: str
+    row: int
+    column: int
+    depth: int
+
+
+VIEWS = (
+    View("top", row=MINUS_X, column=MINUS_Y, depth=MINUS_Z),
+    View("front", row=MINUS_Z, column=Y, depth=MINUS_X),
+    View("back", row=MINUS_Z, column=MINUS_Y, depth=X),
+    View("left", row=MINUS_Z, column=MINUS_X, depth=MINUS_Y),
+    View("right", row=MINUS_Z, column=X, depth=Y),
+)
+"""In the order of RVT (RVT code)."""
+
+ROWS = [view.row for view in VIEWS]
+COLUMNS = [view.column for view in VIEWS]
+
+
+def pixels_of_voxels(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """Where voxels are seen.
+
+    Args:
+        voxel: (..., 3) int64 indices.
+        size: voxels per axis, and pixels per side of a view.
+
+    Returns:
+        Rows and columns (..., views) int64.
+    """
+    both = torch.cat([voxel, size - 1 - voxel], dim=-1)
+    return both[..., ROWS], both[..., COLUMNS]
+
+
+def sum_over_views(images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Add up views that see the same two axes.
+
+    Each voxel (x, y, z) collects xy[x, y] + xz[x, z] + yz[y, z] from the five images.
+
+    Args:
+        images: (..., views, size, size).
+
+    Returns:
+        The planes xy, xz and yz, (..., size, size) each.
+    """
+    planes: dict[tuple[int, int], Tensor] = {}
+    for view, image in zip(VIEWS, images.unbind(-3), strict=True):
+        mirrored = [dim for dim, axis in ((-2, view.row), (-1, view.column)) if axis >= MINUS_X]
+        image = image.flip(mirrored)
+        first, second = view.row % 3, view.column % 3
+        if first > second:
+            image = image.transpose(-2, -1)
+        axes = (min(first, second), max(first, second))
+        planes[axes] = planes[axes] + image if axes in planes else image
+    return planes[X, Y], planes[X, Z], planes[Y, Z]

@@ -1,0 +1,75 @@
+"""Recipes: found without importing what they belong to, and read as flags of LeRobot's training."""
+
+import pytest
+
+from lerobot_bimanual.benchmark.recipe import Recipe
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+
+INPUTS = """
+dataset: {{repo_id: local/demonstrations, root: data/frames}}
+steps: 4
+batch_size: 2
+save_freq: 2
+policy:
+  type: {policy}
+  input_features:
+    observation.images.left_wrist: {{type: VISUAL, shape: [3, 128, 128]}}
+    observation.images.front_depth: {{type: VISUAL, shape: [1, 128, 128]}}
+    observation.state: {{type: STATE, shape: [16]}}
+"""
+
+
+def test_any_distribution_adds_recipes_for_its_policy(install_recipe):
+    install_recipe("mine")
+    recipe = Recipe.find("mine", "small")
+    assert (recipe.view, recipe.steps, recipe.batch_size, recipe.save_freq) == ("keyframes", 4, 2, 2)
+    assert recipe.cameras == CAMERA_NAMES
+    assert recipe.flags(64) == {
+        "dataset.repo_id": "local/demonstrations",
+        "dataset.root": "data/keyframes",
+        "steps": "4",
+        "batch_size": "2",
+        "save_freq": "2",
+        "policy.type": "mine",
+        "policy.depth": "3",
+        "policy.shift": "[0.5, 0]",
+        "policy.head": "null",
+        "policy.name": "plain",
+    }
+
+
+def test_cameras_and_sizes_follow_from_the_inputs_that_are_named(install_recipe):
+    install_recipe("mine", INPUTS)
+    recipe = Recipe.find("mine", "small")
+    assert recipe.cameras == ("front", "left_wrist")
+    assert recipe.flags(64)["policy.input_features"] == (
+        '{"observation.images.left_wrist": {"type": "VISUAL", "shape": [3, 64, 64]}, '
+        '"observation.images.front_depth": {"type": "VISUAL", "shape": [1, 64, 64]}, '
+        '"observation.state": {"type": "STATE", "shape": [16]}}'
+    )
+
+
+def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(install_recipe):
+    install_recipe("mine")
+    with pytest.raises(InvalidChoice, match=r"policy is 'min', but must be one of: .*mine"):
+        Recipe.find("min", "small")
+    with pytest.raises(InvalidChoice, match="recipe for mine is 'large', but must be one of: small"):
+        Recipe.find("mine", "large")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps: 4", "steps: [4", "is no recipe"),
+        ("steps: 4", "steps: many", "is no recipe"),
+        ("save_freq: 2", "", r"is no recipe.*save_freq"),
+        ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
+        ("{policy}", "theirs", "trains 'theirs', but is installed as a recipe for 'mine'"),
+    ],
+)
+def test_a_file_that_says_too_little_is_refused_by_name(old, new, message, install_recipe):
+    file = install_recipe("mine", INPUTS.replace("frames", "keyframes").replace(old, new))
+    with pytest.raises(BimanualError, match=message) as caught:
+        Recipe.find("mine", "small")
+    assert str(file) in str(caught.value)

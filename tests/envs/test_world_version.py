@@ -1,0 +1,55 @@
+"""The version of a world follows what it does, and nothing else."""
+
+from dataclasses import replace
+
+import pytest
+
+from lerobot_env_bimanual.expert.world_version import HASH_DIGITS, joint_version, world_version
+from lerobot_env_bimanual.motion import planner
+from lerobot_env_bimanual.tasks import lift_ball
+from lerobot_env_bimanual.tasks.lift_ball import LiftBall
+from lerobot_env_bimanual.world.scene import Scene
+
+pytestmark = pytest.mark.sim
+TASK = "lift_ball"
+
+
+def version_now() -> str:
+    """Played anew, whatever was played before."""
+    return world_version.__wrapped__(TASK)
+
+
+def test_it_is_short_and_the_same_whenever_it_is_asked_for():
+    assert len(world_version(TASK)) == HASH_DIGITS
+    assert version_now() == world_version(TASK)
+
+
+def test_every_task_has_its_own_and_several_have_one_together():
+    assert world_version("push_box") != world_version(TASK)
+    assert joint_version(["push_box", TASK]) == joint_version([TASK, "push_box"])
+
+
+SPEC = LiftBall.spec
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda patch: patch.setattr(
+            LiftBall, "spec", replace(SPEC, props=(replace(lift_ball.BALL, friction=0.31),))
+        ),
+        lambda patch: patch.setattr(
+            LiftBall, "spec", replace(SPEC, props=(replace(lift_ball.BALL, mass_kg=1.01),))
+        ),
+        lambda patch: patch.setattr(LiftBall, "spec", replace(SPEC, success=SPEC.success[:1])),
+        lambda patch: patch.setattr(lift_ball, "AREA", replace(lift_ball.AREA, half_size_m=(0.17, 0.18))),
+        lambda patch: patch.setattr(lift_ball, "APPROACH_GAP_M", 0.08),
+        lambda patch: patch.setattr(planner, "REST_TICKS", 3),
+        lambda patch: patch.setattr(Scene, "settle", lambda self: None),
+    ],
+    ids=["friction", "mass", "success", "placement", "expert", "motion", "settling"],
+)
+def test_a_change_of_what_happens_changes_it(monkeypatch, change):
+    before = world_version(TASK)
+    change(monkeypatch)
+    assert version_now() != before

@@ -1,0 +1,291 @@
+"""A checkpoint is data: whatever stands in it, nothing of it runs, and what is damaged is named."""
+
+import json
+import pickle
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from safetensors.torch import load_file, save_file
+
+from lerobot_bimanual import cli
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
+from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.inspection.loading import load_policy
+
+CONFIG, WEIGHTS = "config.json", "model.safetensors"
+PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.json"
+
+Damage = Callable[[Path], Any]
+
+
+def save(name: str, options: dict[str, Any], folder: Path) -> Path:
+    """A new policy with its processors, written as LeRobot writes them."""
+    config = PreTrainedConfig.get_choice_class(name)(**options)
+    get_policy_class(name)(config).save_pretrained(folder)
+    for processor in make_pre_post_processors(config):
+        processor.save_pretrained(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory, tiny_peract: dict[str, Any]) -> Path:
+    return save("peract2", tiny_peract, tmp_path_factory.mktemp("sound"))
+
+
+@pytest.fixture
+def checkpoint(sound: Path, tmp_path: Path) -> Path:
+    """A sound checkpoint to damage."""
+    return Path(shutil.copytree(sound, tmp_path / "pretrained_model"))
+
+
+def edit(name: str, change: Callable[[dict], Any]) -> Damage:
+    def damage(folder: Path) -> None:
+        value = json.loads((folder / name).read_text())
+        change(value)
+        (folder / name).write_text(json.dumps(value))
+
+    return damage
+
+
+def config(**changes: Any) -> Damage:
+    return edit(CONFIG, lambda value: value.update(changes))
+
+
+def step(**changes: Any) -> Damage:
+    """Change the first step of the preprocessor."""
+    return edit(PREPROCESSOR, lambda value: value["steps"][0].update(changes))
+
+
+def weights(change: Callable[[dict[str, torch.Tensor]], Any]) -> Damage:
+    def damage(folder: Path) -> None:
+        tensors = load_file(folder / WEIGHTS)
+        change(tensors)
+        save_file(tensors, folder / WEIGHTS)
+
+    return damage
+
+
+def write(name: str, content: bytes) -> Damage:
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+def cut(name: str) -> Damage:
+    return lambda folder: (folder / name).write_bytes((folder / name).read_bytes()[:-100])
+
+
+def remove(name: str) -> Damage:
+    return lambda folder: (folder / name).unlink()
+
+
+BIAS = "network.stem.conv.bias"
+DAMAGES: dict[str, tuple[Damage, str]] = {
+    "unknown policy": (config(type="stranger"), "type is 'stranger'"),
+    "policy that is no name": (config(type=["peract2"]), "must be one of: act"),
+    "no policy": (edit(CONFIG, lambda value: value.pop("type")), "type is None"),
+    "unknown field": (config(trust_remote_code=True), "trust_remote_code"),
+    "no heads": (config(heads=0), "heads is 0, but must be a whole number from 1"),
+    "heads as text": (config(heads="2"), "heads is '2', which would be read as 2"),
+    "heads in part": (config(heads=2.5), "heads"),
+    "heads as truth": (config(heads=True), "heads is True"),
+    "heads as list": (config(heads=[2]), "heads"),
+    "no heads at all": (config(heads=None), "heads is None"),
+    "rotation bins of no width": (config(rotation_bin_deg=0), "rotation_bin_deg is 0"),
+    "rotation bins backwards": (config(rotation_bin_deg=-5), "rotation_bin_deg is -5"),
+    "rotation bins that do not close": (config(rotation_bin_deg=7), "must divide 360"),
+    "language too wide for any memory": (config(language_dim=10**9), "language_dim is 1000000000"),
+    "no language": (config(language_tokens=0), "language_tokens is 0"),
+    "voxels beyond any memory": (config(voxel_size=5 * 10**8), "voxel_size is 500000000"),
+    "depth beyond any patience": (config(depth=10**12), "depth is 1000000000000"),
+    "a camera twice": (config(cameras=["front", "front"]), "none twice"),
+    "unknown camera": (config(cameras=["moon"]), "unknown camera 'moon'"),
+    "cameras as a number": (config(cameras=3), "cameras"),
+    "workspace upside down": (config(workspace_lower=[0, 0, 2]), "must be below"),
+    "workspace in a plane": (config(workspace_lower=[0, 0]), "workspace_lower"),
+    "another device": (config(device="abacus"), "Unknown device abacus"),
+    "normalisation from outside": (
+        config(normalization_mapping={"VISUAL": "MEAN_STD"}),
+        "normalization_mapping must be IDENTITY",
+    ),
+    "an adapter": (config(use_peft=True), "use_peft"),
+    "inputs without depth": (
+        config(input_features={"observation.state": {"type": "STATE", "shape": [16]}}),
+        "front_depth",
+    ),
+    "inputs of no shape": (config(input_features={"observation.state": 5}), "input_features"),
+    "not a number": (write(CONFIG, b'{"type": "peract2", "heads": NaN}'), "NaN is no number"),
+    "infinite": (write(CONFIG, b'{"type": "peract2", "optimizer_lr": 1e999}'), "optimizer_lr is inf"),
+    "a key twice": (write(CONFIG, b'{"type": "peract2", "type": "act"}'), "stands there twice"),
+    "no JSON": (write(CONFIG, b"{"), "no valid JSON"),
+    "a list": (write(CONFIG, b"[]"), "must hold an object"),
+    "no UTF-8": (write(CONFIG, b'{"type": "\xff"}'), "no valid JSON"),
+    "too deep": (write(CONFIG, b"[" * 10**6), "no valid JSON"),
+    "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "larger than 16 MB"),
+    "an empty config": (write(CONFIG, b""), "no valid JSON"),
+    "no config": (remove(CONFIG), "no checkpoint at"),
+    "no weights": (remove(WEIGHTS), "model.safetensors does not exist"),
+    "weights cut off": (cut(WEIGHTS), "no whole file of tensors"),
+    "empty weights": (write(WEIGHTS, b""), "no whole file of tensors"),
+    "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "no whole file of tensors"),
+    "a tensor missing": (weights(lambda tensors: tensors.pop(BIAS)), f"lacks tensors.*{BIAS}"),
+    "a tensor too many": (weights(lambda tensors: tensors.update(more=torch.ones(1))), "too many.* more"),
+    "a tensor of another shape": (
+        weights(lambda tensors: tensors.update({BIAS: torch.ones(9)})),
+        r"is \(9,\)",
+    ),
+    "a tensor of another type": (
+        weights(lambda tensors: tensors.update({BIAS: tensors[BIAS].double()})),
+        "torch.float64, but",
+    ),
+    "weights that are no numbers": (weights(lambda tensors: tensors[BIAS].fill_(torch.nan)), "not finite"),
+    "one infinite weight": (
+        weights(lambda tensors: tensors[BIAS].view(-1)[:1].fill_(torch.inf)),
+        f"{BIAS} in .* not finite",
+    ),
+    "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json does not exist"),
+    "no postprocessor": (remove(POSTPROCESSOR), "policy_postprocessor.json does not exist"),
+    "half a preprocessor": (cut(PREPROCESSOR), "policy_preprocessor.json is no valid JSON"),
+    "no steps": (edit(PREPROCESSOR, lambda value: value.pop("steps")), "no list of steps"),
+    "a step that is no object": (
+        edit(PREPROCESSOR, lambda value: value["steps"].append("x")),
+        "no list of steps",
+    ),
+    "a step by class": (
+        edit(PREPROCESSOR, lambda value: value["steps"].append({"class": "subprocess.Popen"})),
+        "names a step by class",
+    ),
+    "a step by name and class": (step(**{"class": "subprocess.Popen"}), "names a step by class"),
+    "an unknown step": (step(registry_name="stranger"), "which LeRobot does not have"),
+    "another step of LeRobot": (step(registry_name="tokenizer_processor"), "but must list"),
+    "a step too many": (
+        edit(PREPROCESSOR, lambda value: value["steps"].append(value["steps"][0])),
+        "but must list",
+    ),
+    "an option that the step lacks": (step(config={"rename_map": {}, "shell": True}), "no option 'shell'"),
+    "options that are no object": (step(config=[]), "are no object"),
+    "a key that no step has": (step(args=["sh"]), "unknown key 'args'"),
+    "a state file outside": (step(state_file="../secret.safetensors"), "not a file of the same folder"),
+    "a state file at the root": (step(state_file="/etc/passwd"), "not a file of the same folder"),
+    "a state file elsewhere on Windows": (step(state_file="..\\x"), "not a file of the same folder"),
+    "a state file that is no name": (step(state_file=5), "not a file of the same folder"),
+    "a state file that is not there": (step(state_file="x.safetensors"), "x.safetensors does not exist"),
+    "a state file that is none": (step(state_file=CONFIG), "no whole file of tensors"),
+}
+
+
+@pytest.mark.parametrize(("damage", "message"), DAMAGES.values(), ids=DAMAGES)
+def test_whatever_is_wrong_with_a_checkpoint_is_named_in_one_line(checkpoint, damage, message, capsys):
+    damage(checkpoint)
+    for load in (check_checkpoint, load_policy):
+        with pytest.raises(CheckpointError, match=message):
+            load(checkpoint)
+    assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 1
+    output = capsys.readouterr()
+    assert output.err.startswith("lerobot-bimanual: ")
+    assert len(output.err.splitlines()) == 1
+    assert not output.out
+
+
+def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(policy_type, specimens, tmp_path):
+    checkpoint = save(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model")
+    marker = tmp_path / "it_ran"
+    for name in (PREPROCESSOR, POSTPROCESSOR):
+        stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
+        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)
+        for verb in ("check-checkpoint", "accuracy", "inspect"):
+            data = [] if verb == "check-checkpoint" else [f"--dataset={tmp_path}"]
+            assert cli.main([verb, f"--checkpoint={checkpoint}", *data]) == 1
+        with pytest.raises(CheckpointError, match=r"subprocess\.Popen.*Do not load"):
+            load_policy(checkpoint)
+    assert not marker.exists()
+
+
+def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
+    policy_type, specimens, make_batch, tmp_path, capsys
+):
+    for variant, options in specimens[policy_type].tiny.items():
+        checkpoint = save(policy_type, options, tmp_path / variant)
+        assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 0
+        said = capsys.readouterr().out
+        loaded, _ = load_policy(checkpoint)
+        parameters = sum(value.numel() for value in loaded.parameters())
+        for part in (policy_type, "left_wrist", f"{parameters:,} numbers", "normalizer_processor"):
+            assert part in said
+        stock = type(loaded).from_pretrained(checkpoint)
+        batch = make_batch()
+        assert torch.equal(loaded.select_action(batch), stock.select_action(batch))
+
+
+def test_weights_are_strict_on_every_way_that_lerobot_loads_a_policy(policy_type, specimens, tmp_path):
+    checkpoint = save(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path)
+    stock = get_policy_class(policy_type)
+    for change, message in (
+        (lambda tensors: tensors.pop(min(tensors)), "lacks tensors"),
+        (lambda tensors: tensors.update(more=torch.ones(1)), "too many"),
+        (lambda tensors: tensors[min(tensors)].fill_(torch.nan), "not finite"),
+    ):
+        before = (checkpoint / WEIGHTS).read_bytes()
+        weights(change)(checkpoint)
+        with pytest.raises(CheckpointError, match=message):
+            stock.from_pretrained(checkpoint)
+        (checkpoint / WEIGHTS).write_bytes(before)
+    stock.from_pretrained(checkpoint)
+
+
+def test_the_file_of_a_clip_tower_is_not_opened_to_check_a_policy_that_uses_it(checkpoint, capsys):
+    weights(lambda tensors: [tensors.pop(name) for name in list(tensors) if name.startswith("language.")])(
+        checkpoint
+    )
+    config(language_encoder="clip:/no/such/folder")(checkpoint)
+    assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 0
+    assert "not checked clip:/no/such/folder" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.fixture
+def act(tmp_path: Path) -> Path:
+    """A small ACT."""
+    options = {
+        "device": "cpu",
+        "pretrained_backbone_weights": None,
+        "dim_model": 32,
+        "n_heads": 2,
+        "dim_feedforward": 64,
+        "n_encoder_layers": 1,
+        "n_vae_encoder_layers": 1,
+        "input_features": {
+            "observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 32, 32)),
+            "observation.state": PolicyFeature(FeatureType.STATE, (16,)),
+        },
+        "output_features": {"action": PolicyFeature(FeatureType.ACTION, (16,))},
+    }
+    return save("act", options, tmp_path / "act")
+
+
+def test_lerobots_own_policies_are_checked_and_it_is_said_how_far(act, capsys):
+    assert cli.main(["check-checkpoint", f"--checkpoint={act}"]) == 0
+    said = capsys.readouterr().out
+    assert "observation.images.front" in said
+    assert "not checked whether the weights fit" in " ".join(said.split())
+    with pytest.raises(CheckpointError, match="predicts no keyposes"):
+        load_policy(act)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (step(**{"class": "subprocess.Popen"}), "names a step by class"),
+        (step(registry_name="stranger"), "which LeRobot does not have"),
+        (config(dim_model="32"), "dim_model is '32'"),
+        (cut(WEIGHTS), "no whole file of tensors"),
+        (weights(lambda tensors: tensors[min(tensors)].fill_(torch.nan)), "not finite"),
+    ],
+)
+def test_damage_to_lerobots_own_policies_is_named(act, damage, message):
+    damage(act)
+    with pytest.raises(CheckpointError, match=message):
+        check_checkpoint(act)
