@@ -26,7 +26,6 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when Nu
 import datasets.config
 import numpy as np
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
-from lerobot_env_bimanual.generation.worker import load_libraries
 from recording_jobs import PlainWriter, record
 from rich.console import Console
 from rich.table import Table
@@ -34,8 +33,8 @@ from rich.table import Table
 from lerobot_bimanual.benchmark.protocol import PROTOCOLS
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_env_bimanual.commands.generate import GenerateConfig
-from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
+from lerobot_env_bimanual.generation.shard import quieten_libraries
 
 RUNS = {
     "keyframes": ("keyframes", ViewWriter),
@@ -117,7 +116,7 @@ def main() -> None:
     parser.add_argument("--reads", type=int, default=100)
     parser.add_argument("--loaders", nargs="*", type=int, default=LOADERS, help="processes, per training")
     options = parser.parse_args()
-    load_libraries()
+    quieten_libraries()
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         datasets.config.HF_DATASETS_CACHE = folder / "cache"
@@ -146,7 +145,7 @@ def make_datasets(options: argparse.Namespace, folder: Path) -> dict[str, Path]:
             image_size=options.image_size,
             root=folder / name,
         )
-        record(GenerationSettings.parse(config), writer, folder / name)
+        record(settings_of(config), writer, folder / name)
         roots[name] = folder / name / "merged"
     return roots
 

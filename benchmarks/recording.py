@@ -25,15 +25,15 @@ from typing import Any, Literal
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
 import numpy as np
-from lerobot_env_bimanual.generation.worker import load_libraries
 from numpy.typing import NDArray
 from recording_jobs import STAGES, PlainWriter, Recording, record
 from rich.console import Console
 from rich.table import Table
 
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_env_bimanual.commands.generate import GenerateConfig
+from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard import quieten_libraries
 
 type View = Literal["frames", "keyframes", "both"]
 
@@ -50,9 +50,9 @@ WARM_UP = {"episodes": 1, "image_size": "32"}
 """A recording that does not count: libraries load much of themselves when they are first used."""
 
 
-def settings_of(options: argparse.Namespace, view: View, root: Path, **others: Any) -> GenerationSettings:
+def dataset_of(options: argparse.Namespace, view: View, root: Path, **others: Any) -> GenerationSettings:
     values = {"task": options.task, "episodes": options.demos, "image_size": options.image_size}
-    return GenerationSettings.parse(GenerateConfig(**values | others, view=view, root=root))
+    return settings_of(GenerateConfig(**values | others, view=view, root=root))
 
 
 def costs_table(recordings: dict[str, Recording], options: argparse.Namespace) -> Table:
@@ -121,15 +121,15 @@ def main() -> None:
     parser.add_argument("--runs", nargs="*", choices=RUNS, default=list(RUNS))
     parser.add_argument("--workers", nargs="*", type=int, default=[1, 2], help="of runs of `generate`")
     options = parser.parse_args()
-    load_libraries()
+    quieten_libraries()
     recordings: dict[str, Recording] = {}
     rates: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        record(settings_of(options, "both", folder, **WARM_UP), ViewWriter, folder / "warm-up")
+        record(dataset_of(options, "both", folder, **WARM_UP), ViewWriter, folder / "warm-up")
         for name in options.runs:
             view, writer = RUNS[name]
-            recordings[name] = record(settings_of(options, view, folder), writer, folder / name)
+            recordings[name] = record(dataset_of(options, view, folder), writer, folder / name)
         for workers in options.workers:
             rates.append(rate(options, workers, folder / f"workers-{workers}"))
     console = Console(width=160)

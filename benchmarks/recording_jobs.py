@@ -13,9 +13,6 @@ from unittest import mock
 
 import numpy as np
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
-from lerobot_env_bimanual.generation.candidates import next_round
-from lerobot_env_bimanual.generation.merging import merge_shards
-from lerobot_env_bimanual.generation.sealing import read_sealed
 from numpy.typing import NDArray
 
 import lerobot_bimanual.dataset.writer
@@ -23,9 +20,13 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation import shards
+from lerobot_env_bimanual.generation import shard as shard_module
+from lerobot_env_bimanual.generation.checksums import read_report
 from lerobot_env_bimanual.generation.executor import MergeJob
+from lerobot_env_bimanual.generation.merge import merge_shards
+from lerobot_env_bimanual.generation.plan import Shard, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 STAGES = ("physics and planning", "rendering", "encoding", "writing", "checking")
 PHYSICS, RENDERING, ENCODING, WRITING, CHECKING = STAGES
@@ -67,8 +68,8 @@ class Stopwatch:
     """CPU and wall seconds of each stage; the time of a stage within another one is the inner one's alone.
 
     Attributes:
-        seconds: Stage -> (2,) CPU seconds of this process and of its children that ended, and wall seconds.
-        calls: Stage -> how often it was entered.
+        seconds: stage -> (2,) CPU seconds of this process and of its children that ended, and wall seconds.
+        calls: stage -> how often it was entered.
     """
 
     def __init__(self):
@@ -117,7 +118,7 @@ class Recording:
     """What a dataset took.
 
     Attributes:
-        seconds: Stage -> CPU and wall seconds per demonstration.
+        seconds: stage -> CPU and wall seconds per demonstration.
         merging: CPU and wall seconds of merging them all.
         megabytes: "raw images", "videos" and "the rest" -> size per demonstration.
     """
@@ -131,33 +132,34 @@ def record(settings: GenerationSettings, writer: type[ViewWriter], folder: Path)
     """Record and merge as `lerobot-bimanual generate` does in one of its workers.
 
     Args:
-        settings: What is recorded, of one task.
-        writer: Writes the views.
-        folder: New folder; the dataset will be `folder/merged`.
+        settings: what is recorded, of one task.
+        writer: writes the views.
+        folder: new folder; the dataset will be `folder/merged`.
     """
     watch = Stopwatch()
-    recorder = shards.make_recorder(settings, settings.tasks[0])
-    recorder.record(settings.first_seed, 0)  # compiles the world; a worker keeps it for all its shards
+    recorder = ShardRecorder()
+    one_episode = Shard("warm-up", next_round(settings, [], 0)[0].candidates[:1])
+    (folder / "shards").mkdir(parents=True)
+    recorder.record(settings, one_episode, folder / "shards" / one_episode.name)  # compiles the world
     finished, reports = [], []
     with (
-        mock.patch.object(shards, "ViewWriter", writer),
+        mock.patch.object(shard_module, "ViewWriter", writer),
         watch.watching(
             (Recorder, "record", PHYSICS),
             (Recorder, "_render", RENDERING),
             (EpisodeVideoEncoder, "feed_frame", ENCODING),
             (EpisodeVideoEncoder, "finish_episode", ENCODING),
             (lerobot_bimanual.dataset.writer, "check_videos", CHECKING),
-            (shards, "seal", CHECKING),
+            (shard_module, "write_report", CHECKING),
         ),
     ):
         while missing := next_round(settings, reports, len(reports)):
             for shard in missing:
                 target = folder / "shards" / shard.name
-                target.parent.mkdir(parents=True, exist_ok=True)
                 with watch.stage(WRITING):  # and whatever else is none of the other stages
-                    shards.record_shard(settings, shard, recorder, target, lambda: None)
+                    recorder.record(settings, shard, target)
                 with watch.stage(CHECKING):
-                    reports.append(read_sealed(target, settings, shard))
+                    reports.append(read_report(target, settings, shard))
                 finished.append((target, reports[-1]))
     with watch.stage(MERGING):
         for view in settings.views:

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
-
-if TYPE_CHECKING:
-    from lerobot_bimanual.dataset.provenance import Provenance
 
 
 @dataclass
@@ -40,30 +36,21 @@ def regenerate(config: RegenerateConfig) -> None:
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
     provenance = Provenance.load(config.provenance)
+    if others := provenance.other_versions():
+        found = ", ".join(f"{package} {installed}" for package, (_, installed) in others.items())
+        wanted = " ".join(f"{package}=={recorded}" for package, (recorded, _) in others.items())
+        raise DatasetError(
+            f"{config.provenance} was made with another simulation, in which seeds mean other episodes; installed: "
+            f"{found}. Make it in an environment with `pip install {wanted}`"
+        )
     try:
         settings = GenerationSettings.from_dict(provenance.settings)
     except BimanualError as error:
         raise DatasetError(f"{config.provenance}: no dataset has these settings: {error}") from error
-    refuse_other_versions(provenance, config.provenance)
     make_dataset(settings, config.root, ProcessExecutor(config.workers))
     made = Provenance.read(find_view(config.root))
     if made is None or list(made.episodes) != list(provenance.episodes):
         raise DatasetError(
             f"{config.root} holds other episodes than {config.provenance} lists, although settings and versions are "
             "the same: the simulation gives other results on this machine, or the file was changed"
-        )
-
-
-def refuse_other_versions(provenance: Provenance, place: Path) -> None:
-    """Make sure that seeds mean here what they meant when a dataset was made.
-
-    Raises:
-        DatasetError: the installed simulation is another one; the message says what to install.
-    """
-    if others := provenance.other_versions():
-        found = ", ".join(f"{package} {installed}" for package, (_, installed) in others.items())
-        wanted = " ".join(f"{package}=={recorded}" for package, (recorded, _) in others.items())
-        raise DatasetError(
-            f"{place} was made with another simulation, in which seeds mean other episodes; installed: {found}. "
-            f"Make it in an environment with `pip install {wanted}`"
         )

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
@@ -26,8 +24,8 @@ BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""
 
 
-class Campaign:
-    """A pool of worker processes; use it in a `with` statement.
+class Campaign(WorkerPool):
+    """A pool of worker processes that play jobs; use it in a `with` statement.
 
     Args:
         workers: number of processes; 0 takes one per core.
@@ -35,23 +33,14 @@ class Campaign:
     """
 
     def __init__(self, workers: int, log: OutcomeLog | None = None):
+        super().__init__(workers)
         self._log = log
-        self._pool = WorkerPool(workers)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """End the processes."""
-        self._pool.__exit__(kind, error, traceback)
 
     def play(self, jobs: Sequence[Job], label: str) -> list[Outcome]:
         """Outcomes of the jobs, in their order, with a progress bar called `label`."""
         known = {job: outcome for job in jobs if self._log and (outcome := self._log.get(job))}
         todo = [job for job in jobs if job not in known]
-        outcomes = self._pool.map(play, todo, label, "episode", done=len(known))
+        outcomes = self.map(play, todo, label, "episode", done=len(known))
         for job, outcome in zip(todo, outcomes, strict=True):
             known[job] = outcome
             if self._log:

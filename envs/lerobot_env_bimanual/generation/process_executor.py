@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
@@ -35,7 +33,7 @@ class _Tally:
     cpu_seconds: Synchronized[float]
 
 
-class ProcessExecutor:
+class ProcessExecutor(WorkerPool):
     """A pool of processes on this machine; an `Executor`.
 
     Args:
@@ -45,16 +43,7 @@ class ProcessExecutor:
     def __init__(self, workers: int):
         context = worker_context()
         self._tally = _Tally(context.Value("q", 0), context.Value("d", 0.0))
-        self._pool = WorkerPool(workers, _prepare, (self._tally,), PRELOADED)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Stop the processes."""
-        self._pool.__exit__(kind, error, traceback)
+        super().__init__(workers, _prepare, (self._tally,), PRELOADED)
 
     @property
     def successes(self) -> int:
@@ -71,14 +60,12 @@ class ProcessExecutor:
     ) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self._pool.run(
-                _record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S
-            )
+            yield from self.run(_record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S)
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self._pool.run(_merge, jobs, POLL_S)
+            yield from self.run(_merge, jobs, POLL_S)
 
 
 @contextmanager

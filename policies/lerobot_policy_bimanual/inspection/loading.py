@@ -1,6 +1,5 @@
 """A trained policy and a dataset that it can read, both as LeRobot loads them."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch.utils.data import default_collate
 
-from lerobot_bimanual.dataset.reader import INFO_FILE, check_features, find_view
+from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.checkpoint.config_file import read_config
@@ -76,7 +75,7 @@ def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
         SchemaMismatch: The dataset lacks the label, or an image that the policy reads.
     """
     root = find_view(dataset, ("keyframes", "frames"))
-    info = json.loads((root / INFO_FILE).read_text(encoding="utf-8"))
+    info = read_info(root)
     check_features(info["features"], root)
     missing = [key for key in config.observation_keys if key not in info["features"]]
     if missing:
