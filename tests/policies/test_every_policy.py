@@ -144,12 +144,12 @@ def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras)
 def test_the_order_of_the_points_does_not_matter(make_policy, make_batch):
     policy = make_policy().eval()
     batch = make_batch()
-    observation = policy._observe(batch, None)
+    observation = policy.observe(batch)
     order = torch.randperm(observation.points.shape[2])
     shuffled = dataclasses.replace(
         observation, points=observation.points[..., order], colours=observation.colours[..., order]
     )
-    target = policy._target(batch[NEXT_KEYPOSE])
+    target = policy.target_bins(batch[NEXT_KEYPOSE])
     one, other = policy.predict(observation, target), policy.predict(shuffled, target)
     torch.testing.assert_close(other.rotation, one.rotation, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(

@@ -25,7 +25,7 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels, look
 from lerobot_policy_bimanual.inspection.loading import load_policy, load_row, open_dataset
-from lerobot_policy_bimanual.inspection.projection import VIEWPOINTS, Frame
+from lerobot_policy_bimanual.inspection.projection import VIEW_DIRECTIONS, Frame
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, INK, draw_scene
 from lerobot_policy_bimanual.keypose.losses import keypose_errors
 from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
@@ -186,12 +186,12 @@ def test_voxel_probabilities_of_peract_are_those_of_its_loss(tiny, make_batch):
 def test_viewers_see_the_left_arm_where_it_stands():
     left, right = np.array([0.2, 0.3, 1.0]), np.array([0.2, -0.3, 1.0])
     high = np.array([0.2, 0.0, 1.5])
-    for viewpoint, left_is_left in zip(VIEWPOINTS, (True, False, True), strict=True):
-        frame = Frame.fit(viewpoint, [left, right, high, high - [0.4, 0, 0.8]], 100, 80)
+    for direction, left_is_left in zip(VIEW_DIRECTIONS, (True, False, True), strict=True):
+        frame = Frame.fit(direction, [left, right, high, high - [0.4, 0, 0.8]], 100, 80)
         assert (frame.project(left)[0] < frame.project(right)[0]) == left_is_left
-        np.testing.assert_allclose(viewpoint.axes @ viewpoint.axes.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(viewpoint.axes) == pytest.approx(1)  # no mirror image
-    above = VIEWPOINTS[2]
+        np.testing.assert_allclose(direction.axes @ direction.axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(direction.axes) == pytest.approx(1)  # no mirror image
+    above = VIEW_DIRECTIONS[2]
     assert Frame.fit(above, [left, right, high + 1], 100, 80).nearness(high) == pytest.approx(1.5)
 
 
@@ -210,8 +210,8 @@ def test_near_voxels_hide_far_ones_and_heat_shows_through(make_policy, make_batc
             hand = replace(arm.true, pose=replace(arm.true.pose, position=scene.center_m[2]))
             arms.append(replace(arm, predicted=hand, true=hand, hot=heat, heat=np.ones(1)))
         shown = Inspection("", 0, scene, rgb, tuple(arms))
-        picture = draw_scene(shown, VIEWPOINTS[2], 120, 120)
-        column, row = Frame.fit(VIEWPOINTS[2], scene.center_m, 120, 120).project(scene.center_m[0])
+        picture = draw_scene(shown, VIEW_DIRECTIONS[2], 120, 120)
+        column, row = Frame.fit(VIEW_DIRECTIONS[2], scene.center_m, 120, 120).project(scene.center_m[0])
         return np.asarray(picture)[min(int(row), 119) - 2, min(int(column), 119) - 2].astype(int)
 
     assert pixel(hot=2)[0] > pixel(hot=2)[2] + 80  # the red one is above

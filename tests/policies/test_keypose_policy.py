@@ -27,19 +27,19 @@ def test_images_of_any_size_are_accepted(tiny, make_batch):
 
 
 def test_time_runs_from_one_to_minus_one_over_the_horizon(tiny, make_batch):
-    policy = PerAct2Policy(PerAct2Config(**tiny, keypose_horizon=5))
+    policy = PerAct2Policy(PerAct2Config(**tiny | {"keypose_horizon": 5}))
     batch = make_batch(samples=4)
     batch["observation.keypose_step"] = torch.tensor([[0.0], [2.0], [4.0], [9.0]])
-    proprio = policy._observe(batch, None).proprio.view(4, 2, 4)
+    proprio = policy.observe(batch).proprio.view(4, 2, 4)
     assert proprio[:, :, 3].tolist() == [[1.0] * 2, [0.0] * 2, [-1.0] * 2, [-1.0] * 2]
 
 
 def test_keypose_step_may_come_without_its_last_axis_as_lerobots_loader_gives_it(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny))
     batch = make_batch(samples=3)
-    expected = policy._observe(batch, None).proprio
+    expected = policy.observe(batch).proprio
     batch["observation.keypose_step"] = batch["observation.keypose_step"].squeeze(1)
-    assert torch.equal(policy._observe(batch, None).proprio, expected)
+    assert torch.equal(policy.observe(batch).proprio, expected)
 
 
 def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
@@ -48,7 +48,7 @@ def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
     batch["observation.state"] = torch.zeros(1, 16)
     batch["observation.state"][0, 7] = 1.0
     batch["observation.gripper_fingers"] = torch.tensor([[0.04, 0.03, 0.01, 0.0]])
-    proprio = policy._observe(batch, None).proprio.view(2, 4)
+    proprio = policy.observe(batch).proprio.view(2, 4)
     torch.testing.assert_close(proprio[:, :3], torch.tensor([[1.0, 1.0, 0.75], [0.0, 0.25, 0.0]]))
 
 
@@ -70,7 +70,7 @@ def test_training_without_labels_is_refused(tiny, make_batch):
 def test_outer_autocast_does_not_touch_the_geometry(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny))
     batch = make_batch()
-    expected = policy._observe(batch, None).points
+    expected = policy.observe(batch).points
     seen = []
     policy.predict = lambda observation, target: (
         seen.append(observation) or PerAct2Policy.predict(policy, observation, target)

@@ -61,7 +61,7 @@ def test_in_training_the_follower_is_told_the_label_of_the_leader(policy, leader
 
 def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, leader, make_batch):
     seen, batch = spy(policy), make_batch(samples=4)
-    best = policy.predict(policy._observe(batch, None), None).best()
+    best = policy.predict(policy.observe(batch), None).best()
     torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, best, leader))
     assert torch.equal(policy.select_action(batch), policy.codec.decode(best))
 
@@ -80,7 +80,7 @@ def test_predictions_come_left_arm_first(policy, leader, make_batch):
     network, outputs = parts(policy), {}
     network.leader.register_forward_hook(lambda _, inputs, output: outputs.update({leader: output}))
     network.follower.register_forward_hook(lambda _, inputs, output: outputs.update({leader.other: output}))
-    prediction = policy.predict(policy._observe(make_batch(), None), None)
+    prediction = policy.predict(policy.observe(make_batch()), None)
     for arm in ARMS:
         one = slice(arm.ordinal, arm.ordinal + 1)
         assert torch.equal(prediction.rotation[:, one], outputs[arm].rotation)
@@ -92,7 +92,7 @@ def test_predictions_come_left_arm_first(policy, leader, make_batch):
 def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leader, make_batch):
     policy.eval()
     batch = make_batch()
-    observation, bins = policy._observe(batch, None), policy._target(batch[NEXT_KEYPOSE])
+    observation, bins = policy.observe(batch), policy.target_bins(batch[NEXT_KEYPOSE])
 
     def turned(arm) -> DiscreteKeypose:
         rotation = bins.rotation.clone()
@@ -108,8 +108,8 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
 
 def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch):
     batch = make_batch()
-    target = policy._target(batch[NEXT_KEYPOSE])
-    prediction = policy.predict(policy._observe(batch, None), target)
+    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    prediction = policy.predict(policy.observe(batch), target)
     follower = leader.other.ordinal
     loss = prediction.translation.cross_entropy(target.voxel)[:, follower].sum()
     (loss + prediction.rotation[:, follower].logsumexp(-1).sum()).backward()
@@ -135,13 +135,13 @@ def test_what_the_follower_is_told_moves_with_the_augmented_scene(make_leader_fo
 def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch):
     policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny, translation_head="factorised")).eval()
     batch = make_batch()
-    target = policy._target(batch[NEXT_KEYPOSE])
-    before = policy.predict(policy._observe(batch, None), target)
+    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    before = policy.predict(policy.observe(batch), target)
     batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
     other = DiscreteKeypose(
         *(torch.stack([value[:, 0], value[:, 1].flip(0)], dim=1) for value in vars(target).values())
     )
-    after = policy.predict(policy._observe(batch, None), other)
+    after = policy.predict(policy.observe(batch), other)
     assert torch.equal(after.rotation[:, 0], before.rotation[:, 0])
     assert not torch.allclose(after.rotation[:, 1], before.rotation[:, 1])
     assert torch.equal(
@@ -156,7 +156,7 @@ def test_one_arm_networks_equal_the_written_out_formulation(tiny, make_batch, sa
     batch = make_batch(samples=samples)
     seen = []
     policy.network.register_forward_pre_hook(lambda _, inputs: seen.append(inputs))
-    prediction = policy.predict(policy._observe(batch, None), None)
+    prediction = policy.predict(policy.observe(batch), None)
     grid, proprio, language, _ = seen[0]
     for arm, network in zip(ARMS, policy.network.arms, strict=True):
         own = proprio[:, 4 * arm.ordinal : 4 * arm.ordinal + 4]

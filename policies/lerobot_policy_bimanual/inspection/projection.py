@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Viewpoint:
+class ViewDirection:
     """A direction to look from. The robots stand at low x and look along +x, the left one at high y.
 
     Attributes:
@@ -32,40 +32,40 @@ class Viewpoint:
         return np.stack([right, np.cross(towards, right), towards])
 
 
-VIEWPOINTS = (
-    Viewpoint("over the robots' shoulders", 205, 35),
-    Viewpoint("facing the robots", 25, 20),
-    Viewpoint("from above, robots at the bottom", 180, 90),
+VIEW_DIRECTIONS = (
+    ViewDirection("over the robots' shoulders", 205, 35),
+    ViewDirection("facing the robots", 25, 20),
+    ViewDirection("from above, robots at the bottom", 180, 90),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A viewpoint with a scale.
+    """A direction with a scale.
 
     Attributes:
-        viewpoint: the direction.
+        direction: the direction.
         pixels_per_m: scale.
         origin_px: (2,) column and row of the world's origin.
     """
 
-    viewpoint: Viewpoint
+    direction: ViewDirection
     pixels_per_m: float
     origin_px: Array
 
     @classmethod
-    def fit(cls, viewpoint: Viewpoint, points_m: ArrayLike, width: int, height: int) -> "Frame":
+    def fit(cls, direction: ViewDirection, points_m: ArrayLike, width: int, height: int) -> "Frame":
         """The frame in which points (n, 3) fill a picture."""
-        places = np.asarray(points_m) @ viewpoint.axes[:2].T * [1, -1]
+        places = np.asarray(points_m) @ direction.axes[:2].T * [1, -1]
         low, high = places.min(axis=0), places.max(axis=0)
         pixels_per_m = float((np.array([width, height]) / (high - low)).min())
-        return cls(viewpoint, pixels_per_m, np.array([width, height]) / 2 - pixels_per_m * (low + high) / 2)
+        return cls(direction, pixels_per_m, np.array([width, height]) / 2 - pixels_per_m * (low + high) / 2)
 
     def project(self, points_m: ArrayLike) -> Array:
         """Pixels (..., 2), column and row, of world points (..., 3)."""
-        places = np.asarray(points_m) @ self.viewpoint.axes[:2].T * [1, -1]
+        places = np.asarray(points_m) @ self.direction.axes[:2].T * [1, -1]
         return self.origin_px + self.pixels_per_m * places
 
     def nearness(self, points_m: ArrayLike) -> Array:
         """How far (...) points (..., 3) stand towards the viewer, in metres."""
-        return np.asarray(points_m) @ self.viewpoint.axes[2]
+        return np.asarray(points_m) @ self.direction.axes[2]

@@ -10,7 +10,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels
-from lerobot_policy_bimanual.inspection.projection import Frame, Viewpoint
+from lerobot_policy_bimanual.inspection.projection import Frame, ViewDirection
 
 PAPER = (255, 255, 255)
 INK = (32, 34, 40)
@@ -39,7 +39,7 @@ OPEN_M, CLOSED_M = 0.04, 0.01
 """Half the distance of the fingers in the drawing of a hand."""
 
 
-def draw_scene(inspection: Inspection, viewpoint: Viewpoint, width: int, height: int) -> Image.Image:
+def draw_scene(inspection: Inspection, direction: ViewDirection, width: int, height: int) -> Image.Image:
     """One view of an inspection.
 
     Nothing hides the heat maps and the hands. A voxel is the more opaque the more probable it is; predicted hands
@@ -47,7 +47,7 @@ def draw_scene(inspection: Inspection, viewpoint: Viewpoint, width: int, height:
     """
     size = (OVERSAMPLING * width, OVERSAMPLING * height)
     hands = [keypose.pose.position for arm in inspection.arms for keypose in (arm.predicted, arm.true)]
-    frame = Frame.fit(viewpoint, [*inspection.scene.center_m, *hands], *size)
+    frame = Frame.fit(direction, [*inspection.scene.center_m, *hands], *size)
     picture = Image.new("RGB", size, PAPER)
     _draw_scene(ImageDraw.Draw(picture), frame, inspection.scene, inspection.rgb)
     for arm in inspection.arms:
@@ -95,7 +95,7 @@ def _faces(frame: Frame, voxels: Voxels) -> Iterator[tuple[int, int, NDArray[np.
     Yields:
         Axis and sign of the normal, and the corners (n, 4, 2) in pixels of that face of every cube.
     """
-    for axis, towards in enumerate(frame.viewpoint.axes[2]):
+    for axis, towards in enumerate(frame.direction.axes[2]):
         if abs(towards) < 1e-6:
             continue
         side = 1 if towards > 0 else -1

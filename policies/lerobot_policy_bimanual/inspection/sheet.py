@@ -6,7 +6,7 @@ from PIL import Image, ImageDraw, ImageFont
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_euler_xyz
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection
-from lerobot_policy_bimanual.inspection.projection import VIEWPOINTS
+from lerobot_policy_bimanual.inspection.projection import VIEW_DIRECTIONS
 from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, AXIS_COLORS, INK, PAPER, draw_scene
 
 Color = tuple[int, int, int]
@@ -38,17 +38,17 @@ def draw_sheet(inspection: Inspection, origin: str) -> Image.Image:
         inspection: what to draw.
         origin: which policy and which sample, for the line below the title.
     """
-    width = GAP + len(VIEWPOINTS) * (VIEW_WIDTH + GAP)
+    width = GAP + len(VIEW_DIRECTIONS) * (VIEW_WIDTH + GAP)
     cards_top = HEADER_HEIGHT + LABEL_HEIGHT + VIEW_HEIGHT + GAP
     sheet = Image.new("RGB", (width, cards_top + CARD_HEIGHT + LEGEND_HEIGHT + GAP), PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((GAP, GAP), f"“{inspection.instruction}”", fill=INK, font=_font(TITLE_SIZE))
     subtitle = f"keypose step {inspection.keypose_step}   ·   {origin}"
     draw.text((GAP, GAP + TITLE_SIZE + 16), subtitle, fill=GREY, font=_font(TEXT_SIZE))
-    for column, viewpoint in enumerate(VIEWPOINTS):
+    for column, direction in enumerate(VIEW_DIRECTIONS):
         left = GAP + column * (VIEW_WIDTH + GAP)
-        draw.text((left, HEADER_HEIGHT), viewpoint.name, fill=GREY, font=_font(SMALL_SIZE))
-        view = draw_scene(inspection, viewpoint, VIEW_WIDTH, VIEW_HEIGHT)
+        draw.text((left, HEADER_HEIGHT), direction.name, fill=GREY, font=_font(SMALL_SIZE))
+        view = draw_scene(inspection, direction, VIEW_WIDTH, VIEW_HEIGHT)
         sheet.paste(view, (left, HEADER_HEIGHT + LABEL_HEIGHT))
     card_width = (width - 3 * GAP) // 2
     for arm in inspection.arms:

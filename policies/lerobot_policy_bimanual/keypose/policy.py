@@ -114,8 +114,8 @@ class KeyposePolicy(PreTrainedPolicy):
             if self.training and self.config.augmentation:
                 motion = self.augmentation.sample(keyposes)
                 keyposes = move_keyposes(motion, keyposes)
-            observation = self._observe(batch, motion)
-            target = self._target(keyposes)
+            observation = self.observe(batch, motion)
+            target = self.target_bins(keyposes)
             offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
         prediction = self._predict(observation, target)
         with self._full_precision(keyposes):
@@ -146,12 +146,17 @@ class KeyposePolicy(PreTrainedPolicy):
         self.eval()
         any_tensor = next(self.parameters())
         with self._full_precision(any_tensor):
-            observation = self._observe(batch, None)
+            observation = self.observe(batch)
         prediction = self._predict(observation, None)
         with self._full_precision(any_tensor):
             return observation, prediction, self._decode(prediction)
 
-    def _observe(self, batch: dict[str, Any], motion: Tensor | None) -> Observation:
+    def observe(self, batch: dict[str, Any], motion: Tensor | None = None) -> Observation:
+        """What is seen in a batch, moved by (b, 4, 4) world-frame motions if there are any.
+
+        Raises:
+            SchemaMismatch: Depth is not in millimetres.
+        """
         if not self._depth_checked:  # once is enough, and it makes the host wait for the device
             check_depth_unit(batch, self.config.cameras)
             self._depth_checked = True
@@ -159,7 +164,7 @@ class KeyposePolicy(PreTrainedPolicy):
             batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
 
-    def _target(self, keyposes: Tensor) -> DiscreteKeypose:
+    def target_bins(self, keyposes: Tensor) -> DiscreteKeypose:
         """Bins of the labels; positions outside the workspace count as its nearest voxel."""
         bins = self.codec.encode(keyposes)
         return DiscreteKeypose(
