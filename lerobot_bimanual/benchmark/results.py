@@ -23,6 +23,9 @@ RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a row does without them."""
 
+NUMBERS = ("steps", "batch_size", "save_freq", "seed")
+"""Training flags that every row has."""
+
 RATES = "rates"
 """Key of the success rates in the file; they follow from the episodes and are there for readers."""
 
@@ -153,8 +156,13 @@ class ResultRow:
             ("date", re.fullmatch(r"\d{4}-\d\d-\d\d", self.date), "must be a day, YYYY-MM-DD"),
             ("episodes", seeds and len(set(seeds)) == len(seeds), "must not be empty nor repeat a seed"),
             (
+                "flags",
+                all(self.flags.get(name, "").isdecimal() for name in NUMBERS),
+                f"must hold the numbers {', '.join(NUMBERS)}",
+            ),
+            (
                 "checkpoint_step",
-                self.checkpoint_step in self._candidates,
+                str(self.checkpoint_step) in self._candidates,
                 "must be among the validated steps, or the last one if none was validated",
             ),
         ):
@@ -162,9 +170,8 @@ class ResultRow:
                 raise ValueError(f"field {name!r} is {getattr(self, name)!r}, but {rule}")
 
     @property
-    def _candidates(self) -> set[int]:
-        steps = {validation.step for validation in self.validation}
-        return steps or {int(self.flags.get("steps", "0"))}
+    def _candidates(self) -> set[str | None]:
+        return {str(validation.step) for validation in self.validation} or {self.flags.get("steps")}
 
     @property
     def rates(self) -> dict[str, SuccessRate]:

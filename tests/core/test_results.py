@@ -94,6 +94,7 @@ def test_the_file_shows_success_rates_to_readers():
         (["policy"], None, r"result\.policy"),
         (["recipe"], [], r"result\.recipe"),
         (["flags"], {"steps": 4}, r"result\.flags\.steps"),
+        (["flags"], {"steps": "4"}, "'flags'.*must hold the numbers steps, batch_size, save_freq, seed"),
         (["dataset"], "here", r"result\.dataset"),
         (["dataset", "command"], 1, r"result\.dataset\.command"),
         (["dataset", "seeds"], [0, 1.5], r"result\.dataset\.seeds\[1\]"),
