@@ -5,6 +5,7 @@ file names a folder of links to that environment's packages, leaving out ours, s
 can only come from the wheels.
 """
 
+import json
 import subprocess
 import sys
 import sysconfig
@@ -100,3 +101,95 @@ def test_the_wheels_start_an_episode_without_network(clean_python: Path) -> None
     )
     child = run_clean(clean_python, "-c", NO_NETWORK + program)
     assert child.returncode == 0, child.stderr
+
+
+# -- a task in a distribution of somebody else's ------------------------------------------------------------
+
+TASK_PACKAGE = ROOT / "examples/04_add_a_task"
+
+
+@pytest.fixture(scope="module")
+def python_with_a_task(clean_python: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The clean interpreter, with the wheel of one more task installed."""
+    out = tmp_path_factory.mktemp("task")
+    command = [
+        sys.executable,
+        "-m",
+        "build",
+        "--no-isolation",
+        "--wheel",
+        "--outdir",
+        str(out),
+        str(TASK_PACKAGE),
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    (wheel,) = out.glob("*.whl")
+    packages = sysconfig.get_path(
+        "purelib", vars=dict.fromkeys(("base", "platbase"), str(clean_python.parents[1]))
+    )
+    zipfile.ZipFile(wheel).extractall(packages)
+    return clean_python
+
+
+def succeed(python: Path, *words: str) -> str:
+    child = run_clean(python, *words)
+    assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
+    return child.stdout
+
+
+def test_an_installed_task_is_listed_certified_and_generated(
+    python_with_a_task: Path, tmp_path: Path
+) -> None:
+    verbs = ("-m", "lerobot_bimanual.cli")
+    rows = json.loads(succeed(python_with_a_task, *verbs, "tasks", "--task=prehensile", "--format=json"))
+    assert "raise_block" in {row["name"] for row in rows}
+    certificate = tmp_path / "certificate.json"
+    flags = ("--task=raise_block", "--workers=1")
+    succeed(python_with_a_task, *verbs, "certify", *flags, "--seeds=0:3", f"--output={certificate}")
+    assert list(json.loads(certificate.read_text())["worlds"]) == ["raise_block"]
+    rounded = ("--seeds=0:3", "--discretise=100")
+    succeed(python_with_a_task, *verbs, "certify", *flags, *rounded)
+    root = tmp_path / "dataset"
+    size = ("--episodes=2", "--view=keyframes", "--image_size=32")
+    succeed(python_with_a_task, *verbs, "generate", *flags, *size, f"--root={root}")
+    succeed(python_with_a_task, *verbs, "verify", f"--root={root}", "--render=1", "--workers=1")
+
+
+def test_an_installed_task_has_a_gymnasium_id(python_with_a_task: Path) -> None:
+    program = (
+        "import gymnasium as gym, lerobot_env_bimanual\n"
+        "env = gym.make('bimanual/RaiseBlock-v0', obs='state')\n"
+        "assert not env.reset(seed=0)[1]['is_success']\n"
+    )
+    succeed(python_with_a_task, "-c", NO_NETWORK + program)
+
+
+def test_stock_evaluation_plays_an_installed_task_in_worker_processes(
+    python_with_a_task: Path, tmp_path: Path
+) -> None:
+    checkpoint = ROOT / "results/checkpoints/handover_item_easy"
+    flags = (
+        f"--policy.path={checkpoint}",
+        "--policy.device=cpu",
+        "--env.type=bimanual",
+        "--env.task=raise_block",
+        "--env.image_size=128",
+        "--env.max_keyposes=2",
+        "--eval.n_episodes=2",
+        "--eval.batch_size=2",
+        "--eval.use_async_envs=true",
+        f"--output_dir={tmp_path}",
+    )
+    succeed(python_with_a_task, "-m", "lerobot.scripts.lerobot_eval", *flags)
+    evaluated = json.loads((tmp_path / "eval_info.json").read_text())
+    assert [task["task_group"] for task in evaluated["per_task"]] == ["raise_block"]
+
+
+def test_a_module_that_does_not_register_its_task_is_named(python_with_a_task: Path, tmp_path: Path) -> None:
+    program = (
+        "import lerobot_env_bimanual.tasks.registry as registry\n"
+        "registry.task_modules = lambda: {'juggle': 'json'}\n"
+        "registry.list_tasks()\n"
+    )
+    child = run_clean(python_with_a_task, "-c", program)
+    assert "BimanualError: module 'json' registers no task called 'juggle'" in child.stderr
