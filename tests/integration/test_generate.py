@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
-from lerobot_bimanual.flags import parse_flags
 
+from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset

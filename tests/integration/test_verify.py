@@ -356,7 +356,7 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
         "lerobot_env_bimanual.generation.process_executor.ProcessExecutor",
         lambda count: workers.append(count) or records_here(),
     )
-    monkeypatch.setattr("lerobot_bimanual.push.push", lambda _: pytest.fail("it must not be pushed"))
+    monkeypatch.setattr("lerobot_bimanual.commands.push.push", lambda _: pytest.fail("it must not be pushed"))
     strangers = (
         "lerobot-bimanual generate --task=push_box --episodes=99 --push_to_hub --repo_id=some/body --executor=ray "
         "--config_path=/etc/x.yaml --root=/"
