@@ -167,6 +167,13 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         "but must list",
     ),
     "an option that the step lacks": (step(config={"rename_map": {}, "shell": True}), "no option 'shell'"),
+    "an option of another type": (step(config={"rename_map": {"a": 1}}), "rename_map"),
+    "another normalisation": (
+        edit(PREPROCESSOR, lambda value: value["steps"][3]["config"]["norm_map"].update(VISUAL="MEAN_STD")),
+        "norm_map",
+    ),
+    "a number beyond all": (config(optimizer_lr=10**400), "too large|optimizer_lr"),
+    "heads beyond all": (config(heads=10**400), "heads"),
     "options that are no object": (step(config=[]), "are no object"),
     "a key that no step has": (step(args=["sh"]), "unknown key 'args'"),
     "a state file outside": (step(state_file="../secret.safetensors"), "not a file of the same folder"),

@@ -38,7 +38,15 @@ def read_config(folder: Path) -> PreTrainedConfig:
         config = draccus.decode(config_class, values)
     except BimanualError as error:
         raise CheckpointError(f"{file}: {error}") from error
-    except (DraccusException, ValueError, TypeError, AttributeError, KeyError, RecursionError) as error:
+    except (
+        DraccusException,
+        ValueError,
+        TypeError,
+        AttributeError,
+        KeyError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise CheckpointError(f"{file}: {_in_one_line(error)}") from error
     understood = draccus.encode(config, PreTrainedConfig)
     lerobots = _package(config_class) == "lerobot"

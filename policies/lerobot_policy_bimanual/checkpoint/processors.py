@@ -5,7 +5,7 @@ name here, and nothing else.
 """
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,6 +18,15 @@ from lerobot_policy_bimanual.keypose.weights import check_weights
 
 PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.json"
 STEP_KEYS = {"registry_name", "config", "state_file"}
+
+OF_THE_TRAINING: dict[str, Callable[[Any], bool]] = {
+    "device": lambda value: isinstance(value, str),
+    "features": lambda value: isinstance(value, dict),
+    "rename_map": lambda value: (
+        isinstance(value, dict) and all(isinstance(new, str) for new in value.values())
+    ),
+}
+"""Options that differ from one training to the next, and what they must be."""
 
 
 def check_processors(
@@ -59,8 +68,7 @@ def _check_file(file: Path, allowed: Sequence[dict[str, Any]] | None) -> list[st
         if names != wanted:
             raise CheckpointError(f"{file} lists the steps {names}, but must list {wanted}")
         for step, own in zip(steps, allowed, strict=True):
-            if unknown := step.get("config", {}).keys() - own.get("config", {}).keys():
-                raise CheckpointError(f"{file}: {step['registry_name']} has no option {min(unknown)!r}")
+            _check_options(step, own.get("config", {}), file)
     return names
 
 
@@ -79,6 +87,16 @@ def _check_step(step: dict[str, Any], file: Path) -> None:
         raise CheckpointError(f"{file}: the options of the step {name!r} are no object")
     if "state_file" in step:
         _check_state_file(step["state_file"], file)
+
+
+def _check_options(step: dict[str, Any], own: dict[str, Any], file: Path) -> None:
+    """Options are those of our own step, but for where it runs and what things are called."""
+    for option, value in step.get("config", {}).items():
+        if option not in own:
+            raise CheckpointError(f"{file}: {step['registry_name']} has no option {option!r}")
+        holds = OF_THE_TRAINING[option](value) if option in OF_THE_TRAINING else value == own[option]
+        if not holds:
+            raise CheckpointError(f"{file}: {step['registry_name']} has the option {option}={value!r}")
 
 
 def _check_state_file(name: Any, file: Path) -> None:

@@ -3,7 +3,6 @@
 The ranges are wide. They keep out what cannot work, and what would fill a machine before anyone sees why.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import field, fields
 from numbers import Integral, Real
@@ -103,12 +102,7 @@ def _field(default: Any, holds: Callable[[Any], bool], allowed: str) -> Any:
 
 
 def _is_number(value: Any, kind: type, low: float, high: float) -> bool:
-    return (
-        isinstance(value, kind)
-        and not isinstance(value, bool)
-        and math.isfinite(value)
-        and low <= value <= high
-    )
+    return isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high
 
 
 def _is_list(values: Any, most: int) -> bool:
