@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.arms import JOINTS_PER_ARM
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
 
 STILL_RAD = 5e-5
 """Change of a commanded joint per frame below which it rests: 0.001 rad/s at 20 Hz."""
@@ -31,7 +32,7 @@ def discover_keyframes(actions: ArrayLike) -> list[int]:
     Returns:
         Rising frame indices in [1, T).
     """
-    arms = np.asarray(actions, dtype=np.float64).reshape(-1, len(ARMS), JOINTS_PER_ARM + 1)
+    arms = by_arm(np.asarray(actions, dtype=np.float64).reshape(-1, JOINT_ACTION_DIM))
     frames = len(arms)
     if frames < 2:
         return []

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.joint_action import by_arm
 
 
 def rows_of_view(episode: Episode, view: View, intermediate: Sequence[float] = ()) -> list[int]:
@@ -61,6 +62,6 @@ def _motion_ticks(episode: Episode, start: int, end: int) -> int:
     steps = episode.steps
     before = steps[start - 1].action if start else steps[0].observation[schema.STATE]
     targets = np.array([before, *(step.action for step in steps[start:end])])
-    joints = targets.reshape(len(targets), len(ARMS), JOINTS_PER_ARM + 1)[..., :JOINTS_PER_ARM]
+    joints = by_arm(targets)[..., :JOINTS_PER_ARM]
     moving = np.flatnonzero((np.diff(joints, axis=0) != 0).any(axis=(1, 2)))
     return int(moving[-1]) + 1 if len(moving) else 0

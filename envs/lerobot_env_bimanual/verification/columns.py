@@ -13,6 +13,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import EpisodeKey
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
+from lerobot_bimanual.joint_action import by_arm
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.verification.fault import Fault, first_of
@@ -119,7 +120,7 @@ def _hand_poses(episode: RecordedEpisode) -> NDArray[np.float64]:
 
 def _misses(action: NDArray[np.float32], keypose: NDArray[np.float32]) -> bool:
     """Whether joint targets (16,) put a hand elsewhere than a keypose (18,), or leave a gripper otherwise."""
-    targets = action.astype(np.float64).reshape(len(ARMS), JOINTS_PER_ARM + 1)
+    targets = by_arm(action.astype(np.float64))
     for arm, target, goal in zip(
         ARMS, targets, keypose.astype(np.float64).reshape(-1, ARM_KEYPOSE_DIM), strict=True
     ):
