@@ -48,7 +48,7 @@ def test_links_lead_to_files(document: Path) -> None:
 
 def test_the_readme_names_every_verb_and_no_other() -> None:
     rows = re.findall(
-        r"^\| `([a-z]+)` \|", (ROOT / "README.md").read_text().partition("## Command line")[2], re.M
+        r"^\| `([a-z-]+)` \|", (ROOT / "README.md").read_text().partition("## Command line")[2], re.M
     )
     assert sorted(rows) == list(cli.find_verbs())
 
