@@ -18,8 +18,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.json_file import read_json
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import read_json
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.benchmark.json_file import parse_json, read_json
 from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.statistics import SuccessRate
 
 SCHEMA_VERSION = 2

@@ -9,10 +9,12 @@ from lerobot.configs import PreTrainedConfig
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
 from lerobot_bimanual.errors import BimanualError
-from lerobot_policy_bimanual.checkpoint.json_file import read_object
+from lerobot_bimanual.json_file import read_json
 from lerobot_policy_bimanual.errors import CheckpointError
 
 CONFIG_FILE = "config.json"
+MOST_BYTES = 2**24
+"""Larger than any config."""
 KNOWN_PACKAGES = ("lerobot", "lerobot_policy_bimanual")
 
 OF_THE_MACHINE = ("device", "use_amp")
@@ -58,6 +60,23 @@ def read_config(folder: Path) -> PreTrainedConfig:
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
     return config
+
+
+def read_object(file: Path) -> dict[str, Any]:
+    """The object in a JSON file of a checkpoint.
+
+    Raises:
+        CheckpointError: It is missing, no JSON, or holds something else.
+    """
+    if not file.is_file():
+        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
+    try:
+        value = read_json(file, MOST_BYTES)
+    except BimanualError as error:
+        raise CheckpointError(str(error)) from error
+    if not isinstance(value, dict):
+        raise CheckpointError(f"{file} holds a {type(value).__name__}, but must hold an object")
+    return value
 
 
 def _class_of(name: Any, file: Path) -> type[PreTrainedConfig]:

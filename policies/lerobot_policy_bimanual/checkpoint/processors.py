@@ -12,7 +12,7 @@ from typing import Any
 from lerobot.configs import PreTrainedConfig
 from lerobot.processor import ProcessorStepRegistry
 
-from lerobot_policy_bimanual.checkpoint.json_file import read_object
+from lerobot_policy_bimanual.checkpoint.config_file import read_object
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.weights import check_weights
 
