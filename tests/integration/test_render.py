@@ -11,11 +11,11 @@ from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands import render as verb
 from lerobot_env_bimanual.commands.render import RenderConfig, render
 from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
-from lerobot_env_bimanual.pictures.shooting import CLEAREST, shoot
+from lerobot_env_bimanual.pictures.shooting import CLEAREST
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.workers import WorkerPool
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def small(tmp_path: Path) -> Callable[..., RenderConfig]:
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "_shoot_all", lambda orders, _: list(map(shoot, orders)))
+    monkeypatch.setattr(WorkerPool, "map", lambda _, function, items, *__: map(function, items))
 
 
 @pytest.mark.sim

@@ -58,8 +58,8 @@ class Order:
         """The task's environment, not yet compiled; raises `BimanualError` if an option is outside its choices."""
         return BimanualEnv(
             self.task,
-            self.variation,
-            self.split,
+            variation=self.variation,
+            split=self.split,
             image_size=self.size,
             obs="state",
             control_mode="keypose",
