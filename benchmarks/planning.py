@@ -16,10 +16,12 @@ from rich.console import Console
 from rich.table import Table
 
 from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
@@ -95,10 +97,10 @@ def best_posture(kinematics: ArmKinematics, start: np.ndarray, pose: Pose) -> np
     return next(iter(goal_postures(kinematics, start, pose.matrix)), None)
 
 
-def rehearse_both(scene: Scene, task: Task, variation: Variation) -> bool | None:
+def rehearse_both(rehearsal: Rehearsal, task: Task, variation: Variation) -> bool | None:
     """The check of a placement: the script with exact and with rounded keyposes."""
-    objection = task.rehearsal(scene).objection(lambda view: task.script(view, variation))
-    return True if objection is None else None
+    reason = rehearsal.infeasibility(lambda view: task.script(view, variation))
+    return True if reason is None else None
 
 
 def measure_kinematics(problems: int, watches: dict[str, Stopwatch]) -> None:
@@ -142,12 +144,13 @@ def measure_rehearsals(draws: int, watches: dict[str, Stopwatch]) -> None:
     for name in list_tasks():
         task = get_task(name)
         scene = Scene(task.spec.props)
+        rehearsal = Rehearsal(scene, codecs=(None, KeyposeCodec()))
         rng = np.random.default_rng(2)
         for draw in range(draws):
             scene.reset()
             variation = task.spec.variations[draw % len(task.spec.variations)]
             if task.place(scene, variation, rng):
-                watches["rehearsal of a placement"].time(rehearse_both, scene, task, variation)
+                watches["rehearsal of a placement"].time(rehearse_both, rehearsal, task, variation)
 
 
 def main() -> None:

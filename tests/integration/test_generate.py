@@ -1,6 +1,5 @@
 """Generated datasets are complete, reproducible, true to the environment, and survive crashes."""
 
-import contextlib
 import json
 import os
 import re
@@ -16,7 +15,7 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, make_dataset, settings_of
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
@@ -318,55 +317,3 @@ def test_skipped_seeds_are_listed_with_their_reason(
     assert "out of time" in skipped.reason
     assert "lifted" in skipped.reason
     assert skipped.reason in capsys.readouterr().out
-
-
-# -- options ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"task": "wash_dishes"},
-        {"task": "lift_ball,wash_dishes"},
-        {"variation": "9"},
-        {"cameras": ("rear",)},
-        {"image_size": "0"},
-        {"episodes": 0},
-        {"episodes_per_shard": 0},
-        {"first_seed": -1},
-        {"discretise": -1},
-        {"intermediate": ("1.5",)},
-        {"intermediate": ("half",)},
-        {"view": "all"},
-        {"split": "exam"},
-        {"repo_id": "../../elsewhere"},
-    ],
-)
-def test_wrong_options_are_refused_before_anything_is_made(tmp_path, small_generation, change) -> None:
-    with pytest.raises(BimanualError):
-        generate(small_generation(tmp_path / "never", **change))
-    assert not list(tmp_path.iterdir())
-
-
-STRANGE = (None, True, -1, 0.5, "", "7", [], ["front"], [7], ["lift_ball", "lift_ball"], {}, {"any": 1}, [[]])
-
-
-@pytest.mark.parametrize("option", GenerationSettings.__dataclass_fields__)
-def test_settings_of_a_strange_file_are_read_or_refused_with_one_clear_error(
-    generated, small_generation, option
-) -> None:
-    settings = settings_of(small_generation(generated))
-    content = json.loads(json.dumps(settings.to_dict()))
-    assert GenerationSettings.from_dict(content) == settings
-    for value in STRANGE:
-        with contextlib.suppress(BimanualError):
-            read = GenerationSettings.from_dict(content | {option: value})
-            assert json.loads(json.dumps(read.to_dict())) == content | {option: value}
-    with pytest.raises(DatasetError, match=f"missing or unknown: {option}"):
-        GenerationSettings.from_dict({name: content[name] for name in content if name != option})
-
-
-@pytest.mark.parametrize("content", [None, [], "any", {"colour": "red"}])
-def test_what_holds_no_settings_is_refused(content) -> None:
-    with pytest.raises(DatasetError, match="settings of a dataset"):
-        GenerationSettings.from_dict(content)

@@ -95,4 +95,4 @@ def _orders(config: RenderConfig) -> list[Order]:
 def _write_gallery(shots: Sequence[Shot], path: Path) -> None:
     from lerobot_env_bimanual.pictures.layout import Panel, gallery
 
-    gallery([Panel(shot.telling, shot.outcome.task) for shot in shots]).save(path, quality=85)
+    gallery([Panel(shot.thumbnail, shot.outcome.task) for shot in shots]).save(path, quality=85)

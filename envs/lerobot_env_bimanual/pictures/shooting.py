@@ -24,7 +24,7 @@ from lerobot_env_bimanual.world.scene import TICK_S, SceneState
 from lerobot_env_bimanual.world.video import VideoWriter
 
 CLEAREST = "clearest"
-TELLING_MOMENT = 0.8
+THUMBNAIL_MOMENT = 0.8
 """Share of the episode that has passed in a task's one picture: the hands are on the things, the end is in sight."""
 
 
@@ -78,11 +78,11 @@ class Shot:
 
     Attributes:
         outcome: of the episode.
-        telling: (height, width, 3) uint8, a close-up that shows what the task is about.
+        thumbnail: (height, width, 3) uint8, a close-up that shows what the task is about.
     """
 
     outcome: Outcome
-    telling: NDArray[np.uint8]
+    thumbnail: NDArray[np.uint8]
 
 
 def shoot(order: Order) -> Shot:
@@ -126,9 +126,9 @@ def _shoot(order: Order) -> Shot:
         contact_sheet(order.task, (env.task_description, _imprint(outcome, camera)), panels).save(order.sheet)
         if order.film:
             _film(order, map(image, range(len(states))))
-        telling = close_up(env.scene, camera, image(round(TELLING_MOMENT * outcome.ticks)))
+        thumbnail = close_up(env.scene, camera, image(round(THUMBNAIL_MOMENT * outcome.ticks)))
     env.close()
-    return Shot(outcome, telling)
+    return Shot(outcome, thumbnail)
 
 
 def _imprint(outcome: Outcome, camera: str) -> str:

@@ -1,0 +1,86 @@
+"""A dataset is made again from its provenance, and from nothing else that the file says."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
+
+pytestmark = pytest.mark.sim
+
+
+def rewrite(path: Path, change: Callable[[dict], object]) -> None:
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
+@pytest.fixture
+def provenance(generated, tmp_path) -> Path:
+    """The file that says where the small dataset comes from, alone."""
+    return Path(shutil.copyfile(generated / "frames" / PROVENANCE_FILE, tmp_path / "small.json"))
+
+
+@pytest.mark.slow
+def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_path, tree_hashes) -> None:
+    root = tmp_path / "small"
+    regenerate(RegenerateConfig(provenance=provenance, root=root, workers=2))
+    assert tree_hashes(root) == tree_hashes(generated)
+
+
+def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -> None:
+    rewrite(provenance, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
+    with pytest.raises(DatasetError, match=r"pip install mujoco==1\.2\.3`"):
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+    assert not (tmp_path / "never").exists()
+
+
+def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
+    """The settings ask for the small dataset; who records it is up to the user."""
+    workers = []
+    monkeypatch.setattr(
+        "lerobot_env_bimanual.generation.process_executor.ProcessExecutor",
+        lambda count: workers.append(count) or records_here(),
+    )
+    monkeypatch.setattr("lerobot_bimanual.commands.push.push", lambda _: pytest.fail("it must not be pushed"))
+    strangers = (
+        "lerobot-bimanual generate --task=push_box --episodes=99 --push_to_hub --repo_id=some/body --executor=ray "
+        "--config_path=/etc/x.yaml --root=/"
+    )
+    rewrite(provenance, lambda origin: origin.update(command=strangers))
+    rewrite(provenance, lambda origin: origin["settings"].update(views=["keyframes"], episodes=1))
+    rewrite(provenance, lambda origin: origin.update(episodes=origin["episodes"][:1]))
+    regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "again", workers=3))
+    assert workers == [3]
+    made = json.loads((tmp_path / "again" / PROVENANCE_FILE).read_text())
+    assert made["settings"] == json.loads(provenance.read_text())["settings"]
+    assert not any(word in made["command"] for word in ("push", "ray", "config_path"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tasks": ["no_such_task"]}, "unknown task 'no_such_task'"),
+        ({"episodes": -1}, "episodes is -1"),
+        ({"views": []}, "views is"),
+        ({"cameras": 7}, "cameras is 7"),
+        ({"command": "ls"}, "missing or unknown: command"),
+    ],
+)
+def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, message) -> None:
+    rewrite(provenance, lambda origin: origin["settings"].update(changes))
+    with pytest.raises(DatasetError, match=f"small.json: no dataset has these settings: .*{message}"):
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+    assert not (tmp_path / "never").exists()
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", "not json", '{"settings": 1, "versions": 2}'])
+def test_a_file_that_is_no_provenance_is_refused(tmp_path, text) -> None:
+    (tmp_path / "notes.json").write_text(text)
+    with pytest.raises(SchemaMismatch, match=r"notes\.json is not what schema version"):
+        regenerate(RegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never"))
