@@ -11,7 +11,7 @@ class Carried:
     """A free prop fixed to a hand at the relative pose that both have in `data` now.
 
     Raises:
-        ValueError: The prop is not free, such as a drawer; those do not move with a hand here.
+        ValueError: the prop is not free, such as a drawer; those do not move with a hand here.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, hand: str, prop: str):

@@ -103,7 +103,7 @@ class KeyposePlanner:
             rng: used only if a way around obstacles has to be searched.
 
         Raises:
-            KeyposeFailure: A target outside the workspace or out of reach, or no collision-free path.
+            KeyposeFailure: a target outside the workspace or out of reach, or no collision-free path.
         """
         commanded = by_arm(self._scene.commanded)
         motion = _Motion({arm: commanded[arm.ordinal, :-1].astype(np.float64) for arm in ARMS})

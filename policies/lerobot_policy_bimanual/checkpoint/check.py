@@ -51,7 +51,7 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
         folder: a folder `pretrained_model`.
 
     Raises:
-        CheckpointError: Something is missing, damaged, unknown or does not fit.
+        CheckpointError: something is missing, damaged, unknown or does not fit.
     """
     config = read_config(folder)
     if isinstance(config, KeyposePolicyConfig):

@@ -25,7 +25,7 @@ def read_config(folder: Path) -> PreTrainedConfig:
     """The config in a folder `pretrained_model`; nothing is built from it.
 
     Raises:
-        CheckpointError: There is none, its policy is not known, or a field is unknown, of another type or out of
+        CheckpointError: there is none, its policy is not known, or a field is unknown, of another type or out of
             its range.
     """
     file = folder / CONFIG_FILE
@@ -66,7 +66,7 @@ def read_object(file: Path) -> dict[str, Any]:
     """The object in a JSON file of a checkpoint.
 
     Raises:
-        CheckpointError: It is missing, no JSON, or holds something else.
+        CheckpointError: it is missing, no JSON, or holds something else.
     """
     if not file.is_file():
         raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")

@@ -43,7 +43,7 @@ def check_processors(
         The names of the steps by file.
 
     Raises:
-        CheckpointError: A file is missing or malformed, or lists another step, by class or from outside.
+        CheckpointError: a file is missing or malformed, or lists another step, by class or from outside.
     """
     return {
         name: _check_file(folder / name, None if allowed is None else allowed[name])

@@ -105,7 +105,7 @@ def look(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     """Run a policy on the first sample of a preprocessed batch with label.
 
     Raises:
-        SchemaMismatch: Depth is not in millimetres.
+        SchemaMismatch: depth is not in millimetres.
     """
     observation, prediction, chosen = policy.infer(batch)
     workspace, codec = policy.config.workspace, policy.codec

@@ -25,7 +25,7 @@ def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batc
     """The policy of a folder `pretrained_model`, and its preprocessor, on the device that there is.
 
     Raises:
-        CheckpointError: There is no checkpoint, it is damaged or not to be trusted, or its policy does not predict
+        CheckpointError: there is no checkpoint, it is damaged or not to be trusted, or its policy does not predict
             keyposes.
     """
     config = read_config(checkpoint)
@@ -54,8 +54,8 @@ def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
     """One row, counted over all episodes, as a batch of one.
 
     Raises:
-        DatasetError: There is no such row, or as in `open_dataset`.
-        SchemaMismatch: As in `open_dataset`.
+        DatasetError: there is no such row, or as in `open_dataset`.
+        SchemaMismatch: as in `open_dataset`.
     """
     opened = open_dataset(dataset, config)
     if not 0 <= index < len(opened):
@@ -71,8 +71,8 @@ def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
         config: config of the policy that is to read it.
 
     Raises:
-        DatasetError: There is no dataset.
-        SchemaMismatch: The dataset lacks the label, or an image that the policy reads.
+        DatasetError: there is no dataset.
+        SchemaMismatch: the dataset lacks the label, or an image that the policy reads.
     """
     root = find_view(dataset, ("keyframes", "frames"))
     info = read_info(root)

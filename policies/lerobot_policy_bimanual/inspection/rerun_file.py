@@ -14,7 +14,7 @@ def require_rerun() -> None:
     """Check that rerun is there before any work is done.
 
     Raises:
-        BimanualError: It is not.
+        BimanualError: it is not.
     """
     if importlib.util.find_spec("rerun") is None:
         raise BimanualError(

@@ -122,9 +122,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
         """Refuse values that no policy can work with.
 
         Raises:
-            BadConfig: A value is of another type or out of its range, or values do not fit together.
-            InvalidChoice: A word is none of the choices.
-            UnknownCamera: A camera does not exist.
+            BadConfig: a value is of another type or out of its range, or values do not fit together.
+            InvalidChoice: a word is none of the choices.
+            UnknownCamera: a camera does not exist.
         """
         super().__post_init__()
         check_fields(self)
@@ -178,7 +178,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         it with the environment's action, which is a joint action.
 
         Raises:
-            SchemaMismatch: If inputs are listed but some are missing.
+            SchemaMismatch: if inputs are listed but some are missing.
         """
         if not self.input_features:
             return
@@ -200,7 +200,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
             dataset_stats: LeRobot's statistics of the dataset; None where there is none.
 
         Raises:
-            BadConfig: There is neither a horizon nor a dataset that tells one.
+            BadConfig: there is neither a horizon nor a dataset that tells one.
         """
         if self.keypose_horizon is None:
             largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))

@@ -74,8 +74,8 @@ def check_fields(config: Any) -> None:
     """Check every field that was made here.
 
     Raises:
-        BadConfig: A value is of another type, or out of its range.
-        InvalidChoice: A word is none of the choices.
+        BadConfig: a value is of another type, or out of its range.
+        InvalidChoice: a word is none of the choices.
     """
     for each in fields(config):
         if check := each.metadata.get(CHECK):
@@ -86,7 +86,7 @@ def require_multiple(config: Any, name: str, divisor: int, why: str) -> None:
     """Check that a field is a multiple.
 
     Raises:
-        BadConfig: It is not.
+        BadConfig: it is not.
     """
     value = getattr(config, name)
     if value < divisor or value % divisor:

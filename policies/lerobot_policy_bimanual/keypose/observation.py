@@ -100,7 +100,7 @@ def check_depth_unit(batch: dict[str, Any], cameras: Sequence[str]) -> None:
     """Refuse depth that cannot be millimetres.
 
     Raises:
-        SchemaMismatch: If no pixel of a camera is farther than `PLAUSIBLE_DEPTH_MM`.
+        SchemaMismatch: if no pixel of a camera is farther than `PLAUSIBLE_DEPTH_MM`.
     """
     for camera in cameras:
         largest = float(batch[depth_key(camera)].max())

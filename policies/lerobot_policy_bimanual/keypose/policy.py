@@ -80,7 +80,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """Load the weights of a checkpoint, strictly on every way that LeRobot takes: by default it warns only.
 
         Raises:
-            CheckpointError: Some are missing, too many, of another shape or not finite.
+            CheckpointError: some are missing, too many, of another shape or not finite.
         """
         load_weights(model, Path(model_file))
         return model
@@ -102,7 +102,7 @@ class KeyposePolicy(PreTrainedPolicy):
             The loss, and its parts in nats with prediction errors per arm in cm and degrees.
 
         Raises:
-            SchemaMismatch: If the label is missing or depth is not in millimetres.
+            SchemaMismatch: if the label is missing or depth is not in millimetres.
         """
         if NEXT_KEYPOSE not in batch:
             raise SchemaMismatch(
@@ -155,7 +155,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """What is seen in a batch, moved by (b, 4, 4) world-frame motions if there are any.
 
         Raises:
-            SchemaMismatch: Depth is not in millimetres.
+            SchemaMismatch: depth is not in millimetres.
         """
         if not self._depth_checked:  # once is enough, and it makes the host wait for the device
             check_depth_unit(batch, self.config.cameras)

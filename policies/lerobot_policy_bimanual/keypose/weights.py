@@ -34,7 +34,7 @@ def load_weights(model: nn.Module, file: Path) -> None:
     """Give a model the weights of a file.
 
     Raises:
-        CheckpointError: As in `check_weights`; the model is unchanged then.
+        CheckpointError: as in `check_weights`; the model is unchanged then.
     """
     check_weights(file, model.state_dict())
     model.load_state_dict(load_file(file))
@@ -49,7 +49,7 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> W
             file tells which there are.
 
     Raises:
-        CheckpointError: The file is missing, truncated or of another format, its tensors are not those that are
+        CheckpointError: the file is missing, truncated or of another format, its tensors are not those that are
             expected, or numbers in it are not finite.
     """
     if not file.is_file():

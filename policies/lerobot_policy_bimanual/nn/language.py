@@ -65,8 +65,8 @@ class ClipLanguage(nn.Module):
         dim: expected width of the token features.
 
     Raises:
-        ImportError: If transformers is not installed.
-        ValueError: If the tower has another width or context length.
+        ImportError: if transformers is not installed.
+        ValueError: if the tower has another width or context length.
     """
 
     def __init__(self, source: str, *, tokens: int, dim: int):

@@ -53,7 +53,7 @@ class PerActConfig(KeyposePolicyConfig):
         """Refuse sizes that do not fit together, too.
 
         Raises:
-            BadConfig: As in the base, or they do not.
+            BadConfig: as in the base, or they do not.
         """
         super().__post_init__()
         if self.voxel_cells == 1 or (self.voxel_cells and self.translation_head == "dense"):

@@ -44,7 +44,7 @@ class RVTConfig(KeyposePolicyConfig):
         """Refuse sizes that do not fit together, too.
 
         Raises:
-            BadConfig: As in the base, or they do not.
+            BadConfig: as in the base, or they do not.
         """
         super().__post_init__()
         if self.patch % 2 == 0:

@@ -29,7 +29,7 @@ class ResidentDataset(Dataset):
         row_key: key of an item's number, different for datasets of one training.
 
     Raises:
-        DatasetError: It does not fit into memory.
+        DatasetError: it does not fit into memory.
     """
 
     def __init__(self, dataset: LeRobotDataset, device: torch.device, row_key: str = "row"):

@@ -73,7 +73,7 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     """The datasets that `lerobot-train` would make, in memory.
 
     Raises:
-        DatasetError: They are streamed, are transformed at random, do not fit into memory, or are for a reward model.
+        DatasetError: they are streamed, are transformed at random, do not fit into memory, or are for a reward model.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
