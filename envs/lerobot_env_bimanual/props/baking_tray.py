@@ -6,6 +6,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.tray_board import add_board
 
 ALUMINIUM = (0.86, 0.87, 0.90, 1.0)
 RIM = (0.74, 0.75, 0.79, 1.0)
@@ -53,11 +54,17 @@ class BakingTray:
         metal_kg = self.mass_kg * (1 - RIM_MASS_SHARE)
         handle_share = handle_x * handle_y / (handle_x * handle_y + board_half_x * y)
         board = (board_half_x, y, z)
-        self._add_solid(
-            body, (board_x, 0, 0), board, ALUMINIUM, metal_kg * (1 - handle_share), name=self.name
+        add_board(
+            body,
+            (board_x, 0, 0),
+            board,
+            ALUMINIUM,
+            metal_kg * (1 - handle_share),
+            self.friction,
+            name=self.name,
         )
         handle = (handle_x, handle_y, z)
-        self._add_solid(body, (handle_x - x, 0, 0), handle, ALUMINIUM, metal_kg * handle_share)
+        add_board(body, (handle_x - x, 0, 0), handle, ALUMINIUM, metal_kg * handle_share, self.friction)
         self._add_rim(body, board_x, board)
         self._add_biscuits(body, board_x, board)
 
@@ -69,20 +76,7 @@ class BakingTray:
                 ((board_x + side * (x - width), 0, z + height), (width, y, height)),
                 ((board_x, side * (y - width), z + height), (x, width, height)),
             ):
-                self._add_solid(body, position, size, RIM, self.mass_kg * RIM_MASS_SHARE / 4)
-
-    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "") -> None:
-        body.add_geom(
-            name=name,
-            type=BOX,
-            pos=position,
-            size=size,
-            rgba=rgba,
-            mass=mass,
-            friction=(self.friction, 0.005, 0.0001),
-            condim=4,
-            solref=(0.006, 1),
-        )
+                add_board(body, position, size, RIM, self.mass_kg * RIM_MASS_SHARE / 4, self.friction)
 
     def _add_biscuits(self, body, board_x: float, board) -> None:
         x, y, z = board

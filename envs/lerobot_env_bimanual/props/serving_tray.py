@@ -7,6 +7,7 @@ import numpy as np
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 from lerobot_env_bimanual.props.slab import add_slab
+from lerobot_env_bimanual.props.tray_board import add_board
 
 WOOD = (0.70, 0.50, 0.30, 1.0)
 RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
@@ -65,7 +66,7 @@ class ServingTray:
         x, y, z = np.array(self.size_m) / 2
         handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
-        self._add_solid(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, name=self.name)
+        add_board(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, self.friction, name=self.name)
         handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, z)
         add_slab(spec, self._handle_mesh, handle_half, radius_m=CORNER_RADIUS_M)
         inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
@@ -78,7 +79,7 @@ class ServingTray:
     def _add_handle(self, body, y: float, mass: float) -> None:
         """Felt as a box, seen as a slab with rounded corners and an inlay."""
         half = (*np.array(self.handle_size_m) / 2, self.size_m[2] / 2)
-        self._add_solid(body, (0, y, 0), half, WOOD, mass, group=HIDDEN_GROUP)
+        add_board(body, (0, y, 0), half, WOOD, mass, self.friction, group=HIDDEN_GROUP)
         for mesh, rgba in ((self._handle_mesh, WOOD), (self._inlay_mesh, INLAY)):
             body.add_geom(type=MESH, meshname=mesh, pos=(0, y, 0), rgba=rgba, **VISUAL_ONLY)
 
@@ -87,22 +88,8 @@ class ServingTray:
         mass = self.mass_kg * RIM_MASS_SHARE / 4
         for side in (-1, 1):
             along, across = (side * (x - bar), 0, z + height), (0, side * (y - bar), z + height)
-            self._add_solid(body, along, (bar, y, height), RIM_WOOD, mass)
-            self._add_solid(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass)
-
-    def _add_solid(self, body, position, size, rgba, mass: float, name: str = "", group: int = 0) -> None:
-        body.add_geom(
-            name=name,
-            type=BOX,
-            pos=position,
-            size=size,
-            rgba=rgba,
-            mass=mass,
-            friction=(self.friction, 0.005, 0.0001),
-            condim=4,
-            solref=(0.006, 1),
-            group=group,
-        )
+            add_board(body, along, (bar, y, height), RIM_WOOD, mass, self.friction)
+            add_board(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass, self.friction)
 
     def _add_mat(self, body, x: float, y: float, z: float) -> None:
         """A linen mat with a stripe along either long side."""
