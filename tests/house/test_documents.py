@@ -69,7 +69,7 @@ def test_make_knows_every_target_that_is_named() -> None:
 
 
 @pytest.mark.parametrize("program", ["lerobot-train", "lerobot-eval"])
-def test_flags_of_lerobots_commands_parse(program: str) -> None:
+def test_flags_of_lerobots_commands_parse(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
     import draccus
     from lerobot.configs.eval import EvalPipelineConfig
     from lerobot.configs.train import TrainPipelineConfig
@@ -84,6 +84,7 @@ def test_flags_of_lerobots_commands_parse(program: str) -> None:
         if any(flag.startswith("--policy.path=") for flag in flags):
             # LeRobot reads the policy's config from there and applies the other --policy flags to it.
             flags = [flag for flag in flags if not flag.startswith("--policy.")]
+        monkeypatch.chdir(ROOT)  # where recipes are
         draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
@@ -98,9 +99,6 @@ def test_the_task_table_of_the_readme_is_the_registry() -> None:
     section = (ROOT / "README.md").read_text().partition("## Tasks\n")[2].partition("\n## ")[0]
     shown = [line for line in section.splitlines() if line.startswith("| `")]
     assert shown == rows, "\n".join(["the table of tasks in README.md should be", *rows])
-    to_come = set(re.findall(r"`(\w+)`", section.partition("Still to come")[2].partition(".")[0]))
-    assert not to_come & set(list_tasks())
-    assert len(to_come) + len(rows) == 13
 
 
 def test_the_dataset_table_of_the_readme_is_the_schema() -> None:

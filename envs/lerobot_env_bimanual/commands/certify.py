@@ -27,8 +27,7 @@ class CertifyConfig:
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
     control: ControlName = "expert"  # who plays
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
-    # play each of the expert's episodes again from its seed, by its joint actions (every state is compared) or its
-    # keyposes (the last one is)
+    # play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states
     replay: Literal["none", "joint", "keypose"] = "none"
     workers: int = 0  # processes; 0 takes one per core
     output: Path | None = (
