@@ -222,7 +222,7 @@ def test_near_voxels_hide_far_ones_and_heat_shows_through(make_policy, make_batc
 
 def refusal(capsys: pytest.CaptureFixture[str], checkpoint: Path, dataset: Path, *flags: str) -> str:
     assert run(checkpoint, dataset, *flags) == 1
-    (line,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith(cli.PROGRAM))
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("lerobot-bimanual:"))
     return line
 
 
