@@ -1,9 +1,20 @@
-"""Tables of the pages that are written from measurements."""
+"""Pages that are written from measurements, and their tables."""
 
+import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table; the first column is aligned left, the others right."""
     lines = [headings, ["---", *("---:" for _ in headings[1:])], *rows]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+def write_page(page: str, output: Path | None) -> None:
+    """Write a page to a file, whose folder is made; print it if there is no file."""
+    if output is None:
+        sys.stdout.write(page)
+        return
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(page, encoding="utf-8")

@@ -37,29 +37,26 @@ class SuccessRate:
         return f"{self.successes}/{self.trials} ({lower:.1%} to {upper:.1%})"
 
 
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson score interval of a proportion (Wilson 1927).
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson score interval of a proportion at 95 % confidence (Wilson 1927).
 
     Unlike the normal approximation it keeps its coverage near 0 and 1, where certified experts live.
 
     Args:
         successes: number of successes, 0 to `trials`.
         trials: number of independent episodes.
-        confidence: two-sided coverage, between 0 and 1.
 
     Returns:
         Lower and upper bound in [0, 1]; (0, 1) when nothing was tried.
 
     Raises:
-        ValueError: a count or the confidence is out of range.
+        ValueError: a count is out of range.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"need 0 <= successes <= trials, got {successes} of {trials}")
-    if not 0 < confidence < 1:
-        raise ValueError(f"confidence must lie between 0 and 1, got {confidence}")
     if trials == 0:
         return 0.0, 1.0
-    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    z = NormalDist().inv_cdf(0.975)
     rate = successes / trials
     scale = 1 + z * z / trials
     center = (rate + z * z / (2 * trials)) / scale

@@ -13,7 +13,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import KEYPOSE_DIM
-from lerobot_env_bimanual.options import EnvOptions, variation_index
+from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:  # Gymnasium's vector environments are slow to import
     import gymnasium as gym
@@ -37,12 +37,12 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         if self.fps != schema.FPS:
             raise InvalidChoice("fps", self.fps, [str(schema.FPS)])
         for task in self.tasks:
-            variation_index(self.variation, task, len(get_task(task).spec.variations))
+            get_task(task).spec.variation_index(self.variation)
         action_dim = KEYPOSE_DIM if self.control_mode == "keypose" else JOINT_ACTION_DIM
         self.features = {schema.ACTION: PolicyFeature(FeatureType.ACTION, (action_dim,))}
         self.features["agent_pos"] = PolicyFeature(FeatureType.STATE, (len(schema.VECTORS[schema.STATE]),))
         if self.obs != "state":
-            image = PolicyFeature(FeatureType.VISUAL, (self.height, self.width, 3))
+            image = PolicyFeature(FeatureType.VISUAL, (*self.size, 3))
             self.features |= {schema.image_key(camera): image for camera in self.camera_names}
         self.features_map = {key: key for key in self.features} | {"agent_pos": schema.STATE}
 

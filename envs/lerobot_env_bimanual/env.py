@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import InvalidChoice, KeyposeFailure
+from lerobot_bimanual.errors import InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.episode.actions import ActionReader
@@ -21,7 +21,7 @@ from lerobot_env_bimanual.episode.observations import observation_space, observe
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.options import SPLITS, EnvOptions, variation_index
+from lerobot_env_bimanual.options import SPLITS, EnvOptions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.cameras import calibration
@@ -55,9 +55,9 @@ class BimanualEnv(gym.Env):
 
     Args:
         task: registered task name.
-        options: everything else that can be chosen.
+        options: everything else that can be chosen; by default the defaults.
         render_mode: only "rgb_array".
-        keywords: single options by name, instead of `options`.
+        keywords: single options by name; they win over `options`.
 
     Attributes:
         options: as given.
@@ -81,8 +81,8 @@ class BimanualEnv(gym.Env):
             raise InvalidChoice("render_mode", render_mode, self.metadata["render_modes"])
         self.task_definition = get_task(task)
         self.task = self.task_definition.spec.name
-        self.options = EnvOptions.of(**keywords) if options is None else options
-        self._variation = self._variation_index(self.options.variation)
+        self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
+        self._variation = self.task_definition.spec.variation_index(self.options.variation)
         self.render_mode = render_mode
         self.tick_observers: list[TickObserver] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
@@ -91,7 +91,7 @@ class BimanualEnv(gym.Env):
         self._scene: Scene | None = None
         self._planner: KeyposePlanner | None = None
         self._reset: EpisodeReset | None = None
-        self._observer: Renderer | None = None
+        self._observation_renderer: Renderer | None = None
         self._frame_renderer: Renderer | None = None
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
@@ -153,7 +153,7 @@ class BimanualEnv(gym.Env):
         """
         variation = self._variation
         if options and "variation" in options:
-            variation = self._variation_index(options["variation"])
+            variation = self.task_definition.spec.variation_index(options["variation"])
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene
@@ -162,12 +162,13 @@ class BimanualEnv(gym.Env):
             int(self.np_random.integers(2**31)) if seed is None else int(seed), variation
         )
         self._progress = progress
-        progress.draws = self._reset.start(progress.variation, progress.rng)
+        try:
+            progress.draws = self._reset.start(progress.variation, progress.rng)
+        except PlacementFailure as failure:
+            progress.failure = str(failure)  # nothing can be played from here
+            raise
         progress.conditions = self._check()
         return self.observe(), self._info()
-
-    def _variation_index(self, variation: object) -> int | None:
-        return variation_index(variation, self.task, len(self.task_definition.spec.variations))
 
     def _draw_episode(self, seed: int, fixed: int | None) -> EpisodeProgress:
         """Draw variation and instruction; always both, so that fixing a variation changes nothing else."""
@@ -248,10 +249,10 @@ class BimanualEnv(gym.Env):
         options = self.options
         observation: dict[str, Any] = {}
         if options.obs != "state":
-            if self._observer is None:
-                self._observer = Renderer(self.scene, options.camera_names, options.height, options.width)
-            observation |= observe_images(options, self._observer.render())
-        views = calibration(self.scene, options.height, options.width)
+            if self._observation_renderer is None:
+                self._observation_renderer = Renderer(self.scene, options.camera_names, *options.size)
+            observation |= observe_images(options, self._observation_renderer.render())
+        views = calibration(self.scene, *options.size)
         return observation | observe_vectors(self.scene, self.progress.keyposes, views)
 
     def _info(self) -> dict[str, Any]:
@@ -307,8 +308,8 @@ class BimanualEnv(gym.Env):
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
-        for renderer in (self._observer, self._frame_renderer):
+        for renderer in (self._observation_renderer, self._frame_renderer):
             if renderer is not None:
                 renderer.close()
-        self._observer = self._frame_renderer = None
+        self._observation_renderer = self._frame_renderer = None
         self._scene = self._planner = self._reset = self._progress = None

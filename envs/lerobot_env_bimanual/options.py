@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownVariation
+from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
 
 ANY_VARIATION = "any"
 
@@ -20,7 +20,7 @@ ObservationMode = Literal["rgbd", "rgb", "state"]
 ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
-MIN_IMAGE_SIDE = 8
+MIN_IMAGE_SIDE, MAX_IMAGE_SIDE = 8, 4096
 
 
 @dataclass
@@ -97,37 +97,13 @@ class EnvOptions:
         return tuple(self.cameras.split(","))
 
     @property
-    def height(self) -> int:
-        """Height of the images in pixels."""
-        return _image_size(self.image_size)[0]
-
-    @property
-    def width(self) -> int:
-        """Width of the images in pixels."""
-        return _image_size(self.image_size)[1]
+    def size(self) -> tuple[int, int]:
+        """Height and width of the images in pixels."""
+        return _image_size(self.image_size)
 
     def keywords(self) -> dict[str, Any]:
         """These options by name, as `BimanualEnv` takes them."""
         return {field.name: getattr(self, field.name) for field in fields(EnvOptions)}
-
-
-def variation_index(variation: object, task: str, count: int) -> int | None:
-    """Index that an option `variation` means for a task; `None` to draw one per episode.
-
-    Args:
-        variation: index, also as a text, or "any".
-        task: name of the task.
-        count: how many variations it has.
-
-    Raises:
-        UnknownVariation: the task has no such variation.
-    """
-    if variation == ANY_VARIATION:
-        return None
-    index = int(variation) if isinstance(variation, str) and variation.isdecimal() else variation
-    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < count:
-        raise UnknownVariation(task, variation, count)
-    return index
 
 
 def _camera_names(cameras: str | Sequence[str]) -> tuple[str, ...]:
@@ -147,12 +123,14 @@ def _image_size(image_size: int | str | Sequence[int]) -> tuple[int, int]:
         sides = (sides,)
     try:
         height, width = int(sides[0]), int(sides[-1])
-        valid = len(sides) <= 2 and min(height, width) >= MIN_IMAGE_SIDE
+        valid = (
+            len(sides) <= 2 and MIN_IMAGE_SIDE <= min(height, width) <= max(height, width) <= MAX_IMAGE_SIDE
+        )
     except (ValueError, IndexError, TypeError):
         height = width = 0
         valid = False
     if not valid:
-        choices = f"a side of at least {MIN_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
+        choices = f"a side of {MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
         raise InvalidChoice("image_size", image_size, [choices])
     return height, width
 

@@ -23,8 +23,8 @@ class ReplayResult:
 
     Attributes:
         ticks: control ticks that were played.
-        divergence: first tick after which the state differed from the record, or that one of them lacks; `None` if
-            there is none.
+        divergence: first tick after which the state differed from the record, or that one of them lacks; -1 where the
+            reset already gave another state, `None` if there is none.
         success: whether the task was solved.
         failure: what the environment says if it was not.
     """
@@ -38,6 +38,17 @@ class ReplayResult:
     def matches(self) -> bool:
         """Whether the replay went exactly as recorded."""
         return self.success and self.divergence is None
+
+    @property
+    def comparison(self) -> str:
+        """How the states compare, in words."""
+        if self.divergence is None:
+            return "same states"
+        return (
+            "another state at the start"
+            if self.divergence < 0
+            else f"another state after tick {self.divergence}"
+        )
 
 
 def replay(
@@ -70,10 +81,9 @@ def replay(
             if terminated or truncated or comparison.divergence is not None:
                 break
     comparison.look(env)
-    ticks, length = env.progress.ticks, max(hashes)
-    divergence = comparison.divergence
-    if divergence is None and ticks != length:
-        divergence = min(ticks, length)
+    ticks, divergence = env.progress.ticks, comparison.divergence
+    if divergence is None and ticks < max(hashes):
+        divergence = ticks
     return ReplayResult(ticks, divergence, env.progress.succeeded, env.progress.failure)
 
 
@@ -90,7 +100,8 @@ class _Comparison:
             return
         ticks = env.progress.ticks
         expected = self._hashes.get(ticks)
-        if expected is not None and state_hash_column(env.state_hash()) != expected:
+        is_beyond = ticks > max(self._hashes)
+        if is_beyond or (expected is not None and state_hash_column(env.state_hash()) != expected):
             self.divergence = ticks - 1
         elif self._visit is not None:
             self._visit(env)

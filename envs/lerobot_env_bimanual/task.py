@@ -10,7 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from lerobot_bimanual.errors import UnknownVariation
 from lerobot_env_bimanual.conditions import Condition
+from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
@@ -86,6 +88,22 @@ class TaskSpec:
     success: tuple[Condition, ...]
     horizon_ticks: int
     needs_both_arms: bool = False
+
+    def variation_index(self, variation: object) -> int | None:
+        """Index that an option `variation` means; `None` to draw one per episode.
+
+        Args:
+            variation: index, also as a text, or "any".
+
+        Raises:
+            UnknownVariation: the task has no such variation.
+        """
+        if variation == ANY_VARIATION:
+            return None
+        index = int(variation) if isinstance(variation, str) and variation.isdecimal() else variation
+        if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(self.variations):
+            raise UnknownVariation(self.name, variation, len(self.variations))
+        return index
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""

@@ -39,8 +39,8 @@ class WorkerPool:
         workers: number of processes; 0 takes one per core.
         prepare: called once in every worker, before its first work.
         arguments: of `prepare`.
-        preload: modules imported once, in the process that workers are forked from. MuJoCo may not be among them, as
-            an OpenGL driver does not survive a fork. Only the first pool of a process can have some.
+        preload: modules imported once, in the process that workers are forked from; none that opens an OpenGL context
+            on import, which does not survive a fork. Only the first pool of a process can have some.
     """
 
     def __init__(

@@ -23,8 +23,7 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
     """What is asked of a benchmark that trains a row again; what its recipe and protocol say anyway is left open.
 
     Raises:
-        BimanualError: policy or recipe is not installed, the command of the dataset does not name a size of images,
-            or the recipe now sets what the row was trained without, so that no command gives it again.
+        BimanualError: policy or recipe is not installed, or the recipe now sets what the row was trained without, so that no command gives it again.
     """
     asked = BenchmarkConfig(
         policy=row.policy,
@@ -32,7 +31,7 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
         variation=row.variation,
         recipe=row.recipe,
         demos=len(row.dataset.seeds),
-        image_size=_image_size(row.dataset.command),
+        image_size=row.dataset.image_size,
         steps=int(row.flags["steps"]),
         batch_size=int(row.flags["batch_size"]),
         save_freq=int(row.flags["save_freq"]),
@@ -89,16 +88,6 @@ def _quoted(name: str, value: str) -> str:
     if shlex.quote(word) == word or set(value) & set('"$`!\\'):
         return shlex.quote(word)
     return f'--{name}="{value}"'
-
-
-def _image_size(generation: str) -> int:
-    """Side of the images of a dataset by the command that makes it."""
-    for word in shlex.split(generation):
-        if word.startswith("--image_size="):
-            height, _, width = word.partition("=")[2].partition("x")
-            if width in ("", height) and height.isdecimal():
-                return int(height)
-    raise BimanualError(f"no square --image_size in {generation!r}")
 
 
 def flag_value(text: str) -> Any:

@@ -8,17 +8,16 @@ import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES
+from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES, installed_versions
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.statistics import SuccessRate
 
-SCHEMA_VERSION = 2
+ROW_SCHEMA_VERSION = 2
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a row does without them."""
@@ -66,12 +65,14 @@ class DatasetRecord:
     """What the policy learned from.
 
     Attributes:
-        command: command line that makes the dataset again, with task, view, image size and every other option.
+        command: command line that makes the dataset again, with every option.
+        image_size: side of its images in pixels.
         seeds: seed of each demonstration, in the split `train`.
         versions: package -> version with which it was made.
     """
 
     command: str
+    image_size: int
     seeds: tuple[int, ...]
     versions: dict[str, str]
 
@@ -145,7 +146,7 @@ class ResultRow:
     def __post_init__(self) -> None:
         seeds = [episode.seed for episode in self.episodes]
         for name, holds, rule in (
-            ("schema_version", self.schema_version == SCHEMA_VERSION, f"must be {SCHEMA_VERSION}"),
+            ("schema_version", self.schema_version == ROW_SCHEMA_VERSION, f"must be {ROW_SCHEMA_VERSION}"),
             (
                 "checkpoint_sha256",
                 re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256),
@@ -271,13 +272,10 @@ def read_world(path: Path, task: str) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the installed packages that a result depends on, and of Python."""
-    found = {"python": platform.python_version()}
-    for package in RESULT_PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue  # LeRobot's own policies do without ours
-    return found
+    found = installed_versions(RESULT_PACKAGES)
+    # LeRobot's own policies do without ours.
+    present = {package: version for package, version in found.items() if version != "none"}
+    return {"python": platform.python_version()} | present
 
 
 @contextmanager

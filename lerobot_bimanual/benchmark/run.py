@@ -1,17 +1,16 @@
 """The commands of a benchmark, run one after the other, and what they give."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
-from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
 
 from lerobot_bimanual.benchmark.pipeline import Pipeline, sha256, show_command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.rates_table import rates_table
 from lerobot_bimanual.benchmark.results import (
     PLACES,
-    SCHEMA_VERSION,
+    ROW_SCHEMA_VERSION,
     DatasetRecord,
     Machine,
     ResultRow,
@@ -24,6 +23,7 @@ from lerobot_bimanual.benchmark.results import (
 )
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.statistics import SuccessRate
 
 
 def show(plan: Plan, console: Console) -> None:
@@ -56,14 +56,14 @@ def run(plan: Plan, console: Console) -> ResultRow:
     own.run(plan.evaluation("test", step))
 
     row = ResultRow(
-        schema_version=SCHEMA_VERSION,
+        schema_version=ROW_SCHEMA_VERSION,
         task=config.task,
         world=read_world(plan.certificate("expert"), config.task),
         variation=config.variation,
         policy=config.policy,
         recipe=config.recipe,
         flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
-        dataset=_dataset_record(plan.dataset),
+        dataset=_dataset_record(plan),
         checkpoint_step=step,
         checkpoint_sha256=sha256(plan.weights(step)),
         validation=tuple(validations),
@@ -93,7 +93,7 @@ def report(row: ResultRow, plan: Plan, console: Console) -> None:
         "blind: mean keyposes of the training split (test)": row.rates["blind"],
     }
     console.rule("[bold]result[/bold]")
-    console.print(rates_table(f"{row.task}, recipe {row.recipe}", validated | tested))
+    console.print(_rates_table(f"{row.task}, recipe {row.recipe}", validated | tested))
     for name, path in {"checkpoint": plan.checkpoint(row.checkpoint_step), "result": plan.result}.items():
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
@@ -103,9 +103,23 @@ def best_checkpoint(validations: Sequence[Validation]) -> Validation:
     return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
 
 
-def _dataset_record(folder: Path) -> DatasetRecord:
-    provenance = Provenance.read(folder)
+def _dataset_record(plan: Plan) -> DatasetRecord:
+    provenance = Provenance.read(plan.dataset)
     if provenance is None:
-        raise BimanualError(f"{folder} does not say where it comes from; remove it to generate it again")
+        raise BimanualError(
+            f"{plan.dataset} does not say where it comes from; remove it to generate it again"
+        )
     seeds = tuple(episode.seed for episode in provenance.episodes)
-    return DatasetRecord(provenance.command, seeds, dict(provenance.versions))
+    return DatasetRecord(provenance.command, plan.protocol.image_size, seeds, dict(provenance.versions))
+
+
+def _rates_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
+    """One row per entry of `rates`, who acted -> success, with the 95 % Wilson interval."""
+    table = Table(title=title)
+    table.add_column("who acts")
+    table.add_column("solved", justify="right")
+    table.add_column("95 % interval (Wilson)", justify="right")
+    for who, rate in rates.items():
+        low, high = rate.interval
+        table.add_row(who, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}")
+    return table

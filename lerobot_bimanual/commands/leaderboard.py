@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.markdown_table import write_page
 
 
 @dataclass
@@ -21,9 +22,4 @@ def leaderboard(config: LeaderboardConfig) -> None:
         lerobot-bimanual leaderboard --results=results/small
         lerobot-bimanual leaderboard --results=results/small --output=docs/results.md
     """
-    page = render(config.results)
-    if config.output is None:
-        print(page)
-    else:
-        config.output.parent.mkdir(parents=True, exist_ok=True)
-        config.output.write_text(page, encoding="utf-8")
+    write_page(render(config.results), config.output)

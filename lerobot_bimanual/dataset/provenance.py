@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
-from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_bimanual.errors import BimanualError, SchemaMismatch
+from lerobot_bimanual.json_file import read_json
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
 SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
@@ -79,13 +80,13 @@ class Provenance:
             SchemaMismatch: the file has another form than this version writes, or cannot be read.
         """
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = read_json(path)
             if not all(isinstance(content[name], dict) for name in ("versions", "settings")):
                 raise TypeError("versions and settings must be objects")
             episodes = [EpisodeKey(**key) for key in content.pop("episodes")]
             skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
             return cls(**content, episodes=episodes, skipped=skipped)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (BimanualError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise SchemaMismatch(
                 f"{path} is not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
             ) from error
@@ -105,10 +106,10 @@ class Provenance:
         path.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
 
 
-def installed_versions() -> dict[str, str]:
-    """Versions of `STAMPED_PACKAGES` in this process; "none" for one that is not installed."""
+def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
+    """Versions of packages in this process; "none" for one that is not installed."""
     versions = {}
-    for package in STAMPED_PACKAGES:
+    for package in packages:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:

@@ -1,6 +1,5 @@
 """Reads exported datasets back, without decoding an image and without importing LeRobot or torch."""
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
-from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
+from lerobot_bimanual.json_file import read_json
 
 INFO_FILE = Path("meta", "info.json")
 
@@ -117,8 +117,8 @@ def read_info(root: Path) -> dict[str, Any]:
     """
     path = root / INFO_FILE
     try:
-        info = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        info = read_json(path)
+    except BimanualError as error:
         raise DatasetError(f"no LeRobot dataset at {root}: cannot read {path} ({error})") from error
     if not isinstance(info, dict) or not isinstance(info.get("features"), dict):
         raise DatasetError(

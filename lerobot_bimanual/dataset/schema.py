@@ -25,6 +25,8 @@ DEPTH_MIN_M = 0.01
 DEPTH_MAX_M = 4.0
 """Depth range; beyond it depth is clipped. 12 bits over it are steps of 0.974 mm: whole millimetres survive."""
 
+MM_PER_M = 1000
+
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
 CAMERA_INTRINSICS = "observation.camera_intrinsics"

@@ -49,7 +49,7 @@ ROW = ResultRow(
         "log_freq": "1",
         "seed": "1000",
     },
-    dataset=DatasetRecord("lerobot-bimanual generate --image_size=128x128", (0, 1), {"mujoco": "3"}),
+    dataset=DatasetRecord("lerobot-bimanual generate --image_size=128x128", 128, (0, 1), {"mujoco": "3"}),
     checkpoint_step=4,
     checkpoint_sha256="0f" * 32,
     validation=(Validation(2, episodes("..")), Validation(4, episodes(".x"))),
@@ -303,7 +303,7 @@ def test_a_leaderboard_is_printed_or_written(results: Path, capsys):
     leaderboard(LeaderboardConfig(results=results))
     page = capsys.readouterr().out
     leaderboard(LeaderboardConfig(results=results, output=results / "page.md"))
-    assert (results / "page.md").read_text() + "\n" == page
+    assert (results / "page.md").read_text() == page
     assert not capsys.readouterr().out
 
 

@@ -46,7 +46,7 @@ def test_flags_reach_the_environment():
     )
     options = BimanualEnv("lift_ball", **config.gym_kwargs).options
     assert (options.variation, options.split, options.camera_names) == (0, "val", ("front", "left_wrist"))
-    assert (options.height, options.width, options.obs) == (24, 32, "rgb")
+    assert (options.size, options.obs) == ((24, 32), "rgb")
     assert (options.control_mode, options.video_dir, options.max_keyposes) == ("joint", "films", 7)
 
 

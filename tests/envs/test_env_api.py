@@ -15,12 +15,14 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import (
     InvalidAction,
     InvalidChoice,
+    PlacementFailure,
     UnknownCamera,
     UnknownTask,
     UnknownVariation,
 )
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.options import ControlMode, ObservationMode
+from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 TASK = "lift_ball"
@@ -242,6 +244,30 @@ def test_an_unknown_option_is_answered_with_the_known_ones():
         InvalidChoice, match=r"did you mean 'image_size'.*variation, split, cameras, image_size"
     ):
         BimanualEnv("lift_ball", image_sizes=64)
+
+
+def test_options_may_be_given_together_and_single_ones_win():
+    options = EnvOptions(obs="state", split="val")
+    env = BimanualEnv("lift_ball", options=options, split="train")
+    assert (env.options.obs, env.options.split, options.split) == ("state", "train", "val")
+    with pytest.raises(InvalidChoice, match="did you mean 'variation'"):
+        BimanualEnv("lift_ball", options=options, variaton=0)
+
+
+def test_an_episode_that_could_not_start_cannot_be_played(monkeypatch):
+    env = BimanualEnv("lift_ball", obs="state")
+
+    def start(*_):
+        raise PlacementFailure("no placement")
+
+    with monkeypatch.context() as patch, pytest.raises(PlacementFailure):
+        patch.setattr(EpisodeReset, "start", start)
+        env.reset(seed=0)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros(16, np.float32))
+    env.reset(seed=0)
+    assert not env.step(env.scene.commanded)[2]
+    env.close()
 
 
 def test_instructions_are_drawn_from_those_of_the_variation():

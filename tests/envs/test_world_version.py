@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from lerobot_env_bimanual.expert.world_version import HASH_DIGITS, joint_version, world_version
+from lerobot_env_bimanual.conditions import AtRest
+from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS, joint_version, world_version
 from lerobot_env_bimanual.motion import planner
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
@@ -20,7 +21,7 @@ def version_now() -> str:
 
 
 def test_it_is_short_and_the_same_whenever_it_is_asked_for():
-    assert len(world_version(TASK)) == HASH_DIGITS
+    assert len(world_version(TASK)) == VERSION_DIGITS
     assert version_now() == world_version(TASK)
 
 
@@ -46,14 +47,25 @@ SPEC = LiftBall.spec
             LiftBall, "spec", replace(SPEC, props=(replace(lift_ball.BALL, mass_kg=1.01),))
         ),
         lambda patch: patch.setattr(LiftBall, "spec", replace(SPEC, success=SPEC.success[:1])),
+        lambda patch: patch.setattr(LiftBall, "spec", replace(SPEC, instructions=("lift it",))),
         lambda patch: patch.setattr(lift_ball, "AREA", replace(lift_ball.AREA, half_size_m=(0.17, 0.18))),
         lambda patch: patch.setattr(lift_ball, "APPROACH_GAP_M", 0.08),
         lambda patch: patch.setattr(planner, "REST_TICKS", 3),
         lambda patch: patch.setattr(Scene, "settle", lambda self: None),
     ],
-    ids=["friction", "mass", "success", "placement", "expert", "motion", "settling"],
+    ids=["friction", "mass", "success", "instruction", "placement", "expert", "motion", "settling"],
 )
 def test_a_change_of_what_happens_changes_it(monkeypatch, change):
     before = world_version(TASK)
     change(monkeypatch)
     assert version_now() != before
+
+
+def test_a_threshold_that_the_probed_episode_never_meets_counts(monkeypatch):
+    def with_rest(speed_m_s: float) -> str:
+        monkeypatch.setattr(
+            LiftBall, "spec", replace(SPEC, success=(*SPEC.success, AtRest("ball", speed_m_s)))
+        )
+        return version_now()
+
+    assert with_rest(100.0) != with_rest(200.0)

@@ -62,7 +62,6 @@ def circles(edges: dict[str, set[str]]) -> Iterator[list[str]]:
         if module in done:
             return
         for other in sorted(edges[module]):
-            # A package and its modules are one thing only where the package's front door imports them.
             yield from walk(other, [*way, module])
         done.add(module)
 

@@ -143,10 +143,11 @@ def test_an_installed_task_is_listed_certified_and_generated(
     verbs = ("-m", "lerobot_bimanual.cli")
     rows = json.loads(succeed(python_with_a_task, *verbs, "tasks", "--task=prehensile", "--format=json"))
     assert "raise_block" in {row["name"] for row in rows}
-    certificate = tmp_path / "certificate.json"
+    certificate = tmp_path / "expert.json"
     flags = ("--task=raise_block", "--workers=1")
     succeed(python_with_a_task, *verbs, "certify", *flags, "--seeds=0:3", f"--output={certificate}")
     assert list(json.loads(certificate.read_text())["worlds"]) == ["raise_block"]
+    assert "`raise_block`" in succeed(python_with_a_task, *verbs, "report", f"--certificates={tmp_path}")
     rounded = ("--seeds=0:3", "--discretise=100")
     succeed(python_with_a_task, *verbs, "certify", *flags, *rounded)
     root = tmp_path / "dataset"

@@ -76,7 +76,7 @@ def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
 
 def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
     assert replay_verb(ReplayConfig(root=tampered, episodes="1", workers=1)) == 1
-    assert "episode 1 (lift_ball, seed 1): other state after tick 30" in capsys.readouterr().out
+    assert "episode 1 (lift_ball, seed 1): another state after tick 30" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("mode", ["joint", "keypose"])

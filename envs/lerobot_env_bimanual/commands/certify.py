@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -53,11 +53,12 @@ def certify(config: CertifyConfig) -> int:
     from lerobot_env_bimanual.expert.campaign import Campaign
     from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-    from lerobot_env_bimanual.tasks.registry import resolve_tasks
+    from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
-    for name in names:
-        _check_variation(name, config.variation)
+    if config.variation != EACH_VARIATION:
+        for name in names:
+            get_task(name).spec.variation_index(config.variation)
     log = None
     if config.output is not None:
         log = OutcomeLog(config.output.with_suffix(".partial.jsonl"))
@@ -86,15 +87,6 @@ def parse_seeds(text: str) -> range:
     return range(int(first), int(end))
 
 
-def _check_variation(task: str, variation: str) -> None:
-    """Refuse, before any process starts, a variation that the task does not have."""
-    from lerobot_env_bimanual.options import variation_index
-    from lerobot_env_bimanual.tasks.registry import get_task
-
-    if variation != EACH_VARIATION:
-        variation_index(variation, task, len(get_task(task).spec.variations))
-
-
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
     from lerobot_env_bimanual.expert.outcome import Job
     from lerobot_env_bimanual.options import ANY_VARIATION
@@ -106,14 +98,7 @@ def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[
     indices = map(str, range(len(get_task(task).spec.variations)))
     for variation in indices if apart else (config.variation,):
         keyposes = campaign.blind_keyposes(task, variation) if blind else ()
-        for seed in seeds:
-            yield Job(
-                task,
-                variation,
-                config.split,
-                seed,
-                config.control,
-                config.discretise,
-                keyposes,
-                config.replay,
-            )
+        job = Job(
+            task, variation, config.split, 0, config.control, config.discretise, keyposes, config.replay
+        )
+        yield from (replace(job, seed=seed) for seed in seeds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,12 +98,12 @@ def settings_of(config: GenerateConfig) -> GenerationSettings:
         first_seed=config.first_seed,
         views=VIEWS if config.view == BOTH_VIEWS else (config.view,),
         cameras=images.camera_names,
-        height=images.height,
-        width=images.width,
+        height=images.size[0],
+        width=images.size[1],
         intermediate=tuple(map(_fraction, config.intermediate)),
         discretise=config.discretise,
         episodes_per_shard=config.episodes_per_shard,
-        repo_id=config.repo_id or f"local/{config.root.name}",
+        repo_id=config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
     )
 
 

@@ -85,8 +85,7 @@ def _orders(config: RenderConfig) -> list[Order]:
             film=config.video,
             folder=config.output,
         )
-        settings = order.environment().options
-        if config.video and (settings.height % 2 or settings.width % 2):
+        if config.video and any(side % 2 for side in order.environment().options.size):
             raise BimanualError(f"size is {config.size!r}, but films need even sides; or use --video=false")
         orders.append(order)
     return orders

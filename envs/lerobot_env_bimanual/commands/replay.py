@@ -115,12 +115,9 @@ def _print(indices: Sequence[int], played: Sequence[tuple[EpisodeMeta, ReplayRes
     console.print(table)
     for index, (meta, result) in zip(indices, played, strict=True):
         if not result.matches:
-            where = (
-                "same states" if result.divergence is None else f"other state after tick {result.divergence}"
-            )
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
             console.print(
-                f"episode {index} ({meta.task}, seed {meta.seed}): {where}, {end}",
+                f"episode {index} ({meta.task}, seed {meta.seed}): {result.comparison}, {end}",
                 highlight=False,
                 soft_wrap=True,
             )

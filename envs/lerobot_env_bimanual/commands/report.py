@@ -63,6 +63,7 @@ def report(config: ReportConfig) -> None:
         lerobot-bimanual report
         lerobot-bimanual report --output=docs/tasks.md
     """
+    from lerobot_bimanual.markdown_table import write_page
     from lerobot_env_bimanual.expert.world_version import joint_version
     from lerobot_env_bimanual.reports import certified as tables
 
@@ -81,8 +82,4 @@ def report(config: ReportConfig) -> None:
         paper=tables.paper_table(certified),
         coupling=tables.coupling_table(certified),
     )
-    if config.output is None:
-        print(page)
-    else:
-        config.output.parent.mkdir(parents=True, exist_ok=True)
-        config.output.write_text(page, encoding="utf-8")
+    write_page(page, config.output)

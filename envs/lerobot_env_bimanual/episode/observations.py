@@ -21,7 +21,6 @@ from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 PIXELS = "pixels"
-MM_PER_M = 1000.0
 
 _BOUNDS = {
     schema.STATE: (-2 * np.pi, 2 * np.pi),
@@ -41,13 +40,13 @@ def env_key(dataset_key: str) -> str:
 
 def observation_space(options: EnvOptions) -> spaces.Dict:
     """Space of the observations that `observe` returns."""
-    size = (options.height, options.width)
+    size = options.size
     space: dict[str, spaces.Space[Any]] = {}
     if options.obs != "state":
         image = spaces.Box(0, 255, (*size, 3), np.uint8)
         space[PIXELS] = spaces.Dict(dict.fromkeys(options.camera_names, image))
     if options.obs == "rgbd":
-        near, far = schema.DEPTH_MIN_M * MM_PER_M, schema.DEPTH_MAX_M * MM_PER_M
+        near, far = schema.DEPTH_MIN_M * schema.MM_PER_M, schema.DEPTH_MAX_M * schema.MM_PER_M
         depth = spaces.Box(near, far, (1, *size), np.float32)
         space |= {env_key(schema.depth_key(camera)): depth for camera in options.camera_names}
     for key, (low, high) in _BOUNDS.items():
@@ -72,7 +71,7 @@ def observe_images(
     if options.obs == "rgbd":
         for camera in options.camera_names:
             depth_m = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
-            observation[env_key(schema.depth_key(camera))] = (depth_m * np.float32(MM_PER_M))[None]
+            observation[env_key(schema.depth_key(camera))] = (depth_m * np.float32(schema.MM_PER_M))[None]
     return observation
 
 

@@ -70,6 +70,8 @@ def play(job: Job) -> Outcome:
     """Play one job in this process, in an environment that is kept for the next one of its kind."""
     key = (job.task, job.variation, job.split)
     if key not in _environments:
+        for env in _environments.values():
+            env.close()
         _environments.clear()
         _environments[key] = BimanualEnv(job.task, variation=job.variation, split=job.split, obs="state")
     env = _environments[key]

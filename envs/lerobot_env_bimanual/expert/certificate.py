@@ -19,7 +19,7 @@ from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.outcome_log import versions
 from lerobot_env_bimanual.expert.world_version import world_version
 
-HASH_DIGITS = 16
+STATE_HASH_DIGITS = 16
 """Of each state hash, as many as tell all episodes apart."""
 
 LOG_WIDTH = 110
@@ -142,7 +142,7 @@ def _compact(outcome: Outcome) -> dict[str, Any]:
     """An episode in a few hundred bytes: commanded poses are left out, for a replay from the seed gives them."""
     fields = asdict(outcome)
     del fields["split"]  # the same for all
-    fields["state_hash"] = fields["state_hash"][:HASH_DIGITS]
+    fields["state_hash"] = fields["state_hash"][:STATE_HASH_DIGITS]
     reports, evidence = fields.pop("keyposes"), fields.pop("evidence")
     fields["keyposes"] = [[report["name"], report["ticks"], *report["tip_error_mm"]] for report in reports]
     if evidence is not None:

@@ -6,19 +6,17 @@ import hashlib
 import json
 import platform
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 
 import lerobot_bimanual
 import lerobot_env_bimanual
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.expert.outcome import Job, Outcome
 
 
 def versions() -> dict[str, str]:
     """Versions of everything that decides the outcome of an episode."""
-    packages = {name: version(name) for name in SIMULATION_PACKAGES}
-    return packages | {"python": platform.python_version()}
+    return installed_versions(SIMULATION_PACKAGES) | {"python": platform.python_version()}
 
 
 class OutcomeLog:

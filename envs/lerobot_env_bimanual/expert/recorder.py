@@ -32,7 +32,7 @@ class Recorder:
         task: registered task name.
         split: "train", "val" or "test".
         cameras: cameras of the images.
-        image_size: side in pixels, or (height, width).
+        image_size: (height, width) in pixels.
         codec: round every keypose to its voxels and bins before it is executed and recorded.
     """
 
@@ -85,7 +85,7 @@ class Recorder:
         env = self._env
         if self._renderer is None:
             options = env.options
-            self._renderer = Renderer(env.scene, options.camera_names, options.height, options.width)
+            self._renderer = Renderer(env.scene, options.camera_names, *options.size)
         env.scene.restore_state(state)
         images = observe_images(replace(env.options, obs="rgbd"), self._renderer.render())
         return _camera_images(images, env.options.camera_names)

@@ -23,9 +23,10 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import FINGERS
+from lerobot_env_bimanual.task import Task
 
 PROBE_SPLIT, PROBE_SEED = "val", 0
-HASH_DIGITS = 12
+VERSION_DIGITS = 12
 
 MODEL_PARTS = (
     "body",
@@ -57,21 +58,32 @@ def world_version(task: str) -> str:
     Raises:
         UnknownTask: there is no such task.
     """
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
     digest = hashlib.sha256()
-    for fact in (*_model_facts(task), *_episode_facts(task)):
+    for fact in (*_task_facts(env.task_definition), *_model_facts(env), *_episode_facts(env)):
         digest.update(fact.encode() + b"\n")
-    return digest.hexdigest()[:HASH_DIGITS]
+    env.close()
+    return digest.hexdigest()[:VERSION_DIGITS]
 
 
 def joint_version(worlds: Mapping[str, str]) -> str:
     """One version for several tasks, given each one's."""
     text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
-    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
+    return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
 
 
-def _model_facts(task: str) -> Iterator[str]:
+def _task_facts(task: Task) -> Iterator[str]:
+    """What the task asks for: sentences, and conditions with all their thresholds."""
+    spec = task.spec
+    yield f"{spec.name} {spec.id} horizon {spec.horizon_ticks}"
+    for variation in spec.variations:
+        yield f"{variation} {spec.instructions_for(variation)}"
+        for condition in task.conditions(variation):
+            yield f"{type(condition).__name__} {vars(condition)}"
+
+
+def _model_facts(env: BimanualEnv) -> Iterator[str]:
     """The compiled model, by six digits."""
-    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
     model = env.scene.model
     for name in OPTIONS:
         yield f"{name} {_digits(np.atleast_1d(getattr(model.opt, name)))}"
@@ -81,12 +93,10 @@ def _model_facts(task: str) -> Iterator[str]:
         if isinstance(values, np.ndarray):
             yield f"{name} {_digits(values)}"
     yield f"mujoco {mujoco.mj_versionString()}"
-    env.close()
 
 
-def _episode_facts(task: str) -> Iterator[str]:
+def _episode_facts(env: BimanualEnv) -> Iterator[str]:
     """What is drawn in one episode of the expert, where its first motion ends, and how long each takes."""
-    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
     stood: list[NDArray[np.float64]] = []
 
     def note(_: Move) -> None:
@@ -98,15 +108,12 @@ def _episode_facts(task: str) -> Iterator[str]:
     except PlacementFailure as failure:
         yield str(failure)
         return
-    spec = env.task_definition.spec
-    yield f"{spec.name} {spec.id} {env.progress.variation} {env.task_description} draws {outcome.draws}"
-    yield f"conditions {sorted(env.progress.conditions)} horizon {spec.horizon_ticks}"
+    yield f"variation {env.variation} {env.task_description} draws {outcome.draws}"
     yield f"placed {_positions(stood[0], 4)}"
     yield f"moved {_positions(stood[-1][: 1 + ARM_POSITIONS], 3)}"
     for report in outcome.keyposes:
         yield f"{report.name} {report.ticks}"
     yield f"success {outcome.success} ticks {outcome.ticks}"
-    env.close()
 
 
 def _positions(values: NDArray[np.float64], decimals: int) -> str:

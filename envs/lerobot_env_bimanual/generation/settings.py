@@ -11,14 +11,12 @@ from typing import Any, Self
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
-from lerobot_env_bimanual.options import ANY_VARIATION, MIN_IMAGE_SIDE, SPLITS, variation_index
+from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE, SPLITS
 from lerobot_env_bimanual.tasks.registry import get_task
 
 LEAST = {
     "episodes": 1,
     "first_seed": 0,
-    "height": MIN_IMAGE_SIDE,
-    "width": MIN_IMAGE_SIDE,
     "discretise": 0,
     "episodes_per_shard": 1,
 }
@@ -66,6 +64,10 @@ class GenerationSettings:
 
     def __post_init__(self) -> None:
         """Refuse what is outside its choices."""
+        for option in ("height", "width"):
+            pixels = getattr(self, option)
+            if type(pixels) is not int or not MIN_IMAGE_SIDE <= pixels <= MAX_IMAGE_SIDE:
+                raise InvalidChoice(option, pixels, [f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels"])
         for option, least in LEAST.items():
             value = getattr(self, option)
             if type(value) is not int or value < least:
@@ -73,7 +75,7 @@ class GenerationSettings:
         for option in ("tasks", "views", "cameras"):
             _check_names(option, getattr(self, option))
         for task in self.tasks:
-            variation_index(self.variation, task, len(get_task(task).spec.variations))
+            get_task(task).spec.variation_index(self.variation)
         if not isinstance(self.variation, str):
             raise InvalidChoice("variation", self.variation, ["the text 'any'", "an index as text"])
         if self.split not in (splits := tuple(SPLITS)):

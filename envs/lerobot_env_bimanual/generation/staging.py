@@ -27,6 +27,7 @@ from typing import Self
 from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.json_file import read_json
 from lerobot_env_bimanual.generation.checksums import read_report
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
@@ -134,9 +135,9 @@ class Staging:
                 (temporary / stamp.name).rename(stamp)
             return
         try:
-            theirs = json.loads(stamp.read_text(encoding="utf-8"))
+            theirs = read_json(stamp)
             settings, versions = theirs["settings"], theirs["versions"]
-        except (ValueError, KeyError, TypeError) as error:
+        except (BimanualError, KeyError, TypeError) as error:
             raise DatasetError(
                 f"{stamp} is damaged ({error}): remove {self.folder} to start again"
             ) from error

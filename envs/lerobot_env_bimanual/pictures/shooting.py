@@ -115,7 +115,7 @@ def _shoot(order: Order) -> Shot:
     if camera == CLEAREST:
         camera = clearest_camera(env.scene, [states[end] for end in ends])
     options = env.options
-    with Renderer(env.scene, (camera,), options.height, options.width, order.quality) as renderer:
+    with Renderer(env.scene, (camera,), *options.size, order.quality) as renderer:
 
         def image(tick: int) -> NDArray[np.uint8]:
             env.scene.restore_state(states[tick])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
@@ -44,7 +44,7 @@ class Certified:
                 f"{folder} holds no {EXACT}.json; make it with `lerobot-bimanual certify --variation=each "
                 f"--output={folder / EXACT}.json`. Read are: {', '.join(path.name for path in paths.values())}"
             )
-        return cls({name: json.loads(path.read_text()) for name, path in paths.items() if path.is_file()})
+        return cls({name: read_json(path) for name, path in paths.items() if path.is_file()})
 
     @property
     def tasks(self) -> list[str]:
@@ -125,15 +125,17 @@ def paper_table(certified: Certified) -> str:
     headings = ("task", "variations", "items", "keyframes", "duration", "oracle of the original")
     rows = []
     for task in certified.tasks:
-        spec, paper, variations = get_task(task).spec, PAPER[task], certified.rows(EXACT, task)
+        spec, paper, variations = get_task(task).spec, PAPER.get(task), certified.rows(EXACT, task)
         oracle = ORIGINAL_ORACLE.get(task)
         rows.append(
             (
                 f"`{task}`",
                 len(spec.variations),
-                f"{movable_items(task)} ({paper.items})",
-                f"{_mean(variations, lambda row: row['median_keyposes']):.1f} ({paper.keyframes})",
-                f"{_mean(variations, lambda row: row['median_s']):.1f} s ({paper.duration_s:.1f} s)",
+                f"{movable_items(task)} ({paper.items if paper else NOT_MEASURED})",
+                f"{_mean(variations, lambda row: row['median_keyposes']):.1f} "
+                f"({paper.keyframes if paper else NOT_MEASURED})",
+                f"{_mean(variations, lambda row: row['median_s']):.1f} s "
+                f"({f'{paper.duration_s:.1f} s' if paper else NOT_MEASURED})",
                 NOT_MEASURED if oracle is None else f"{oracle:.0%}",
             )
         )

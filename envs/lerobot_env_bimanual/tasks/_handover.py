@@ -1,8 +1,8 @@
 """How one hand picks an item up, presents it in the air, and the other hand takes it.
 
 Both hands approach along y, since the bases stand too close together to exchange anything along the line between
-them. Both are rolled by 45 degrees, so that their fingers
-cross at a right angle and never meet, and no hand is at a singularity of the Euler angles.
+them. Both are rolled by 45 degrees, so that their fingers cross at a right angle and never meet, and no hand is at a
+singularity of the Euler angles.
 """
 
 from __future__ import annotations

@@ -3,9 +3,11 @@
 Nothing is imported here but names, so that a plugin can list its tasks without loading MuJoCo.
 """
 
+import functools
 import pkgutil
-from importlib.metadata import entry_points
 from pathlib import Path
+
+from lerobot_bimanual.distributions import entries
 
 TASKS_GROUP = "lerobot_bimanual.tasks"
 """Entry-point group of tasks in other distributions: `name_of_the_task = "module.that.registers_it"`."""
@@ -14,9 +16,10 @@ _FOLDER = Path(__file__).parent
 _NOT_TASKS = ("discovery", "registry")
 
 
+@functools.cache
 def task_modules() -> dict[str, str]:
     """Name of every task and the module that registers it; a task of this folder wins over one of its name."""
-    announced = {entry.name: entry.module for entry in entry_points(group=TASKS_GROUP)}
+    announced = {name: entry.module for name, entry in entries(TASKS_GROUP).items()}
     here = (module.name for module in pkgutil.iter_modules([str(_FOLDER)]))
     own = {
         name: f"{__package__}.{name}" for name in here if not name.startswith("_") and name not in _NOT_TASKS

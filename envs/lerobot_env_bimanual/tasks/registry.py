@@ -32,30 +32,29 @@ def register[T: Task](task_class: type[T]) -> type[T]:
     return task_class
 
 
-def _tasks() -> dict[str, type[Task]]:
-    """All tasks; those that were found but not yet registered are imported.
+def _load(name: str) -> type[Task]:
+    """The class of a task that is registered, or found but not yet imported.
 
     Raises:
-        BimanualError: a module cannot be imported, or does not register what it was announced for.
+        BimanualError: its module cannot be imported, or does not register it.
     """
-    for name, module in task_modules().items():
-        if name in _TASKS:
-            continue
+    if name not in _TASKS:
+        module = task_modules()[name]
         try:
             importlib.import_module(module)
-        except (ImportError, ValueError) as error:
+        except Exception as error:  # somebody else's module may fail in any way
             raise BimanualError(f"task {name!r} cannot be loaded from module {module!r}: {error}") from error
         if name not in _TASKS:
             raise BimanualError(
                 f"module {module!r} registers no task called {name!r}; a file in tasks/, or an entry point of the "
                 f"group {TASKS_GROUP!r}, bears the name of its task"
             )
-    return _TASKS
+    return _TASKS[name]
 
 
 def list_tasks() -> tuple[str, ...]:
     """Names of all tasks, sorted."""
-    return tuple(sorted(_tasks()))
+    return tuple(sorted({*task_modules(), *_TASKS}))
 
 
 def get_task(name: str) -> Task:
@@ -63,18 +62,18 @@ def get_task(name: str) -> Task:
 
     Raises:
         UnknownTask: no such task; the message lists those that exist.
+        BimanualError: it is one of somebody else's, and cannot be loaded.
     """
-    tasks = _tasks()
-    if name not in tasks:
+    if name not in list_tasks():
         raise UnknownTask(name, list_tasks())
-    return tasks[name]()
+    return _load(name)()
 
 
 def list_suites() -> dict[str, tuple[str, ...]]:
     """Each suite with the names of its tasks, both sorted; a suite without a task does not exist."""
     suites: dict[str, list[str]] = {ALL: []}
     for name in list_tasks():
-        spec = _tasks()[name].spec
+        spec = _load(name).spec
         for suite in (ALL, *spec.taxonomy.suites, *((TWO_ARMED,) if spec.needs_both_arms else ())):
             suites.setdefault(suite, []).append(name)
     return {suite: tuple(suites[suite]) for suite in sorted(suites)}

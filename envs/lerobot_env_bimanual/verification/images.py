@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M
+from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M, MM_PER_M
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.verification.fault import Fault
 
 COMPLETE, DEPTH_RANGE = "images complete", "depth range"
-MM_PER_M = 1000
 
 
 class ImageInspection:

@@ -69,7 +69,7 @@ class SimulationChecks:
             return (Fault(f"cannot be played: {error}"),)
         if result.divergence is not None:
             row = _row_of(episode).get(result.divergence)
-            return (Fault(f"the simulation is in another state after tick {result.divergence}", row),)
+            return (Fault(f"the simulation is in {result.comparison}", row),)
         return () if result.success else (Fault(f"is not solved: {result.failure or 'conditions unmet'}"),)
 
     def new_images(self, env: BimanualEnv) -> dict[str, NDArray]:
@@ -78,7 +78,7 @@ class SimulationChecks:
         if self._renderer is None or self._rendered_env is not env:
             if self._renderer is not None:
                 self._renderer.close()
-            self._renderer = Renderer(env.scene, options.camera_names, options.height, options.width)
+            self._renderer = Renderer(env.scene, options.camera_names, *options.size)
             self._rendered_env = env
         observation = observe_images(options, self._renderer.render())
         images = {}

@@ -191,11 +191,6 @@ class Scene(SceneView):
         """
         return self._latched_unstable or bool(np.any(self.data.warning.number))
 
-    @property
-    def seconds(self) -> float:
-        """Time since the episode started."""
-        return self.ticks * TICK_S
-
     # -- state --------------------------------------------------------------------------------------------
 
     def state_hash(self) -> str:

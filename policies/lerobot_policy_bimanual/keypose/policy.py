@@ -96,7 +96,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """Training loss on a batch with labels.
 
         Args:
-            batch: the keys of `processing.observe`, and `observation.next_keypose` (b, 18).
+            batch: the keys of `keypose.observation.observe`, and `observation.next_keypose` (b, 18).
 
         Returns:
             The loss, and its parts in nats with prediction errors per arm in cm and degrees.
