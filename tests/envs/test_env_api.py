@@ -260,9 +260,10 @@ def test_an_episode_that_could_not_start_cannot_be_played(monkeypatch):
     def start(*_):
         raise PlacementFailure("no placement")
 
-    with monkeypatch.context() as patch, pytest.raises(PlacementFailure):
+    with monkeypatch.context() as patch:
         patch.setattr(EpisodeReset, "start", start)
-        env.reset(seed=0)
+        with pytest.raises(PlacementFailure):
+            env.reset(seed=0)
     with pytest.raises(gym.error.ResetNeeded):
         env.step(np.zeros(16, np.float32))
     env.reset(seed=0)
