@@ -21,7 +21,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
@@ -66,9 +65,7 @@ class Staging:
                 raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give the lock back; the folder stays for the next run unless `publish` has removed it."""
         self._release()
 
