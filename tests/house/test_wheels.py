@@ -190,7 +190,7 @@ def test_a_module_that_does_not_register_its_task_is_named(python_with_a_task: P
     program = (
         "import lerobot_env_bimanual.tasks.registry as registry\n"
         "registry.task_modules = lambda: {'juggle': 'json'}\n"
-        "registry.list_tasks()\n"
+        "registry.get_task('juggle')\n"
     )
     child = run_clean(python_with_a_task, "-c", program)
     assert "BimanualError: module 'json' registers no task called 'juggle'" in child.stderr
