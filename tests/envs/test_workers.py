@@ -54,6 +54,7 @@ def test_an_interrupted_pool_waits_for_nobody() -> None:
             raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) -> None:
     parent = subprocess.Popen(
