@@ -6,6 +6,7 @@ failure reports and tests print. All positions are in metres, world frame.
 
 from __future__ import annotations
 
+import functools
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -23,7 +24,7 @@ REST_SPEED_M_S = 0.02
 class Condition(ABC):
     """Something that is either true or false of a scene; unique within a task by its name."""
 
-    @property
+    @functools.cached_property  # asked for at every tick
     def name(self) -> str:
         """The class and the fields that its `repr` shows, e.g. `above(ball, 0.95)`."""
         values = (getattr(self, field.name) for field in fields(self) if field.repr)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +80,8 @@ def _task_facts(task: Task) -> Iterator[str]:
     for variation in spec.variations:
         yield f"{variation} {spec.instructions_for(variation)}"
         for condition in task.conditions(variation):
-            yield f"{type(condition).__name__} {vars(condition)}"
+            values = {field.name: getattr(condition, field.name) for field in fields(condition)}
+            yield f"{type(condition).__name__} {values}"
 
 
 def _model_facts(env: BimanualEnv) -> Iterator[str]:
