@@ -60,7 +60,7 @@ class BimanualEnv(gym.Env):
         keywords: single options by name; they win over `options`.
 
     Attributes:
-        options: as given.
+        options: what was chosen.
         tick_observers: called in turn before every control tick.
 
     Raises:
