@@ -3,7 +3,7 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
-.PHONY: help setup watch demo certificates test test-slow test-all check format bench lock build clean
+.PHONY: help setup watch demo certificates test test-slow test-all fuzz check format bench lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -32,6 +32,10 @@ test-slow: setup  ## Run only the slow tests: whole command lines, training
 
 test-all: setup  ## Run every test; those for a GPU skip themselves where there is none
 	$(PYTEST)
+
+FUZZ_EXAMPLES := 1000
+fuzz: setup  ## Feed every reader and action thousands of broken inputs (FUZZ_EXAMPLES of each kind)
+	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(PYTEST) --timeout=3600 --hypothesis-show-statistics -m fuzz
 
 check: setup  ## Lint, formatting, types
 	$(BIN)/ruff check

@@ -11,6 +11,19 @@ os.environ["HF_HUB_OFFLINE"] = "1"
 os.environ["WANDB_MODE"] = "disabled"
 
 import pytest  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
+
+_FUZZ_EXAMPLES = os.environ.get("FUZZ_EXAMPLES")
+# A test run draws the same few examples each time; `make fuzz` draws thousands of new ones.
+settings.register_profile(
+    "fuzz",
+    max_examples=int(_FUZZ_EXAMPLES or 15),
+    derandomize=_FUZZ_EXAMPLES is None,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
+settings.load_profile("fuzz")
 
 
 @pytest.fixture(autouse=True)
