@@ -1,10 +1,11 @@
-"""LAMB does the reference's arithmetic."""
+"""LAMB does the reference's arithmetic, the fused AdamW that of LeRobot's."""
 
 import numpy as np
 import torch
 from lerobot.optim import OptimizerConfig
-from lerobot.optim.optimizers import load_optimizer_state, save_optimizer_state
+from lerobot.optim.optimizers import AdamWConfig, load_optimizer_state, save_optimizer_state
 
+from lerobot_policy_bimanual.keypose.fused_adamw import FusedAdamWConfig
 from lerobot_policy_bimanual.keypose.lamb import LambConfig
 
 
@@ -69,3 +70,18 @@ def test_unused_parameters_are_left_alone():
     optimizer.step()
     assert torch.equal(unused, torch.ones(2))
     assert not torch.equal(used, torch.ones(2))
+
+
+def test_fused_adamw_takes_the_steps_of_lerobots_adamw():
+    start = torch.randn(40, 30)
+    gradients = torch.randn(5, 40, 30)
+    ends = []
+    for config in (AdamWConfig(lr=0.01), FusedAdamWConfig(lr=0.01)):
+        weight = torch.nn.Parameter(start.clone())
+        optimizer = config.build([weight])
+        for gradient in gradients:
+            weight.grad = gradient.clone()
+            optimizer.step()
+        ends.append(weight.detach())
+    torch.testing.assert_close(*ends, rtol=1e-6, atol=1e-7)
+    assert not torch.equal(ends[0], start)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from lerobot.configs import NormalizationMode, PreTrainedConfig
 from lerobot.optim import (
-    AdamWConfig,
     CosineDecayWithWarmupSchedulerConfig,
     LRSchedulerConfig,
     OptimizerConfig,
@@ -29,6 +28,7 @@ from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, whole
+from lerobot_policy_bimanual.keypose.fused_adamw import FusedAdamWConfig
 from lerobot_policy_bimanual.keypose.lamb import LambConfig
 
 DTYPES = ("float32", "bfloat16")
@@ -222,7 +222,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         }
         if self.optimizer == "lamb":
             return LambConfig(**shared)
-        return AdamWConfig(**shared, betas=(0.9, 0.99))
+        return FusedAdamWConfig(**shared, betas=(0.9, 0.99))
 
     def get_scheduler_preset(self) -> LRSchedulerConfig | None:
         """Warm-up and cosine over the whole training, however long, or nothing."""

@@ -211,22 +211,20 @@ class FactorisedTranslationHead(nn.Module):
         if self.patch_lines:
             logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
             patch_logits = patch_logits + at_least_float32(torch.stack(logits, dim=1))
-        # Zero border: a crop is one voxel wider than its patch on every side.
-        padded = F.pad(stem, (1,) * 6)
         # In training the prediction is only reported: one patch, no gradient.
         training = target_voxel is not None
         with torch.set_grad_enabled(torch.is_grad_enabled() and not training):
             best = patch_logits.topk(1 if training else min(BEAM, P**3), dim=-1).indices  # (b, arms, n)
-            voxel_logits, cell_logits = self._score(padded, along_lines, tokens, best)
+            voxel_logits, cell_logits = self._score(stem, along_lines, tokens, best)
         if target_voxel is None:
             target_logits = target_cells = None
             patch = self._patch_of_best_voxel(patch_logits, best, voxel_logits)
         else:
             patch = split_voxel(target_voxel, P)[0]
-            scores = self._score(padded, along_lines, tokens, patch[..., None])
+            scores = self._score(stem, along_lines, tokens, patch[..., None])
             target_logits, target_cells = (score[:, :, 0] for score in scores)
         features = [
-            at_least_float32(stem.flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
+            at_least_float32(planes[0].flatten(2).max(dim=-1).values)[:, None].expand(-1, A, -1),
             pool(answers.flatten(0, 1)).unflatten(0, (-1, A)),
             pool(refined.flatten(0, 1)).unflatten(0, (-1, A)),
             at_least_float32(_take(tokens, patch[..., None])[:, :, 0]),
@@ -237,22 +235,15 @@ class FactorisedTranslationHead(nn.Module):
         return prediction, torch.cat(features, dim=-1)
 
     def _score(
-        self, padded: Tensor, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
+        self, stem: Tensor, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
-        P, n = round(tokens.shape[2] ** (1 / 3)), patches.shape[-1]
-        width, size = padded.shape[-1], PATCH + 2
-        step = torch.arange(size, device=padded.device)
-        within = (step[:, None, None] * width + step[:, None]) * width + step  # (7, 7, 7)
-        place = _place(patches, P)  # (b, arms, n, 3)
-        corner = ((place[..., 0] * width + place[..., 1]) * width + place[..., 2]) * PATCH
-        voxels = corner[..., None] + within.flatten()  # (b, arms, n, 343), flat indices into the padded grid
+        place = _place(patches, round(tokens.shape[2] ** (1 / 3)))  # (b, arms, n, 3)
+        crops = _crop(stem, place)
         scores = []
         for arm, head in enumerate(self.voxel_logits):
-            index = voxels[:, arm].flatten(1)[:, None].expand(-1, padded.shape[1], -1)
-            crops = padded.flatten(2).gather(2, index).unflatten(2, (n, size, size, size)).transpose(1, 2)
             answers = _take(tokens[:, arm, None], patches[:, arm, None])[:, 0]
-            scores.append(head(crops, along_lines[arm], place[:, arm], answers))
+            scores.append(head(crops[:, arm], along_lines[arm], place[:, arm], answers))
         voxels, cells = (torch.stack(logits, dim=1) for logits in zip(*scores, strict=True))
         return voxels, cells
 
@@ -269,6 +260,29 @@ def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:
     pooled = [F.max_pool2d(plane, PATCH).unsqueeze(2 + axis) for axis, plane in enumerate(along_lines)]
     seen = activate(pooled[0] + pooled[1] + pooled[2])  # (b, FINE_CHANNELS, p, p, p)
     return layer(seen.flatten(2).transpose(1, 2))[..., 0]
+
+
+def _crop(stem: Tensor, place: Tensor) -> Tensor:
+    """Patches and one voxel around them, zero beyond the grid.
+
+    Args:
+        stem: (b, channels, v, v, v).
+        place: (b, arms, n, 3) of the patches.
+
+    Returns:
+        (b, arms, n, channels, PATCH + 2, PATCH + 2, PATCH + 2).
+    """
+    width = stem.shape[-1]
+    along = (place * PATCH)[..., None] + torch.arange(-1, PATCH + 1, device=stem.device)  # (b, arms, n, 3, 7)
+    inside = (along >= 0) & (along < width)
+    x, y, z = along.clamp(0, width - 1).unbind(-2)
+    in_x, in_y, in_z = inside.unbind(-2)
+    voxel = (x[..., :, None, None] * width + y[..., None, :, None]) * width + z[..., None, None, :]
+    exists = in_x[..., :, None, None] & in_y[..., None, :, None] & in_z[..., None, None, :]
+    rows = stem.permute(0, 2, 3, 4, 1).flatten(1, 3)  # (b, v^3, channels), as it lies in memory
+    index = voxel.flatten(1)[..., None].expand(-1, -1, rows.shape[2])
+    crops = rows.gather(1, index).unflatten(1, voxel.shape[1:])  # (b, arms, n, 7, 7, 7, channels)
+    return torch.where(exists[..., None], crops, 0).movedim(-1, 3)
 
 
 def _place(patches: Tensor, size: int) -> Tensor:

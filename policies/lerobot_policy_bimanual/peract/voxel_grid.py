@@ -8,6 +8,9 @@ from lerobot_bimanual.geometry.workspace import Workspace
 GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
 
+CELLS_BEHIND = 4096
+"""Cells that take the points outside the workspace."""
+
 
 def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: int) -> Tensor:
     """Average the points of every voxel.
@@ -32,18 +35,18 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         x, y, z = ((scaled >= 0) & (scaled < V)).unbind(1)
         inside = x & y & z  # False for NaN
         x, y, z = scaled.int().unbind(1)  # truncation is the floor of what lies inside
-        # Points outside add zero to some voxel, a different one each: nothing to filter, so the host need not wait
+        # Points outside go to cells behind the grid, a different one each: nothing to filter, so the host need not wait
         # for the device, and no single cell that all of them fight for.
-        anywhere = torch.arange(N, dtype=torch.int32, device=points.device) % V**3
-        cell = torch.where(inside, (x * V + y) * V + z, anywhere).long()[:, None].expand(-1, 3, -1)
-        inside = inside[:, None]
+        behind = V**3 + torch.arange(N, dtype=torch.int32, device=points.device) % CELLS_BEHIND
+        cell = torch.where(inside, (x * V + y) * V + z, behind).long()[:, None].expand(-1, 3, -1)
 
-        grid = points.new_zeros(B, GRID_CHANNELS, V**3)
-        means, occupied = grid[:, :6], grid[:, 9:]
-        means[:, :3].scatter_add_(2, cell, torch.where(inside, points, 0.0))
-        means[:, 3:].scatter_add_(2, cell, torch.where(inside, colours, 0.0))
-        occupied.scatter_add_(2, cell[:, :1], inside.to(points.dtype))
-        means /= occupied.clamp(min=1)
+        grid = points.new_zeros(B, GRID_CHANNELS, V**3 + CELLS_BEHIND)
+        grid[:, :3].scatter_add_(2, cell, points)
+        grid[:, 3:6].scatter_add_(2, cell, colours)
+        grid[:, 9:].scatter_add_(2, cell[:, :1], points.new_ones(1).expand(B, 1, N))
+        grid = grid[:, :, : V**3]
+        occupied = grid[:, 9:]
+        grid[:, :6] /= occupied.clamp(min=1)
         occupied.clamp_(max=1)
         grid = grid.unflatten(2, (V, V, V))
         axis = torch.arange(V, dtype=points.dtype, device=points.device) / V

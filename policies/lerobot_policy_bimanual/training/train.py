@@ -17,6 +17,7 @@ from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.training.memory import keep_freed_memory
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 ROW_KEYS = ("row", "held_out_row")
@@ -59,6 +60,7 @@ def main() -> int:
         preprocessor, postprocessor = _make_processors(*args, **kwargs)
         return LookUpRows(datasets, preprocessor), postprocessor
 
+    keep_freed_memory()
     lerobot_train.make_train_eval_datasets = make_datasets
     lerobot_train.make_pre_post_processors = make_processors
     try:
