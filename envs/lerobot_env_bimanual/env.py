@@ -13,13 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import (
-    BimanualError,
-    InvalidChoice,
-    KeyposeFailure,
-    PlacementFailure,
-    UnknownTask,
-)
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.episode.actions import ActionReader
@@ -40,6 +34,7 @@ from lerobot_env_bimanual.world.video import VideoWriter
 SIMULATION_UNSTABLE = "simulation_unstable"
 RENDER_CAMERA = "front"
 RENDER_SIZE = (480, 640)
+GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
@@ -134,6 +129,11 @@ class BimanualEnv(gym.Env):
             spec = self.task_definition.spec
             return spec.instructions_for(spec.variations[self._variation or 0])[0]
         return self._progress.instruction
+
+    @property
+    def action_lengths(self) -> tuple[int, ...]:
+        """Numbers that an action may have."""
+        return self._actions.lengths
 
     @property
     def variation(self) -> int:
@@ -324,11 +324,7 @@ class BimanualEnv(gym.Env):
                 "an episode that is being filmed cannot be copied: copy before reset, or film one only"
             )
         saved = None if self._progress is None else self.save_state()
-        kept = {
-            name: value
-            for name, value in vars(self).items()
-            if name in ("spec", "_np_random", "_np_random_seed")
-        }
+        kept = {name: vars(self)[name] for name in GYMNASIUMS_STATE if name in vars(self)}
         return _restored, (type(self), self.task, self.options, self.render_mode, saved), kept
 
     def close(self) -> None:

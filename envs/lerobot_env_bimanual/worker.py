@@ -85,6 +85,13 @@ class Worker:
         return answer
 
 
+def end_of(process: BaseProcess) -> str:
+    """How a process ended that is ending, in words."""
+    process.join()
+    code = process.exitcode or 0
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
 @cache
 def end_with_parent() -> None:
     """Have this process end when the one that started it does, whatever it is doing then; nothing in a main process."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -22,7 +21,7 @@ from typing import Any, Self
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed
+from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed, end_of
 
 START_METHOD = "forkserver"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -182,7 +181,8 @@ class WorkerPool:
                         answer = worker.answer(name(items[index]))
                     except EOFError:
                         deaths[index] += 1
-                        end = self._end_of(worker)
+                        end = end_of(worker.process)
+                        self._dismiss([worker])
                         if deaths[index] < MAX_DEATHS:
                             suspects.append(index)
                             continue
@@ -203,13 +203,6 @@ class WorkerPool:
         worker = Worker(self._context, *self._preparation)
         self._workers.append(worker)
         return worker
-
-    def _end_of(self, worker: Worker) -> str:
-        """How a worker ended whose pipe is closed."""
-        worker.process.join()
-        code = worker.process.exitcode or 0
-        self._dismiss([worker])
-        return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
     def _dismiss(self, workers: Sequence[Worker]) -> None:
         """End workers; busy ones at once, as what they have not finished is lost anyway."""

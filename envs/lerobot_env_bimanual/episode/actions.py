@@ -21,6 +21,8 @@ In a vector environment it ends the episode of its own environment as a failure,
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +44,29 @@ from lerobot_env_bimanual.robots.arm_pair import ArmPair
 JOINT_TOLERANCE_RAD = 0.1
 
 
+def real_vector(action: ArrayLike, lengths: Collection[int]) -> NDArray[np.float32]:
+    """An action of the right form; its values may still be refused.
+
+    Args:
+        action: as it was given.
+        lengths: that it may have.
+
+    Raises:
+        InvalidAction: it has another shape, or does not consist of real numbers.
+    """
+    wanted = f"a vector of {' or '.join(map(str, lengths))} numbers"
+    try:
+        vector = np.asarray(action)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
+        raise InvalidAction(f"{wanted}, got what NumPy cannot read: {error}") from error
+    if vector.ndim != 1 or vector.size not in lengths:
+        raise InvalidAction(f"{wanted}, got shape {vector.shape}")
+    if vector.dtype.kind not in "iuf":
+        raise InvalidAction(f"{wanted}, got {vector.dtype.name} values")
+    with np.errstate(over="ignore"):  # what is too large becomes infinite
+        return vector.astype(np.float32)
+
+
 class ActionReader:
     """Turns the vectors given to `step` into a joint action or a keypose.
 
@@ -55,6 +80,12 @@ class ActionReader:
         self._strict = control_mode != "auto"
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
         self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Numbers that an action may have."""
+        modes = {"auto": (JOINT_ACTION_DIM, KEYPOSE_DIM), "joint": (JOINT_ACTION_DIM,)}
+        return modes.get(self._mode, (KEYPOSE_DIM,))
 
     @property
     def space(self) -> spaces.Box:
@@ -74,34 +105,13 @@ class ActionReader:
             InvalidAction: see the table above.
             KeyposeFailure: a zero quaternion in mode `auto`.
         """
-        vector = self.as_vector(action)
+        try:
+            vector = real_vector(action, self.lengths)
+        except InvalidAction as error:
+            raise InvalidAction(f"control mode {self._mode!r} takes {error}") from error
         if vector.size == KEYPOSE_DIM:
             return self._read_keypose(vector)
         return self._read_joints(vector)
-
-    def as_vector(self, action: ArrayLike) -> NDArray[np.float32]:
-        """An action of the right form, (16,) or (18,); its values may still be refused.
-
-        Raises:
-            InvalidAction: it has another shape, or does not consist of real numbers.
-        """
-        lengths = {"auto": (JOINT_ACTION_DIM, KEYPOSE_DIM), "joint": (JOINT_ACTION_DIM,)}
-        valid = lengths.get(self._mode, (KEYPOSE_DIM,))
-        takes = f"control mode {self._mode!r} takes a vector of {' or '.join(map(str, valid))} numbers"
-        try:
-            vector = np.asarray(action)
-        except (
-            ValueError,
-            TypeError,
-            RuntimeError,
-        ) as error:  # ragged, or a tensor that requires its gradient
-            raise InvalidAction(f"{takes}, got what NumPy cannot read: {error}") from error
-        if vector.ndim != 1 or vector.size not in valid:
-            raise InvalidAction(f"{takes}, got shape {vector.shape}")
-        if vector.dtype.kind not in "iuf":
-            raise InvalidAction(f"{takes}, got {vector.dtype.name} values")
-        with np.errstate(over="ignore"):  # what is too large becomes infinite
-            return vector.astype(np.float32)
 
     def _read_joints(self, vector: NDArray[np.float32]) -> NDArray[np.float32]:
         if not np.isfinite(vector).all():

@@ -31,6 +31,20 @@ def checked_seed(seed: Any) -> int | None:
     return int(seed)
 
 
+def checked_seeds(seed: Any, count: int) -> list[int | None]:
+    """The seeds of several environments: those of a list, or a single one counted up.
+
+    Raises:
+        InvalidChoice: a seed is none, or there are not as many as environments.
+    """
+    if isinstance(seed, list | tuple | np.ndarray):
+        if len(seed) != count:
+            raise InvalidChoice("seed", seed, [f"a list of {count}, one per environment", "a single seed"])
+        return [checked_seed(single) for single in seed]
+    first = checked_seed(seed)
+    return [None if first is None else checked_seed(first + index) for index in range(count)]
+
+
 def checked_reset_options(options: Any) -> Mapping[str, Any]:
     """The options of a reset; those of other callers, such as LeRobot's, are let through.
 
