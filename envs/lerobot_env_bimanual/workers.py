@@ -42,7 +42,7 @@ class WorkerPool:
         workers: number of processes; 0 takes one per core.
         prepare: called once in every worker, before its first work.
         arguments: of `prepare`.
-        preload: modules imported once, in the process that workers are forked from; none that opens an OpenGL context
+        preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL context
             on import, which does not survive a fork. Only the first pool of a process can have some.
 
     Raises:
@@ -60,7 +60,7 @@ class WorkerPool:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
         self._context = worker_context()
-        self._context.set_forkserver_preload([*preload])
+        self._context.set_forkserver_preload(["lerobot_env_bimanual.worker", *preload])
         self._limit = workers or os.cpu_count() or 1
         self._preparation = (prepare, arguments)
         self._workers: list[Worker] = []
