@@ -324,7 +324,7 @@ class BimanualEnv(gym.Env):
                 "an episode that is being filmed cannot be copied: copy before reset, or film one only"
             )
         saved = None if self._progress is None else self.save_state()
-        kept = {name: vars(self)[name] for name in GYMNASIUMS_STATE if name in vars(self)}
+        kept = {name: copy.deepcopy(vars(self)[name]) for name in GYMNASIUMS_STATE if name in vars(self)}
         return _restored, (type(self), self.task, self.options, self.render_mode, saved), kept
 
     def close(self) -> None:

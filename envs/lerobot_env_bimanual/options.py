@@ -149,8 +149,8 @@ def _writable_folder(path: object) -> str:
     try:
         folder = Path(path).absolute()
         there = next(place for place in (folder, *folder.parents) if place.exists())
-        is_writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
-    except (OSError, ValueError):  # a name that is too long, or holds a null
+        is_writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK) and "\0" not in str(path)
+    except OSError:  # a name that is too long
         is_writable = False
     if not is_writable:
         raise InvalidChoice("video_dir", str(path), ["the path of a folder that can be written or made"])

@@ -42,8 +42,8 @@ class WorkerPool:
         workers: number of processes; 0 takes one per core.
         prepare: called once in every worker, before its first work.
         arguments: of `prepare`.
-        preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL context
-            on import, which does not survive a fork. Only the first pool of a process can have some.
+        preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL
+            context on import, which does not survive a fork. Only the first pool of a process can have some.
 
     Raises:
         InvalidChoice: a negative number of workers.
