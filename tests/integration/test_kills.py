@@ -79,6 +79,57 @@ def test_nothing_is_left_of_a_killed_user_of_workers(user, generated, tmp_path):
     assert not [path for path in semaphores if path.exists()]
 
 
+INTERRUPTED = {
+    "certify": "--task=lift_ball --seeds=0:6 --output={folder}/{run}.json",
+    "generate": "--task=lift_ball --episodes=3 --episodes_per_shard=1 --image_size=24 --view=keyframes "
+    "--root={folder}/{run}/data",
+    "verify": "--root={dataset}",
+    "replay": "--root={dataset}",
+}
+
+
+@pytest.mark.parametrize("verb", INTERRUPTED)
+def test_a_killed_worker_changes_no_result(verb, generated, tree_hashes, tmp_path):
+    outputs = []
+    for run in ("undisturbed", "disturbed"):
+        flags = INTERRUPTED[verb].format(dataset=generated, folder=tmp_path, run=run).split()
+        parent = subprocess.Popen(
+            [sys.executable, "-m", "lerobot_bimanual.cli", verb, "--workers=2", *flags],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        if run == "disturbed":
+            while not (workers := workers_of(parent.pid)):
+                assert parent.poll() is None, "ended before it had workers"
+                time.sleep(0.02)
+            os.kill(workers[0], signal.SIGKILL)
+        output, errors = parent.communicate(timeout=300)
+        assert parent.returncode == 0, output + errors
+        outputs.append(output.replace(run, "RUN"))
+    assert outputs[0] == outputs[1]
+    if verb == "certify":
+        assert (tmp_path / "undisturbed.json").read_bytes() == (tmp_path / "disturbed.json").read_bytes()
+    if verb == "generate":
+        assert tree_hashes(tmp_path / "undisturbed") == tree_hashes(tmp_path / "disturbed")
+
+
+def workers_of(parent: int) -> list[int]:
+    """Processes forked from the fork server of a session's first process, which are grandchildren."""
+    found = []
+    for process in processes_of(parent):
+        with contextlib.suppress(OSError, IndexError):
+            grandparent = parent_of(parent_of(int(process.name)))
+            if grandparent == parent:
+                found.append(int(process.name))
+    return found
+
+
+def parent_of(process: int) -> int:
+    return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+
+
 def processes_of(session: int) -> list[Path]:
     """Folders in /proc of the processes of a session."""
     found = []
