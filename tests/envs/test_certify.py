@@ -11,7 +11,7 @@ from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign
-from lerobot_env_bimanual.expert.campaign import Campaign
+from lerobot_env_bimanual.expert.campaign import Campaign, not_played
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.evidence import Evidence, EvidenceRecorder
@@ -236,3 +236,33 @@ def test_wrong_keyframes_are_found_out(env):
     evidence = recorder.evidence(keyposes, ticks, "none")
     assert not evidence.keyframes_found
     assert evidence.replayed is None
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_episode_that_ends_by_an_accident_is_named_while_the_others_are_played(workers, tmp_path):
+    log = OutcomeLog(tmp_path / "log.jsonl")
+    jobs = [
+        Job("lift_ball", "any", "test", seed, control)
+        for seed, control in enumerate(("noop", "nobody", "noop"))
+    ]
+    with Campaign(workers, log) as campaign:
+        first, lost, last = campaign.play(jobs, "playing")
+    assert [first.seed, lost.seed, last.seed] == [0, 1, 2]
+    assert first.state_hash
+    assert last.state_hash
+    assert lost.failure.startswith("not played: ")
+    assert "nobody" in lost.failure
+    assert log.get(jobs[0]) == first
+    assert log.get(jobs[1]) is None
+    (complaint,) = complaints("noop", 0, [first, lost, last])
+    assert complaint == f"lift_ball test seed 1 (variation 0): {lost.failure}"
+
+
+@pytest.mark.parametrize("variation", ["any", "2"])
+def test_what_was_not_played_is_known_by_its_variation(variation):
+    env = BimanualEnv("handover_item", obs="state", variation=variation)
+    for seed in range(2):
+        env.reset(seed=seed)
+        outcome = not_played(Job("handover_item", variation, "test", seed, "noop"), "killed")
+        assert (outcome.variation, outcome.failure) == (env.variation, "not played: killed")
+    env.close()

@@ -158,6 +158,12 @@ def with_entry(length: int, value: float) -> np.ndarray:
         ("auto", np.zeros((1, 16)), "16 or 18"),
         ("auto", with_entry(16, np.nan), "left_joint4"),
         ("auto", with_entry(18, np.inf), "left_qw"),
+        ("auto", np.full(16, 1e300), "left_joint1"),
+        ("auto", ["0"] * 16, "got str"),
+        ("auto", np.zeros(16, complex), "got complex128"),
+        ("auto", np.zeros(16, bool), "got bool"),
+        ("auto", [[0.0], *[0.0] * 15], "what NumPy cannot read"),
+        ("auto", None, "got shape"),
         ("joint", np.zeros(18), "16 numbers"),
         ("joint", with_entry(16, -9.0), "left_joint4"),
         ("keypose", np.zeros(16), "18 numbers"),
@@ -187,6 +193,19 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
         ({"cameras": ()}, InvalidChoice, "non-empty"),
         ({"image_size": 0}, InvalidChoice, "pixels"),
         ({"image_size": "big"}, InvalidChoice, "pixels"),
+        ({"image_size": 20_000}, InvalidChoice, "8 to 4096 pixels"),
+        ({"image_size": 64.5}, InvalidChoice, "pixels"),
+        ({"image_size": ("64", "64")}, InvalidChoice, "pixels"),
+        ({"image_size": 64 + 1j}, InvalidChoice, "pixels"),
+        ({"image_size": "64x64x64"}, InvalidChoice, "pixels"),
+        ({"cameras": 7}, InvalidChoice, "non-empty"),
+        ({"cameras": ("front", 3)}, InvalidChoice, "non-empty"),
+        ({"split": ["test"]}, InvalidChoice, "train, val, test"),
+        ({"variation": np.zeros(2)}, InvalidChoice, "an index"),
+        ({"video_dir": 7}, InvalidChoice, "the path of a folder"),
+        ({"video_dir": "/dev/null/films"}, InvalidChoice, "that can be written or made"),
+        ({"video_dir": "a\0b"}, InvalidChoice, "that can be written or made"),
+        ({"video_dir": "x" * 5000}, InvalidChoice, "that can be written or made"),
         ({"max_keyposes": 0}, InvalidChoice, "at least 1"),
         ({"render_quality": "ultra"}, InvalidChoice, "observation, high"),
         ({"render_mode": "human"}, InvalidChoice, "rgb_array"),
@@ -237,6 +256,11 @@ def test_a_reset_can_choose_the_variation_of_its_episode():
 def test_a_variation_is_an_index_or_any(variation):
     with pytest.raises(UnknownVariation):
         BimanualEnv("handover_item", variation=variation)
+
+
+def test_gymnasium_passes_on_what_is_wrong_with_keywords():
+    with pytest.raises(InvalidChoice, match="did you mean 'image_size'"):
+        gym.make("bimanual/LiftBall-v0", imagesize=64)
 
 
 def test_an_unknown_option_is_answered_with_the_known_ones():

@@ -1,6 +1,8 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.cameras import CAMERA_NAMES, project, unproject
 from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
@@ -255,3 +258,39 @@ def test_a_forgotten_renderer_ends_the_process_quietly():
     )
     result = without_gl(program)
     assert (result.returncode, result.stderr) == (0, "")
+
+
+def in_a_thread[Result](function: Callable[[], Result]) -> Result:
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(function).result()
+
+
+def test_a_renderer_may_be_used_in_one_thread_and_closed_in_another(scene):
+    renderer = Renderer(scene, ("front",), 24, 32)
+    there = in_a_thread(renderer.render)["front"]
+    here = renderer.render()["front"]
+    assert all(np.array_equal(a, b) for a, b in zip(there, here, strict=True))
+    in_a_thread(renderer.close)
+    again = in_a_thread(renderer.render)["front"]
+    renderer.close()
+    assert all(np.array_equal(a, b) for a, b in zip(there, again, strict=True))
+
+
+def test_environments_play_and_render_in_several_threads_at_once():
+    def play(seed: int) -> list[np.ndarray]:
+        env = BimanualEnv("lift_ball", image_size=24, cameras="front")
+        envs.append(env)
+        images = [env.reset(seed=seed)[0]["pixels"]["front"]]
+        for _ in range(5):
+            images.append(env.step(env.scene.commanded)[0]["pixels"]["front"])
+            images.append(env.render())
+        return images
+
+    envs: list[BimanualEnv] = []
+    with ThreadPoolExecutor(2) as pool:
+        at_once = list(pool.map(play, (0, 1)))
+    one_after_the_other = [play(seed) for seed in (0, 1)]
+    for env in envs:
+        env.close()
+    for images, expected in zip(at_once, one_after_the_other, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(images, expected, strict=True))

@@ -17,7 +17,9 @@ from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.errors import InvalidAction
 from lerobot_env_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.vector import LazyVectorEnv
 
 pytestmark = pytest.mark.slow
@@ -173,6 +175,50 @@ def test_several_tasks_run_on_joint_actions_and_are_filmed(tmp_path, at_most_ten
     sentences = {sentence for batch in policy.batches for sentence in batch["task"]}
     assert any("box" in sentence for sentence in sentences)
     assert any("ball" in sentence for sentence in sentences)
+
+
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_two_tasks_are_evaluated_at_the_same_time(asynchronous, tmp_path, at_most_ten_steps):
+    config = BimanualEnvConfig(task="push_box,lift_ball", image_size=SIZE, max_parallel_tasks=2)
+    results = []
+    for number in (1, config.max_parallel_tasks):
+        envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
+        policy = ScriptedPolicy(hold_joints)
+        info = eval_policy_all(
+            envs,
+            policy,
+            **processors(),
+            n_episodes=2,
+            max_episodes_rendered=1,
+            videos_dir=tmp_path / str(number),
+            start_seed=0,
+            max_parallel_tasks=number,
+        )
+        close_envs(envs)  # in this thread, while the images were made in others
+        results.append(info["overall"]["n_episodes"])
+        images = [batch[schema.image_key("front")].sum().item() for batch in policy.batches]
+        results.append(sorted(images))
+    assert results[:2] == results[2:]
+    assert {path.parent.name for path in (tmp_path / "2").rglob("*.mp4")} == {"push_box_0", "lift_ball_1"}
+
+
+def test_a_policy_that_diverges_ends_its_episodes_and_not_the_evaluation(caplog):
+    def diverging(batch) -> torch.Tensor:
+        return batch[schema.STATE].index_fill(1, torch.tensor([4]), torch.nan)
+
+    with caplog.at_level("INFO"):
+        info, policy = evaluate(diverging, False, obs="state")
+    assert info["aggregated"]["pc_success"] == 0.0
+    assert len(policy.batches) == 1
+    assert "(2 x invalid action: joint action is not finite in)" in caplog.text
+
+
+def test_a_tensor_that_requires_its_gradient_is_no_action():
+    env = BimanualEnv("lift_ball", obs="state")
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match="requires grad"):
+        env.step(torch.zeros(16, requires_grad=True))
+    env.close()
 
 
 def test_workers_load_neither_lerobot_nor_torch():

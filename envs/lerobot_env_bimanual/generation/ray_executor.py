@@ -186,7 +186,9 @@ def _result(task: Any, shard: Shard) -> PackedShard:
     except RayTaskError as error:
         if isinstance(error.cause, BimanualError):
             raise error.cause from None
-        raise
+        raise DatasetError(
+            f"shard {shard.name}: unexpected {type(error.cause).__name__}: {error.cause}. Finished shards are kept"
+        ) from error
     except RayError as error:
         raise DatasetError(
             f"workers died while recording shard {shard.name}, {MAX_RETRIES + 1} times or for good: {error}. "
