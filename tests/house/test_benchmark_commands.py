@@ -7,8 +7,7 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
-from lerobot_bimanual.benchmark.results import EpisodeResult, Validation
-from lerobot_bimanual.benchmark.run import best_checkpoint
+from lerobot_bimanual.benchmark.results import EpisodeResult, Validation, best_checkpoint
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo
