@@ -1,5 +1,6 @@
 """Dataclasses from JSON: every field there, none beyond, each of its kind, and what is not is named."""
 
+import functools
 import types
 import typing
 from collections.abc import Mapping
@@ -70,8 +71,8 @@ def _decode_tuple(kinds: tuple[Any, ...], items: list[Any], place: str, partly: 
 
 
 def _decode_fields(kind: Any, content: Mapping[str, Any], place: str, partly: bool) -> Any:
-    hints = typing.get_type_hints(kind)
-    names = [field.name for field in fields(kind)]
+    hints = _hints(kind)
+    names = [*hints]
     unknown = set() if partly else set(content) - set(names)
     for wrong, problem in ((set(names) - set(content), "lacks"), (unknown, "has unknown")):
         if wrong:
@@ -82,6 +83,13 @@ def _decode_fields(kind: Any, content: Mapping[str, Any], place: str, partly: bo
         return kind(**values)
     except ValueError as error:
         raise BadRecord(f"{place}: {error}") from error
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Each field's annotation, in the order of the fields."""
+    hints = typing.get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind)}
 
 
 def _name(key: str) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.expert.control_names import ControlName
 
 if TYPE_CHECKING:
@@ -53,6 +52,7 @@ def certify(config: CertifyConfig) -> int:
     from lerobot_env_bimanual.expert.campaign import Campaign
     from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+    from lerobot_env_bimanual.expert.seed_range import parse_seeds
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
@@ -73,18 +73,6 @@ def certify(config: CertifyConfig) -> int:
         log.remove()
     certificate.print()
     return 1 if certificate.complaints else 0
-
-
-def parse_seeds(text: str) -> range:
-    """The half-open range `a:b` of seeds.
-
-    Raises:
-        BimanualError: the text is not such a range, or the range is empty.
-    """
-    first, _, end = text.partition(":")
-    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise BimanualError(f"seeds is {text!r}, but must be a half-open range such as 0:100")
-    return range(int(first), int(end))
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
