@@ -46,8 +46,8 @@ class BenchmarkConfig:
     """What is asked of a benchmark; flags of the verb `benchmark`."""
 
     policy: str = "peract2"  # type of the policy, as for lerobot-train
-    task: str = "lift_ball"  # one registered task
-    variation: str = "any"  # index, or any
+    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual tasks` lists them
+    variation: str = "any"  # index, or `any` for one that each seed draws
     recipe: str = "small"  # file of the policy's training, and the numbers of the protocol: small or paper
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
@@ -59,7 +59,7 @@ class BenchmarkConfig:
     test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
     seed: int = 1000  # of the training
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
-    # Further flags of lerobot-train, in one text; they win over the recipe's.
+    # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
     eval_flags: str = ""  # further flags of lerobot-eval, in one text
     device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses

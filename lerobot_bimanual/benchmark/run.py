@@ -114,7 +114,7 @@ def _dataset_record(plan: Plan) -> DatasetRecord:
 def _rates_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
     """One row per entry of `rates`, who acted -> success, with the 95 % Wilson interval."""
     table = Table(title=title)
-    table.add_column("who acts")
+    table.add_column("who acts", overflow="fold")
     table.add_column("solved", justify="right")
     table.add_column("95 % interval (Wilson)", justify="right")
     for who, rate in rates.items():

@@ -160,10 +160,11 @@ def test_a_log_that_was_killed_at_any_byte_gives_what_was_whole(tmp_path):
     job = Job("lift_ball", "0", "test", 0, "expert")
     OutcomeLog(path).add(job, SOLVED)
     content = path.read_bytes()
-    for size in range(0, len(content), 13):
+    header = content.index(b"\n")
+    for size in (0, 1, header, header + 1, header + 2, len(content) - 1):
         path.write_bytes(content[:size])
         assert OutcomeLog(path).get(job) is None
-        assert path.read_bytes() == content[: content.index(b"\n") + 1]
+        assert path.read_bytes() == content[: header + 1]
     path.write_bytes(content)
     assert OutcomeLog(path).get(job) == SOLVED
 

@@ -118,7 +118,10 @@ class Certificate:
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
         table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
         for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):
-            table.add_column(heading, justify="left" if heading == "task" else "right")
+            is_name = heading == "task"
+            table.add_column(
+                heading, justify="left" if is_name else "right", no_wrap=is_name, overflow="fold"
+            )
         for (task, variation), rate in rates(self.outcomes).items():
             outcomes = self.of(task, variation)
             low, high = rate.interval

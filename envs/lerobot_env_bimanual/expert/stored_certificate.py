@@ -213,8 +213,9 @@ def _faults_of_episode(episode: StoredEpisode, replay: str) -> Iterator[str]:
         ("line_fallbacks", episode.line_fallbacks >= 0, "at least 0"),
         (
             "state_hash",
-            re.fullmatch(f"[0-9a-f]{{{STATE_HASH_DIGITS}}}", episode.state_hash),
-            f"{STATE_HASH_DIGITS} hex digits",
+            re.fullmatch(f"[0-9a-f]{{{STATE_HASH_DIGITS}}}", episode.state_hash)
+            or (not episode.state_hash and not episode.success and not episode.ticks),
+            f"{STATE_HASH_DIGITS} hex digits, or none of what was not played",
         ),
         (
             "replayed",
