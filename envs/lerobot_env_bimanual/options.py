@@ -126,7 +126,7 @@ def _image_size(image_size: int | str | Sequence[int]) -> tuple[int, int]:
         valid = (
             len(sides) <= 2 and MIN_IMAGE_SIDE <= min(height, width) <= max(height, width) <= MAX_IMAGE_SIDE
         )
-    except (ValueError, IndexError, TypeError):
+    except (ValueError, LookupError, TypeError):
         height = width = 0
         valid = False
     if not valid:

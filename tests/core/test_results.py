@@ -152,7 +152,12 @@ def test_only_the_same_episodes_are_compared(difference, message):
         pair(ROW, other)
 
 
-def test_compare_prints_both_rates_and_the_test(tmp_path: Path, capsys):
+def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    long = tmp_path / f"{'long' * 20}.json"
+    long.write_text(ROW.to_json())
+    compare(CompareConfig(first=long, second=long))
+    assert capsys.readouterr().out.count(str(long)) == 2
     (tmp_path / "one.json").write_text(ROW.to_json())
     (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=episodes("...x")).to_json())
     compare(CompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
