@@ -103,8 +103,9 @@ class TaskSpec:
             return None
         if isinstance(variation, str) and re.fullmatch("[0-9]{1,4}", variation):
             variation = int(variation)
-        is_index = isinstance(variation, int) and not isinstance(variation, bool)
-        if not is_index or not 0 <= variation < len(self.variations):
+        if isinstance(variation, bool) or not isinstance(variation, int):
+            raise UnknownVariation(self.name, variation, len(self.variations))
+        if not 0 <= variation < len(self.variations):
             raise UnknownVariation(self.name, variation, len(self.variations))
         return variation
 
