@@ -1,5 +1,6 @@
 """Errors that users see: each says what was got, what is allowed and how to go on."""
 
+import difflib
 from collections.abc import Iterable
 from typing import Any
 
@@ -24,7 +25,10 @@ class UnknownTask(BimanualError):
     """A task name that the registry does not hold."""
 
     def __init__(self, name: str, valid: Iterable[str]):
-        super().__init__(f"unknown task {name!r}. Tasks and suites: {_choices(valid)}")
+        names = list(valid)
+        close = difflib.get_close_matches(name, names, n=1)
+        guess = f" Did you mean {close[0]!r}?" if close else ""
+        super().__init__(f"unknown task {name!r}.{guess} Tasks and suites: {_choices(names)}")
 
 
 class UnknownCamera(BimanualError):

@@ -1,6 +1,7 @@
 """Reading JSON that others have written, or damaged."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -8,17 +9,24 @@ from lerobot_bimanual.errors import BimanualError
 
 MOST_BYTES = 2**26
 """Larger than any config, certificate or result."""
+MOST_DEPTH = 64
+"""Lists and objects within each other; none of ours has ten."""
 
 
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.
 
     Raises:
-        BimanualError: it is none, not even as UTF-8, is nested deeper than anything of ours, or holds a key twice or a
-            number that is not finite.
+        BimanualError: it is none, not even as UTF-8, is nested deeper than anything of ours, or holds a key twice, a
+            number that is not finite, or text that no file can hold.
     """
     try:
-        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_object)
+        text = text if isinstance(text, str) else text.decode("utf-8")
+        value = json.loads(
+            text, parse_constant=_refuse_constant, parse_float=_finite, object_pairs_hook=_object
+        )
+        _refuse_depth_and_surrogates(value)
+        return value
     except (ValueError, RecursionError) as error:
         raise BimanualError(f"must be JSON: {error}") from error
 
@@ -34,20 +42,64 @@ def read_json(path: Path, most_bytes: int = MOST_BYTES) -> Any:
         BimanualError: the file cannot be read, is too large, or is no JSON; the message names it.
     """
     try:
-        if path.stat().st_size > most_bytes:
-            raise BimanualError(f"larger than {most_bytes // 2**20} MB, which no such file is")
-        return parse_json(path.read_bytes())
+        return parse_json(_read_bytes(path, most_bytes))
     except (OSError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
+
+
+def shown(value: object, most: int = 120) -> str:
+    """A value for a message: on one line, and not all of it where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        text = f"a number of {type(value).__name__} that is too long to print"
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def _read_bytes(path: Path, most_bytes: int) -> bytes:
+    path.stat()  # says best why there is nothing to open
+    if not path.is_file():  # a pipe or a device may never end
+        raise BimanualError("not a file")
+    with path.open("rb") as file:
+        content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise BimanualError(f"larger than {most_bytes // 2**20} MB, which no such file is")
+    return content
 
 
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
 
 
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text[:20]} is larger than any number")
+    return number
+
+
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} stands there twice")
+    values: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in values:
+            raise ValueError(f"the key {shown(key)} stands there twice")
+        values[key] = value
     return values
+
+
+def _refuse_depth_and_surrogates(value: Any) -> None:
+    """Half characters would fail when somebody prints them, great depth when somebody walks down."""
+    level = [value]
+    for _ in range(MOST_DEPTH):
+        for item in level:
+            if isinstance(item, str):
+                item.encode()
+        containers = [item for item in level if isinstance(item, dict | list)]
+        if not containers:
+            return
+        level = [inner for item in containers for inner in _parts(item)]
+    raise ValueError(f"nested deeper than {MOST_DEPTH} levels")
+
+
+def _parts(container: dict[str, Any] | list[Any]) -> list[Any]:
+    return [*container.keys(), *container.values()] if isinstance(container, dict) else container

@@ -4,6 +4,8 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from lerobot_bimanual.output_file import write_file
+
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table; the first column is aligned left, the others right."""
@@ -12,9 +14,12 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) ->
 
 
 def write_page(page: str, output: Path | None) -> None:
-    """Write a page to a file, whose folder is made; print it if there is no file."""
+    """Write a page to a file, whose folder is made; print it if there is no file.
+
+    Raises:
+        UnwritableOutput: the file cannot be written.
+    """
     if output is None:
         sys.stdout.write(page)
         return
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(page, encoding="utf-8")
+    write_file(output, page)

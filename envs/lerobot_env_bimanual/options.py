@@ -22,6 +22,7 @@ ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
 MIN_IMAGE_SIDE, MAX_IMAGE_SIDE = 8, 4096
+MOST_DIGITS = 9
 
 
 @dataclass
@@ -130,7 +131,11 @@ def _camera_names(cameras: Any) -> tuple[str, ...]:
 def _image_size(image_size: object) -> tuple[int, int]:
     sides: Any = image_size.split("x") if isinstance(image_size, str) else image_size
     if isinstance(image_size, str):
-        sides = [int(side) if side.isascii() and side.isdecimal() else side for side in sides[:3]]
+        sides = [
+            # Python refuses to read thousands of digits.
+            int(side) if side.isascii() and side.isdecimal() and len(side) <= MOST_DIGITS else side
+            for side in sides[:3]
+        ]
     if isinstance(sides, int):
         sides = (sides,)
     is_list = isinstance(sides, Sequence) and 1 <= len(sides) <= 2

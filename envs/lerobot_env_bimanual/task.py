@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -100,10 +101,13 @@ class TaskSpec:
         """
         if variation == ANY_VARIATION:
             return None
-        index = int(variation) if isinstance(variation, str) and variation.isdecimal() else variation
-        if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(self.variations):
+        if isinstance(variation, str) and re.fullmatch("[0-9]{1,4}", variation):
+            variation = int(variation)
+        if isinstance(variation, bool) or not isinstance(variation, int):
             raise UnknownVariation(self.name, variation, len(self.variations))
-        return index
+        if not 0 <= variation < len(self.variations):
+            raise UnknownVariation(self.name, variation, len(self.variations))
+        return variation
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""

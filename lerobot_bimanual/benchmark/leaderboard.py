@@ -1,12 +1,16 @@
 """Results of many benchmarks, side by side, as a page of documentation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from lerobot_bimanual.benchmark.measurements import read_worlds
+from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig
 from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
-from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.benchmark.results import EpisodeResult, ResultRow
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 
@@ -34,40 +38,95 @@ cell again, that of the last line:
 ```
 """
 ABSENT = "–"
+EXPERT_CERTIFICATE = "expert.json"
+"""Among certificates, the one that covers every task."""
 
 
-def render(folder: Path) -> str:
+def render(folder: Path, certificates: Path | None = None) -> str:
     """The page of the results in a folder.
 
+    Args:
+        folder: of the rows.
+        certificates: folder of the certificates, of whose worlds the rows must be; by default the folder
+            `certificates` beside that of the rows, if there is one.
+
     Raises:
-        BimanualError: there are none, they are of several recipes or worlds, or two are of the same task and policy.
-        BadResult: a file is no result.
+        BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or no
+            command trains it again. The message names the file.
     """
-    rows = [ResultRow.read(path) for path in sorted(folder.glob("*.json"))]
-    recipes = sorted({row.recipe for row in rows})
-    if len(recipes) != 1:
+    paths = sorted(folder.glob("*.json"))
+    if not paths:
         raise BimanualError(
-            f"{folder} holds results of {', '.join(recipes) or 'no'} recipe(s), but must hold those of one; "
-            "`lerobot-bimanual benchmark` writes them to OUTPUT/results"
+            f"{folder} holds no results; `lerobot-bimanual benchmark` writes them to OUTPUT/results"
         )
-    worlds = {(row.task, row.world) for row in rows}
-    if len(worlds) != len({task for task, _ in worlds}):
-        raise BimanualError(
-            f"{folder} holds results of one task in two worlds: {sorted(worlds)}; keep those of one"
-        )
-    lines = [(row, config_of(row)) for row in sorted(rows, key=lambda row: (_place(row), row.policy))]
-    cells = {(_place(row), row.policy): row for row in rows}
-    if len(cells) != len(rows):
-        raise BimanualError(
-            f"{folder} holds two results of the same task, variation and policy; keep one of them"
-        )
+    rows = {path: ResultRow.read(path) for path in paths}
+    _check_names(rows)
+    _check_likeness(rows)
+    _check_worlds(rows, folder, certificates)
+    lines = [
+        (row, _config_of(path, row))
+        for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].policy))
+    ]
     return PAGE.format(
-        recipe=recipes[0],
+        recipe=lines[0][0].recipe,
         folder=folder.as_posix(),
-        success=_success(cells),
+        success=_success({(_place(row), row.policy): row for row in rows.values()}),
         training=_training(lines),
         command=command(lines[-1][1]),
     )
+
+
+def _check_names(rows: Mapping[Path, ResultRow]) -> None:
+    for path, row in rows.items():
+        if path.name != row.file_name:
+            raise BimanualError(
+                f"{path}: its row is that of a file named {row.file_name}; rename it or leave it out"
+            )
+
+
+def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
+    """Rows of one table share recipe and simulation; those of one line the world, and who played beside the policy."""
+    first: dict[str, tuple[Path, object]] = {}
+    for path, row in rows.items():
+        place = _place(row)
+        for name, value in {
+            "recipe": row.recipe,
+            "versions": {package: row.versions[package] for package in SIMULATION_PACKAGES},
+            f"world of {row.task}": row.world,
+            f"expert on {place}": _played(row.expert),
+            f"blind on {place}": _played(row.blind),
+            f"seed of {row.policy} on {place}": row.flags["seed"],
+        }.items():
+            elsewhere, other = first.setdefault(name, (path, value))
+            if value != other:
+                raise BimanualError(
+                    f"{path}: {name} is {shown(value)}, but {shown(other)} in {elsewhere}; keep what is alike"
+                )
+
+
+def _played(episodes: Sequence[EpisodeResult]) -> list[tuple[int, int | None, bool]]:
+    """What does not depend on the processor."""
+    return sorted((episode.seed, episode.variation, episode.success) for episode in episodes)
+
+
+def _check_worlds(rows: Mapping[Path, ResultRow], folder: Path, certificates: Path | None) -> None:
+    path = (certificates or folder.parent / "certificates") / EXPERT_CERTIFICATE
+    if certificates is None and not path.is_file():
+        return
+    worlds = read_worlds(path)
+    for row_path, row in rows.items():
+        if row.world != worlds.get(row.task):
+            raise BimanualError(
+                f"{row_path}: world of {row.task} is {row.world!r}, but {worlds.get(row.task)!r} in {path}; measure "
+                "both in one world"
+            )
+
+
+def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig:
+    try:
+        return config_of(row)
+    except BimanualError as error:
+        raise BimanualError(f"{path}: {error}") from error
 
 
 def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
@@ -101,7 +160,7 @@ def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
 
 
 def _place(row: ResultRow) -> str:
-    return row.task if row.variation == "any" else f"{row.task} {row.variation}"
+    return place_name(row.task, row.variation)
 
 
 def _score(rate: SuccessRate) -> str:

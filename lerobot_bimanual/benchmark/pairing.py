@@ -40,9 +40,9 @@ def pair(first: ResultRow, second: ResultRow) -> Pairing:
     """Count the outcomes of two rows on the seeds that they share.
 
     Raises:
-        BimanualError: the rows differ in task, world, variation, split or simulation, or share no seed.
+        BimanualError: the rows differ in task, world, variation or simulation, or share no seed.
     """
-    for name in ("task", "variation", "split"):
+    for name in ("task", "variation"):
         one, other = getattr(first, name), getattr(second, name)
         if one != other:
             raise BimanualError(

@@ -9,10 +9,12 @@ import json
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -20,6 +22,11 @@ from rich.console import Console
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.output_file import check_output_folder, write_file
+
+GRACE_S = 20.0
+"""For an interrupted program to end its workers."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,31 @@ def call(words: list[str]) -> int:
         "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
     }
     executable = Path(sys.executable).parent / program
-    return subprocess.run([executable, *flags], env=defaults | os.environ, check=False).returncode
+    with _interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
+        process = subprocess.Popen([executable, *flags], env=defaults | os.environ)
+    try:
+        return process.wait()
+    finally:
+        _end(process)
+
+
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a program that is still running, with time to end what it has started."""
+    process.terminate()
+    try:
+        process.wait(GRACE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 class Pipeline:
@@ -76,13 +107,16 @@ class Pipeline:
         folder: where the markers lie; made if absent.
         console: where commands and times are shown.
         call: runs a program and gives its exit code.
+
+    Raises:
+        UnwritableOutput: nothing can be written into the folder.
     """
 
     def __init__(self, folder: Path, console: Console, call: Callable[[list[str]], int] = call):
         self._folder = folder
         self._console = console
         self._call = call
-        folder.mkdir(parents=True, exist_ok=True)
+        check_output_folder(folder)
 
     def run(self, command: Command) -> None:
         """Run one command with its output shown, unless the same command has already succeeded here.
@@ -108,6 +142,8 @@ class Pipeline:
         started = time.monotonic()
         try:
             code = self._call(words)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("the same command goes on where it stopped") from None
         finally:
             marker = replace(marker, seconds=seconds + time.monotonic() - started)
             self._write(command, marker)
@@ -133,8 +169,8 @@ class Pipeline:
         if not path.is_file():
             return None
         try:
-            return _Marker(**read_json(path))
-        except (TypeError, BimanualError) as error:
+            return decode(_Marker, read_json(path), "the marker")
+        except BimanualError as error:
             raise BimanualError(f"the marker {path} is damaged ({error}); remove it and try again") from error
 
     def _marker(self, command: Command) -> _Marker:
@@ -146,11 +182,7 @@ class Pipeline:
         return _Marker(str(command), inputs, done=False, seconds=0.0)
 
     def _write(self, command: Command, marker: _Marker) -> None:
-        # In one move: an interruption while writing must not leave half a marker.
-        path = self._path(command)
-        temporary = path.with_suffix(".partial")
-        temporary.write_text(json.dumps(asdict(marker), indent=1) + "\n")
-        temporary.replace(path)
+        write_file(self._path(command), json.dumps(asdict(marker), indent=1) + "\n")
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The words that go on from the last checkpoint; None if there is none to go on from."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Self
 
+from lerobot_bimanual.benchmark.names import place_name, result_name, run_name
 from lerobot_bimanual.benchmark.pipeline import Command, flag_words
 from lerobot_bimanual.benchmark.protocol import INTERMEDIATE, PROTOCOLS, Protocol, ScoredSplit
 from lerobot_bimanual.benchmark.recipe import Recipe
@@ -45,8 +46,8 @@ class BenchmarkConfig:
     """What is asked of a benchmark; flags of the verb `benchmark`."""
 
     policy: str = "peract2"  # type of the policy, as for lerobot-train
-    task: str = "lift_ball"  # one registered task
-    variation: str = "any"  # index, or any
+    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual tasks` lists them
+    variation: str = "any"  # index, or `any` for one that each seed draws
     recipe: str = "small"  # file of the policy's training, and the numbers of the protocol: small or paper
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
@@ -58,7 +59,7 @@ class BenchmarkConfig:
     test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
     seed: int = 1000  # of the training
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
-    # Further flags of lerobot-train, in one text; they win over the recipe's.
+    # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
     eval_flags: str = ""  # further flags of lerobot-eval, in one text
     device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
@@ -123,8 +124,7 @@ class Plan:
     @property
     def folder(self) -> Path:
         """What the policies of a task share."""
-        task, variation = self.config.task, self.config.variation
-        return self.config.output.resolve() / (task if variation == "any" else f"{task}_{variation}")
+        return self.config.output.resolve() / place_name(self.config.task, self.config.variation)
 
     @property
     def dataset(self) -> Path:
@@ -134,12 +134,14 @@ class Plan:
     @property
     def run_folder(self) -> Path:
         """Training and evaluations."""
-        return self.folder / f"{self.config.policy}_{self.config.recipe}_seed{self.config.seed}"
+        return self.folder / run_name(self.config.policy, self.config.recipe, self.config.seed)
 
     @property
     def result(self) -> Path:
         """The result's file."""
-        return self.folder.parent / "results" / f"{self.folder.name}_{self.run_folder.name}.json"
+        config = self.config
+        name = result_name(config.task, config.variation, config.policy, config.recipe, config.seed)
+        return self.folder.parent / "results" / name
 
     def certificate(self, control: str) -> Path:
         """The result of the expert or a control on the test seeds."""
@@ -233,7 +235,7 @@ class Plan:
             "env.split": split,
             "env.image_size": self.protocol.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
-            "eval.n_episodes": self.protocol.val_episodes if split == "val" else self.protocol.test_episodes,
+            "eval.n_episodes": len(self.seeds(split)),
             "eval.batch_size": 2,
             "seed": self.config.first_seed,
             "output_dir": evaluation.parent,
@@ -266,9 +268,14 @@ class Plan:
     def _repo_id(self) -> str:
         return f"benchmark/{self.folder.name}"
 
+    def seeds(self, split: ScoredSplit) -> range:
+        """Seeds of the evaluations on a split."""
+        count = self.protocol.val_episodes if split == "val" else self.protocol.test_episodes
+        return range(self.config.first_seed, self.config.first_seed + count)
+
     @property
     def _test_seeds(self) -> str:
-        return f"{self.config.first_seed}:{self.config.first_seed + self.protocol.test_episodes}"
+        return f"{self.seeds('test').start}:{self.seeds('test').stop}"
 
 
 def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:

@@ -23,7 +23,8 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
     """What is asked of a benchmark that trains a row again; what its recipe and protocol say anyway is left open.
 
     Raises:
-        BimanualError: policy or recipe is not installed, or the recipe now sets what the row was trained without, so that no command gives it again.
+        BimanualError: policy or recipe is not installed, or the recipe now sets what the row was trained without, so
+            that no command gives it again.
     """
     asked = BenchmarkConfig(
         policy=row.policy,
@@ -44,7 +45,9 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
     usual = Plan.of(BenchmarkConfig(policy=row.policy, recipe=row.recipe))
     numbers = vars(usual.protocol) | vars(usual.recipe)
     said_anyway = {name: None for name, number in numbers.items() if getattr(asked, name, None) == number}
-    return replace(asked, **said_anyway, train_flags=_further_flags(row, Plan.of(asked).training_flags()))
+    config = replace(asked, **said_anyway, train_flags=_further_flags(row, Plan.of(asked).training_flags()))
+    Plan.of(config)  # nobody is shown a command that would be refused
+    return config
 
 
 def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:

@@ -3,18 +3,19 @@
 import json
 import platform
 import re
-import types
-import typing
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, is_dataclass
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from datetime import date
 from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES, installed_versions
+from lerobot_bimanual.benchmark.names import place_name, result_name
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, STAMPED_PACKAGES, installed_versions
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import parse_json, read_json
+from lerobot_bimanual.json_file import parse_json, shown
+from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.statistics import SuccessRate
 
 ROW_SCHEMA_VERSION = 2
@@ -144,35 +145,120 @@ class ResultRow:
     date: str
 
     def __post_init__(self) -> None:
-        seeds = [episode.seed for episode in self.episodes]
-        for name, holds, rule in (
-            ("schema_version", self.schema_version == ROW_SCHEMA_VERSION, f"must be {ROW_SCHEMA_VERSION}"),
-            (
-                "checkpoint_sha256",
-                re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256),
-                "must be 64 hex digits",
-            ),
-            ("split", self.split in ("train", "val", "test"), "must be one of: train, val, test"),
-            ("training_seconds", self.training_seconds >= 0, "must not be negative"),
-            ("date", re.fullmatch(r"\d{4}-\d\d-\d\d", self.date), "must be a day, YYYY-MM-DD"),
-            ("episodes", seeds and len(set(seeds)) == len(seeds), "must not be empty nor repeat a seed"),
-            (
-                "flags",
-                all(self.flags.get(name, "").isdecimal() for name in NUMBERS),
-                f"must hold the numbers {', '.join(NUMBERS)}",
-            ),
-            (
-                "checkpoint_step",
-                str(self.checkpoint_step) in self._candidates,
-                "must be among the validated steps, or the last one if none was validated",
-            ),
-        ):
+        for name, holds, rule in self._rules():
             if not holds:
-                raise ValueError(f"field {name!r} is {getattr(self, name)!r}, but {rule}")
+                raise ValueError(f"field {name!r} is {shown(getattr(self, name))}, but {rule}")
+
+    def _rules(self) -> Iterator[tuple[str, object, str]]:
+        """Name of a field, whether it is right, and what it must be; later rules build on earlier ones."""
+        yield "schema_version", self.schema_version == ROW_SCHEMA_VERSION, f"must be {ROW_SCHEMA_VERSION}"
+        yield "task", self.task.isidentifier(), "must be the name of a task"
+        yield "world", re.fullmatch("[0-9a-f]{12}", self.world), "must be 12 hex digits"
+        yield "variation", re.fullmatch("any|[0-9]{1,4}", self.variation), "must be an index or any"
+        for name in ("policy", "recipe"):
+            yield name, re.fullmatch(r"\w[\w.-]*", getattr(self, name)), "must be a name"
+        hexadecimal = re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256)
+        yield "checkpoint_sha256", hexadecimal, "must be 64 hex digits"
+        yield "split", self.split == "test", "must be test: what is chosen on val is scored on test"
+        yield "training_seconds", self.training_seconds >= 0, "must not be negative"
+        yield "date", _is_day(self.date), "must be a day, YYYY-MM-DD"
+        gpu = self.machine.gpu or "none"
+        yield "machine", gpu.isprintable() and "|" not in gpu and self.machine.cpus > 0, "must be a machine"
+        yield from self._rules_of_training()
+        yield from self._rules_of_episodes()
+
+    def _rules_of_training(self) -> Iterator[tuple[str, object, str]]:
+        numbers = all(re.fullmatch("[0-9]{1,9}", self.flags.get(name, "")) for name in NUMBERS)
+        yield "flags", numbers, f"must hold the numbers {', '.join(NUMBERS)}"
+        positive = all(int(self.flags[name]) for name in ("steps", "batch_size", "save_freq"))
+        yield "flags", positive, "steps, batch_size and save_freq must be at least 1"
+        printable = "".join([*self.flags, *self.flags.values()]).isprintable()
+        yield "flags", printable, "must hold flags of one line each"
+        place = place_name(self.task, self.variation)
+        for flag, value in (("policy.type", self.policy), ("dataset.repo_id", f"benchmark/{place}")):
+            got = self.flags.get(flag)
+            yield (
+                "flags",
+                got == value,
+                f"{flag} must be {value!r} and not {shown(got)}, as the row is of that",
+            )
+        seeds = self.dataset.seeds
+        rising = bool(seeds) and seeds[0] >= 0 and list(seeds) == sorted(set(seeds))
+        yield "dataset", rising, "its seeds must be there and rise"
+        recorded = _flags_of(self.dataset.command)
+        for flag, value in {
+            "task": self.task,
+            "variation": self.variation,
+            "split": "train",
+            "episodes": str(len(seeds)),
+            "image_size": f"{self.dataset.image_size}x{self.dataset.image_size}",
+        }.items():
+            got = recorded.get(flag)
+            yield "dataset", got == value, f"--{flag} of its command must be {value!r} and not {shown(got)}"
+        for package in SIMULATION_PACKAGES:
+            one, other = self.dataset.versions.get(package), self.versions.get(package)
+            same = one is not None and one == other
+            yield (
+                "versions",
+                same,
+                f"{package} must be that of the dataset, {shown(one)}, and not {shown(other)}",
+            )
+
+    def _rules_of_episodes(self) -> Iterator[tuple[str, object, str]]:
+        seeds = self.test_seeds
+        listed = bool(seeds) and seeds[0] >= 0 and seeds == list(range(seeds[0], seeds[0] + len(seeds)))
+        yield "episodes", listed, "must not be empty, nor repeat or leave out a seed"
+        steps, every = int(self.flags["steps"]), int(self.flags["save_freq"])
+        count = -(-steps // every)
+        saved = [every * number for number in range(1, min(count, len(self.validation) + 1))] + [steps]
+        validated = [validation.step for validation in self.validation]
+        complete = validated == saved or (count == 1 and not validated)
+        yield (
+            "validation",
+            complete,
+            f"must be of every checkpoint: {count} of them, each {every} steps up to {steps}",
+        )
+        for validation in self.validation:
+            on_val = [episode.seed for episode in validation.episodes]
+            same = on_val == list(range(seeds[0], seeds[0] + len(self.validation[0].episodes))) != []
+            yield "validation", same, f"must be on the same seeds from {seeds[0]} on for every checkpoint"
+        best = best_checkpoint(self.validation).step if self.validation else steps
+        yield "checkpoint_step", self.checkpoint_step == best, f"the best on val is that after {best} steps"
+        for who in ("expert", "blind"):
+            played: tuple[EpisodeResult, ...] = getattr(self, who)
+            whole = all(
+                episode.variation is not None and (episode.failure is None) == episode.success
+                for episode in played
+            )
+            yield (
+                who,
+                whole,
+                "each episode must have a variation, and a failure just if it is none of success",
+            )
+            of_variation = all(str(episode.variation) == self.variation for episode in played)
+            yield who, of_variation or self.variation == "any", f"must be of the variation {self.variation}"
+        expected = sorted(episode.seed for episode in self.expert)
+        yield "expert", expected == seeds, f"must be on the seeds of the policy, {shown(seeds)}, each once"
+        variations = len({episode.variation for episode in self.blind}) or 1
+        first = int(self.variation) if self.variation.isdecimal() else 0
+        grid = {(first + index, seed) for index in range(variations) for seed in seeds}
+        blind = [(episode.variation, episode.seed) for episode in self.blind]
+        complete = len(blind) == len(grid) and set(blind) == grid
+        yield (
+            "blind",
+            complete,
+            f"must be on the seeds of the policy, {shown(seeds)}, each once per variation",
+        )
 
     @property
-    def _candidates(self) -> set[str | None]:
-        return {str(validation.step) for validation in self.validation} or {self.flags.get("steps")}
+    def test_seeds(self) -> list[int]:
+        """Seeds of the policy's episodes, rising."""
+        return sorted(episode.seed for episode in self.episodes)
+
+    @property
+    def file_name(self) -> str:
+        """What a benchmark calls the row's file."""
+        return result_name(self.task, self.variation, self.policy, self.recipe, int(self.flags["seed"]))
 
     @property
     def rates(self) -> dict[str, SuccessRate]:
@@ -197,9 +283,14 @@ class ResultRow:
         except BimanualError as error:
             raise BadResult(f"a result {error}") from error
         rates = content.pop(RATES, None) if isinstance(content, dict) else None
-        row = _decode(cls, content, "result")
+        try:
+            row = decode(cls, content, "result")
+        except BimanualError as error:
+            raise BadResult(str(error)) from error
         if rates != _rates_as_json(row):
-            raise BadResult(f"field {RATES!r} is {rates!r}, but the episodes give {_rates_as_json(row)!r}")
+            raise BadResult(
+                f"field {RATES!r} is {shown(rates, 400)}, but the episodes give {shown(_rates_as_json(row), 400)}"
+            )
         return row
 
     @classmethod
@@ -215,59 +306,14 @@ class ResultRow:
             raise BadResult(f"{path}: {error}") from error
 
 
+def best_checkpoint(validations: Sequence[Validation]) -> Validation:
+    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
+    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
+
+
 def success_rate(episodes: tuple[EpisodeResult, ...]) -> SuccessRate:
     """Successes among episodes."""
     return SuccessRate(sum(episode.success for episode in episodes), len(episodes))
-
-
-def read_evaluation(path: Path, first_seed: int) -> tuple[EpisodeResult, ...]:
-    """Episodes of a `lerobot-eval` result of one task; LeRobot counts seeds up from the first, without listing them.
-
-    Raises:
-        BadResult: the file is no such result, or the evaluation was of several tasks.
-    """
-    with _reading(path):
-        tasks = read_json(path)["per_task"]
-        if len(tasks) != 1:
-            raise BadResult(f"{path} holds {len(tasks)} tasks, but must hold one; choose a single --task")
-        successes = tasks[0]["metrics"]["successes"]
-        return tuple(
-            EpisodeResult(first_seed + index, bool(success)) for index, success in enumerate(successes)
-        )
-
-
-def read_certificate(path: Path) -> tuple[EpisodeResult, ...]:
-    """Episodes of a `lerobot-bimanual certify` result of one task.
-
-    Raises:
-        BadResult: the file is no such result, or the certificate is of several tasks.
-    """
-    with _reading(path):
-        episodes = read_json(path)["episodes"]
-        if len(tasks := {episode["task"] for episode in episodes}) != 1:
-            raise BadResult(
-                f"{path} holds the tasks {sorted(tasks)}, but must hold one; choose a single --task"
-            )
-        return tuple(
-            EpisodeResult(
-                seed=episode["seed"],
-                success=bool(episode["success"]),
-                variation=episode["variation"],
-                failure=episode["failure"] or None,
-                state_hash=episode["state_hash"],
-            )
-            for episode in episodes
-        )
-
-
-def read_world(path: Path, task: str) -> str:
-    """Version of a task's world, from a certificate of that task.
-
-    Raises:
-        BadResult: the certificate does not tell.
-    """
-    with _reading(path):
-        return str(read_json(path)["worlds"][task])
 
 
 def versions() -> dict[str, str]:
@@ -278,15 +324,6 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | present
 
 
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    """Say of a file of another form that it is one."""
-    try:
-        yield
-    except (LookupError, TypeError) as error:
-        raise BadResult(f"{path} is not of the form that its program writes: {error!r}") from error
-
-
 def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:
     return {
         who: {"successes": rate.successes, "trials": rate.trials, "wilson_95": list(rate.interval)}
@@ -294,40 +331,18 @@ def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:
     }
 
 
-def _decode(kind: Any, value: Any, place: str) -> Any:
-    """A JSON value as an annotation wants it; nothing is converted but lists to tuples and integers to floats."""
-    origin, inner = typing.get_origin(kind), typing.get_args(kind)
-    if origin is types.UnionType:
-        return None if value is None else _decode(inner[0], value, place)
-    if origin is tuple:
-        items = _expect(list, value, place)
-        return tuple(_decode(inner[0], item, f"{place}[{index}]") for index, item in enumerate(items))
-    if origin is dict:
-        items = _expect(dict, value, place)
-        return {key: _decode(inner[1], item, f"{place}.{key}") for key, item in items.items()}
-    if is_dataclass(kind):
-        return _decode_fields(kind, _expect(dict, value, place), place)
-    if kind is float and type(value) is int:
-        return float(value)
-    return _expect(kind, value, place)
-
-
-def _decode_fields(kind: Any, content: Mapping[str, Any], place: str) -> Any:
-    hints = typing.get_type_hints(kind)
-    names = [field.name for field in fields(kind)]
-    for wrong, problem in ((set(names) - set(content), "lacks"), (set(content) - set(names), "has unknown")):
-        if wrong:
-            raise BadResult(
-                f"{place} {problem} {', '.join(sorted(wrong))}; its fields are {', '.join(names)}"
-            )
-    values = {name: _decode(hints[name], content[name], f"{place}.{name}") for name in names}
+def _is_day(text: str) -> bool:
     try:
-        return kind(**values)
-    except ValueError as error:
-        raise BadResult(str(error)) from error
+        return date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
 
 
-def _expect(kind: type, value: Any, place: str) -> Any:
-    if type(value) is not kind:
-        raise BadResult(f"{place} is {value!r}, but must be a {kind.__name__}")
-    return value
+def _flags_of(command: str) -> dict[str, str]:
+    """Flags of a recorded command by name; none of what is no command."""
+    try:
+        words = shlex.split(command)
+    except ValueError:
+        return {}
+    pairs = (word.removeprefix("--").partition("=") for word in words if word.startswith("--"))
+    return {name: value for name, _, value in pairs}

@@ -1,11 +1,12 @@
 """The commands of a benchmark, run one after the other, and what they give."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import date
 
 from rich.console import Console
 from rich.table import Table
 
+from lerobot_bimanual.benchmark.measurements import read_certificate, read_evaluation
 from lerobot_bimanual.benchmark.pipeline import Pipeline, sha256, show_command
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.results import (
@@ -15,14 +16,13 @@ from lerobot_bimanual.benchmark.results import (
     Machine,
     ResultRow,
     Validation,
-    read_certificate,
-    read_evaluation,
-    read_world,
+    best_checkpoint,
     success_rate,
     versions,
 )
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.statistics import SuccessRate
 
 
@@ -50,15 +50,19 @@ def run(plan: Plan, console: Console) -> ResultRow:
     validations = []
     for step in plan.checkpoint_steps if plan.protocol.val_episodes else ():
         own.run(plan.evaluation("val", step))
-        episodes = read_evaluation(plan.evaluation_file("val", step), config.first_seed)
+        episodes = read_evaluation(plan.evaluation_file("val", step), plan.seeds("val"))
         validations.append(Validation(step, episodes))
     step = best_checkpoint(validations).step if validations else plan.recipe.steps
     own.run(plan.evaluation("test", step))
 
+    expert, blind = (
+        read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
+        for control in ("expert", "blind")
+    )
     row = ResultRow(
         schema_version=ROW_SCHEMA_VERSION,
         task=config.task,
-        world=read_world(plan.certificate("expert"), config.task),
+        world=expert.world,
         variation=config.variation,
         policy=config.policy,
         recipe=config.recipe,
@@ -68,16 +72,15 @@ def run(plan: Plan, console: Console) -> ResultRow:
         checkpoint_sha256=sha256(plan.weights(step)),
         validation=tuple(validations),
         split="test",
-        episodes=read_evaluation(plan.evaluation_file("test", step), config.first_seed),
-        expert=read_certificate(plan.certificate("expert")),
-        blind=read_certificate(plan.certificate("blind")),
+        episodes=read_evaluation(plan.evaluation_file("test", step), plan.seeds("test")),
+        expert=expert.episodes,
+        blind=blind.episodes,
         training_seconds=round(own.seconds(plan.training()), 1),
         machine=Machine.this(),
         versions=versions(),
         date=date.today().isoformat(),
     )
-    plan.result.parent.mkdir(parents=True, exist_ok=True)
-    plan.result.write_text(row.to_json())
+    write_file(plan.result, row.to_json())
     return row
 
 
@@ -98,11 +101,6 @@ def report(row: ResultRow, plan: Plan, console: Console) -> None:
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
 
-def best_checkpoint(validations: Sequence[Validation]) -> Validation:
-    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
-    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
-
-
 def _dataset_record(plan: Plan) -> DatasetRecord:
     provenance = Provenance.read(plan.dataset)
     if provenance is None:
@@ -116,7 +114,7 @@ def _dataset_record(plan: Plan) -> DatasetRecord:
 def _rates_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
     """One row per entry of `rates`, who acted -> success, with the 95 % Wilson interval."""
     table = Table(title=title)
-    table.add_column("who acts")
+    table.add_column("who acts", overflow="fold")
     table.add_column("solved", justify="right")
     table.add_column("95 % interval (Wilson)", justify="right")
     for who, rate in rates.items():

@@ -27,9 +27,11 @@ How to write a verb
        importing anything, for the list of verbs.
     4. Failures that a user can cause are raised as `lerobot_bimanual.errors.BimanualError`: the command
        prints the message on one line and exits with 1. Set LEROBOT_BIMANUAL_TRACEBACK=1 to see the traceback.
+    5. A verb that can be interrupted and continued says so: it raises `KeyboardInterrupt("how")` in place of the
+       one that it catches, and the command prints the text behind "interrupted".
 
 `lerobot_bimanual.cli.flags` says which flags a dataclass gets. Exit codes: 0 done (or what the verb returned),
-1 the verb failed with a clear message, 2 the command line is wrong, 130 interrupted.
+1 the verb failed with a clear message, 2 the command line is wrong, 130 interrupted, 143 terminated.
 """
 
 from lerobot_bimanual.cli.command_line import main

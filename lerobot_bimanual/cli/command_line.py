@@ -3,10 +3,14 @@
 import difflib
 import inspect
 import os
+import signal
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, version
+from types import FrameType
 
 from lerobot_bimanual.cli.flag_help import describe_flags
 from lerobot_bimanual.cli.flags import BadCommandLine, parse_flags
@@ -28,7 +32,8 @@ def main(words: Sequence[str] | None = None) -> int:
         The exit code of the process (see the package's text).
     """
     try:
-        code = _dispatch(list(sys.argv[1:] if words is None else words))
+        with _ended_in_order():
+            code = _dispatch(list(sys.argv[1:] if words is None else words))
         sys.stdout.flush()
         return code
     except BimanualError as error:
@@ -36,12 +41,30 @@ def main(words: Sequence[str] | None = None) -> int:
             raise
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2 if isinstance(error, BadCommandLine) else 1
-    except KeyboardInterrupt:
-        print(f"\n{PROGRAM}: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        remark = f"; {interrupt}" if interrupt.args else ""
+        print(f"\n{PROGRAM}: interrupted{remark}", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+@contextmanager
+def _ended_in_order() -> Iterator[None]:
+    """Let a termination unwind the verb, so that its workers end and its temporary files go; it is silent."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def leave(number: int, _: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _dispatch(words: list[str]) -> int:

@@ -62,6 +62,8 @@ def _own_comments(source: str) -> Iterator[tuple[str, str]]:
 
 def _text(flag: Flag) -> str:
     comment = field_comments(flag.owner).get(flag.name.rpartition(".")[2], "")
+    if flag.default is None and "default" in comment:
+        return comment  # which says better what happens
     return f"{comment} {_default(flag.default)}".strip()
 
 

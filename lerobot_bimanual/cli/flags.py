@@ -1,9 +1,10 @@
-"""Command-line flags of a dataclass: draccus, LeRobot's own configuration library, with three traps removed.
+"""Command-line flags of a dataclass, decoded by draccus, LeRobot's own configuration library, without its traps.
 
 Every field is a flag, `--name=value` or `--name value`; a field of a nested dataclass is `--outer.inner=value`;
 `--config_path=file.yaml` reads values from a file, which flags override.
 
-draccus reads values as YAML 1.1, which alters some texts in silence. Here instead
+draccus' own command line reads values as YAML 1.1, which alters some texts in silence, and takes a text that begins
+with `include` for the name of a file to read. Here instead
 - a `str` or `Path` field takes its text as it stands (YAML reads `10:30` as the number 630 and `010` as 8);
 - a `tuple` or `list` field takes a comma list, `--cameras=front,left_wrist` (draccus would split the text into
   letters);
@@ -12,17 +13,18 @@ draccus reads values as YAML 1.1, which alters some texts in silence. Here inste
 Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be absent (`--name=null` sets None).
 """
 
-import argparse
 import dataclasses
 import difflib
-import json
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import yaml
+
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import shown
 
 CONFIG_FLAG = "config_path"
 
@@ -88,16 +90,21 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     """Build a config from command-line words.
 
     Raises:
-        BadCommandLine: a word is no flag, a flag is unknown or lacks its value, or a value does not fit.
+        BadCommandLine: a word is no flag, a flag is unknown, missing or lacks its value, or a value does not fit.
     """
     import draccus
-    from draccus.utils import DraccusException
 
     flags = {flag.name: flag for flag in flags_of(config_type)}
-    arguments = [f"--{name}={value}" for name, value in _assignments(words, flags)]
+    assignments = dict(_assignments(words, flags))
+    path = assignments.pop(CONFIG_FLAG, None)
+    if path is None:  # whose file may give the rest
+        _refuse_absence(flags.values(), assignments)
+    values: dict[str, Any] = {} if path is None else _read_config(Path(path))
+    for name, text in assignments.items():
+        _put(values, name, _value(text, flags[name]))
     try:
-        return draccus.parse(config_type, args=arguments, exit_on_error=False)
-    except (DraccusException, argparse.ArgumentError, OSError) as error:
+        return draccus.decode(config_type, values)
+    except Exception as error:  # draccus lets through whatever a type's constructor raises
         message = " ".join(str(error).split())
         raise BadCommandLine(f"{message}. Valid flags: {_listing(flags)}.") from error
 
@@ -107,7 +114,7 @@ def _assignments(words: Sequence[str], flags: dict[str, Flag]) -> Iterator[tuple
     while rest:
         word = rest.pop(0)
         if not word.startswith("--"):
-            raise BadCommandLine(f"{word!r} is no flag; flags are written --name=value.")
+            raise BadCommandLine(f"{shown(word)} is no flag; flags are written --name=value.")
         name, equals, value = word.removeprefix("--").partition("=")
         flag = flags.get(name)
         if flag is None and name != CONFIG_FLAG:
@@ -119,20 +126,61 @@ def _assignments(words: Sequence[str], flags: dict[str, Flag]) -> Iterator[tuple
                 value = "true"
             else:
                 raise BadCommandLine(f"flag --{name} needs a value, --{name}=...")
-        yield name, value if flag is None else _as_yaml(value, flag)
+        yield name, value
 
 
-def _as_yaml(value: str, flag: Flag) -> str:
-    """Quote texts so that YAML gives them back as they stand; other values are YAML already."""
-    if flag.optional and value == "null":
-        return value
+def _refuse_absence(flags: Iterable[Flag], given: Container[str]) -> None:
+    required = [flag for flag in flags if flag.default is dataclasses.MISSING]
+    if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in given]:
+        raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
+
+
+def _read_config(path: Path) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise BadCommandLine(f"--{CONFIG_FLAG} {shown(str(path))} cannot be read: {reason}") from error
+    if not isinstance(values, dict):
+        raise BadCommandLine(
+            f"--{CONFIG_FLAG}: {path} holds {shown(values)}, but must hold `name: value` lines"
+        )
+    return values
+
+
+def _put(values: dict[str, Any], name: str, value: Any) -> None:
+    """Set a value by its dotted name, over what a file has said."""
+    *outer, last = name.split(".")
+    for key in outer:
+        inner = values.get(key)
+        values[key] = values = inner if isinstance(inner, dict) else {}
+    values[last] = value
+
+
+def _value(text: str, flag: Flag) -> Any:
+    """What a text says: itself, a comma list, or what YAML reads in it."""
+    if flag.optional and text == "null":
+        return None
     if flag.is_text:
-        return json.dumps(value)
-    if flag.is_list and not value.startswith("["):
-        items = [item.strip() for item in value.split(",") if item.strip()]
-        holds_text = str in typing.get_args(flag.kind)
-        return f"[{', '.join(json.dumps(item) if holds_text else item for item in items)}]"
-    return value
+        return text
+    if flag.is_list and not text.startswith("["):
+        items = [item.strip() for item in text.split(",") if item.strip()]
+        return items if str in typing.get_args(flag.kind) else [_yaml(item, flag) for item in items]
+    if typing.get_origin(flag.kind) is Literal:
+        choices = {str(choice): choice for choice in typing.get_args(flag.kind)}
+        if text not in choices:
+            raise BadCommandLine(
+                f"--{flag.name}: invalid choice: {shown(text)} (choose from {_quoted(choices)})"
+            )
+        return choices[text]
+    return _yaml(text, flag)
+
+
+def _yaml(text: str, flag: Flag) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
+        raise BadCommandLine(f"--{flag.name} is {shown(text)}, but must be {flag.value_name}") from error
 
 
 def _without_none(annotation: Any) -> tuple[Any, bool]:
@@ -147,8 +195,13 @@ def _without_none(annotation: Any) -> tuple[Any, bool]:
 def _unknown_flag(name: str, flags: dict[str, Flag]) -> str:
     close = difflib.get_close_matches(name, flags, n=1)
     guess = f" Did you mean --{close[0]}?" if close else ""
-    return f"unknown flag --{name}.{guess} Valid flags: {_listing(flags)}."
+    known = name if name.isprintable() else shown(name)
+    return f"unknown flag --{known}.{guess} Valid flags: {_listing(flags)}."
 
 
 def _listing(flags: dict[str, Flag]) -> str:
     return ", ".join(f"--{name}" for name in flags)
+
+
+def _quoted(choices: Iterable[str]) -> str:
+    return ", ".join(map(repr, choices))

@@ -32,14 +32,18 @@ def compare(config: CompareConfig) -> None:
     pairing = pair(first, second)
     table = Table(title=f"{first.task}, variation {first.variation}: same {first.split} seeds")
     for heading in ("result", "policy", "solved", "95 % interval (Wilson)"):
-        table.add_column(heading, justify="left" if heading in ("result", "policy") else "right")
+        justify = "left" if heading in ("result", "policy") else "right"
+        table.add_column(heading, justify=justify, overflow="fold")
     shared = _seeds(first) & _seeds(second)
-    for path, row in ((config.first, first), (config.second, second)):
+    console = Console()
+    for name, path, row in (("first", config.first, first), ("second", config.second, second)):
         rate = success_rate(tuple(episode for episode in row.episodes if episode.seed in shared))
         low, high = rate.interval
         policy = f"{row.policy} ({row.recipe})"
-        table.add_row(path.stem, policy, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}")
-    console = Console()
+        console.print(
+            f"{name:<7} {path}", soft_wrap=True, highlight=False, markup=False
+        )  # too long for a column
+        table.add_row(name, policy, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}")
     console.print(table)
     console.print(
         f"both {pairing.both}, only the first {pairing.only_first}, only the second {pairing.only_second}, "

@@ -17,7 +17,9 @@ from lerobot_bimanual.benchmark.task_check import check_task
 class DemoConfig:
     """Flags of the verb `demo`."""
 
-    task: str = "lift_ball"  # one registered task
+    task: str = (
+        "lift_ball"  # one registered task, with all its variations; `lerobot-bimanual tasks` lists them
+    )
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
     episodes: int = 100  # expert demonstrations to generate
     steps: int = 1000  # optimiser steps
@@ -53,7 +55,7 @@ class DemoConfig:
 def demo(config: DemoConfig) -> None:
     """Generate demonstrations, train a small PerAct2, evaluate it on unseen seeds.
 
-    A short `lerobot-bimanual benchmark`: runs the stock training and `lerobot-eval` on expert demonstrations, prints
+    A short `lerobot-bimanual benchmark`: runs `lerobot-bimanual-train` and `lerobot-eval` on expert demonstrations, prints
     each command so that it can be copied, and ends with the success of the policy beside the expert's and that of a
     blind control, which repeats the mean keyposes of the training set. An interrupted demo continues where it stopped.
 

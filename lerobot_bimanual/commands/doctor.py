@@ -6,6 +6,9 @@ from lerobot_bimanual.health import Level, examine
 
 COLORS = {Level.OK: "green", Level.INFO: "blue", Level.WARN: "yellow", Level.FAIL: "bold red"}
 
+LEVEL_WIDTH, SUBJECT_WIDTH = 5, 23
+"""Columns of the findings, in characters."""
+
 
 @dataclass
 class DoctorConfig:
@@ -22,17 +25,15 @@ def doctor(config: DoctorConfig) -> int:
         lerobot-bimanual doctor
     """
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
-    console = Console()
+    console, findings = Console(), []
     with console.status("examining (importing LeRobot takes a while)"):
-        findings = list(examine())
-    table = Table.grid(padding=(0, 2))
-    for finding in findings:
-        level = Text(finding.level, COLORS[finding.level])
-        table.add_row(level, Text(finding.subject), Text(finding.detail))
-    console.print(table)
+        for finding in examine():  # each is shown when it is found, for some take long
+            findings.append(finding)
+            level = Text(f"{finding.level:<{LEVEL_WIDTH}}", COLORS[finding.level])
+            console.print(level, f"{finding.subject:<{SUBJECT_WIDTH}}", Text(finding.detail), soft_wrap=True)
+            console.file.flush()
     for finding in findings:
         if finding.remedy:
             # unwrapped, so that a command can be copied in one piece

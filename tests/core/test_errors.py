@@ -1,5 +1,7 @@
 """Every error that is raised on purpose comes home from a worker process as it was raised."""
 
+import ast
+import importlib
 import inspect
 import pickle
 from collections.abc import Iterator
@@ -7,8 +9,35 @@ from pathlib import Path
 
 import pytest
 
-import lerobot_policy_bimanual.configurations  # noqa: F401  both define errors of their own
 from lerobot_bimanual.errors import BimanualError, KeyposeFailure
+
+ROOT = Path(__file__).parents[2]
+DISTRIBUTIONS = {"lerobot_bimanual": ROOT, "lerobot_env_bimanual": ROOT / "envs"} | {
+    "lerobot_policy_bimanual": ROOT / "policies"
+}
+
+
+def written_errors() -> set[str]:
+    """`module:name` of every class in the sources that descends from `BimanualError`."""
+    classes: dict[str, tuple[str, set[str]]] = {}
+    for package, folder in DISTRIBUTIONS.items():
+        for path in sorted((folder / package).rglob("*.py")):
+            text = path.read_text(encoding="utf-8")
+            if "class " in text:
+                module = ".".join(path.relative_to(folder).with_suffix("").parts)
+                for node in ast.parse(text).body:
+                    if isinstance(node, ast.ClassDef):
+                        bases = {ast.unparse(base).rpartition(".")[2] for base in node.bases}
+                        classes[node.name] = (module, bases)
+    found = {"BimanualError"}
+    while more := {name for name, (_, bases) in classes.items() if bases & found} - found:
+        found |= more
+    return {f"{classes[name][0]}:{name}" for name in found}
+
+
+WRITTEN = written_errors()
+for _entry in WRITTEN:
+    importlib.import_module(_entry.partition(":")[0])
 
 SAMPLES = {"valid": ["this", "that"], "count": 3, "folder": Path("shards/000001")}
 """Arguments that are no text."""
@@ -18,6 +47,11 @@ def error_classes(base: type[BimanualError] = BimanualError) -> Iterator[type[Bi
     yield base
     for kind in base.__subclasses__():
         yield from error_classes(kind)
+
+
+def test_every_error_in_the_sources_is_tried():
+    assert {f"{kind.__module__}:{kind.__name__}" for kind in error_classes()} >= WRITTEN
+    assert {entry.partition(".")[0].partition(":")[0] for entry in WRITTEN} == set(DISTRIBUTIONS)
 
 
 def made(kind: type[BimanualError]) -> BimanualError:

@@ -1,6 +1,10 @@
 """A chain of commands: what runs again, what is resumed, and what is said when a command fails."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -204,3 +208,36 @@ def test_a_damaged_marker_is_named(tmp_path, pipeline, damaged):
     (tmp_path / "chain" / "count.command.json").write_bytes(damaged)
     with pytest.raises(BimanualError, match=r"the marker .*count\.command\.json is damaged"):
         pipeline.run(command)
+
+
+INTERRUPTED = """
+import sys
+from pathlib import Path
+from rich.console import Console
+from lerobot_bimanual.cli import command_line
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+sleep = "import os, time; print(os.getpid(), flush=True); time.sleep(100)"
+def dispatch(_):
+    Pipeline(Path(sys.argv[1]), Console(quiet=True)).run(Command("sleep", ["python", "-c", sleep]))
+command_line._dispatch = dispatch
+sys.exit(command_line.main())
+"""
+
+
+def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(tmp_path):
+    benchmark = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert benchmark.stdout is not None
+    program = int(benchmark.stdout.readline())
+    os.killpg(benchmark.pid, signal.SIGINT)  # as a terminal does
+    _, errors = benchmark.communicate(timeout=30)
+    assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
+    assert benchmark.returncode == 130
+    with pytest.raises(ProcessLookupError):
+        os.kill(program, 0)
+    assert not json.loads((tmp_path / "sleep.command.json").read_text())["done"]

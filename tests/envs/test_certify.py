@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
-from lerobot_env_bimanual.commands.certify import CertifyConfig, certify, parse_seeds
+from lerobot_bimanual.json_record import decode
+from lerobot_env_bimanual.commands.certify import CertifyConfig, certify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign
@@ -18,6 +19,7 @@ from lerobot_env_bimanual.expert.evidence import Evidence, EvidenceRecorder
 from lerobot_env_bimanual.expert.outcome import Job, MoveReport, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.expert.seed_range import parse_seeds
 
 NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
 SOLVED = Outcome(
@@ -44,7 +46,7 @@ def episodes(solved: int, failed: int) -> list[Outcome]:
     return [replace(o, seed=seed) for seed, o in enumerate([SOLVED] * solved + [FAILED] * failed)]
 
 
-@pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2"])
+@pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2", "0:²", f"0:{'9' * 5000}"])
 def test_seeds_that_are_no_range_are_refused(text):
     with pytest.raises(BimanualError, match="half-open range"):
         parse_seeds(text)
@@ -117,7 +119,7 @@ def test_the_mean_coupling_is_taken_field_by_field():
 
 def test_an_outcome_survives_the_way_through_json():
     for outcome in (SOLVED, FAILED):
-        assert Outcome.from_dict(json.loads(json.dumps(asdict(outcome)))) == outcome
+        assert decode(Outcome, json.loads(json.dumps(asdict(outcome))), "outcome") == outcome
 
 
 def test_the_log_knows_finished_jobs_and_forgets_those_of_other_code_and_a_cut_line(tmp_path):
@@ -137,6 +139,34 @@ def test_the_log_knows_finished_jobs_and_forgets_those_of_other_code_and_a_cut_l
     assert OutcomeLog(path).get(first) is None
     log.remove()
     assert not path.exists()
+
+
+@pytest.mark.parametrize("damage", ["{", "[]", '{"job": "a"}', "\xff", '{"job": "a", "outcome": {}}', ""])
+def test_a_log_with_damage_before_its_end_is_named_and_kept(damage, tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = OutcomeLog(path)
+    for seed in (0, 1):
+        log.add(Job("lift_ball", "0", "test", seed, "expert"), SOLVED)
+    header, _, last = path.read_text().splitlines()
+    damaged = "\n".join([header, damage, last, ""]).encode("latin-1")
+    path.write_bytes(damaged)
+    with pytest.raises(BimanualError, match=r"log\.jsonl, line 2: .*remove it to play them again"):
+        OutcomeLog(path)
+    assert path.read_bytes() == damaged
+
+
+def test_a_log_that_was_killed_at_any_byte_gives_what_was_whole(tmp_path):
+    path = tmp_path / "log.jsonl"
+    job = Job("lift_ball", "0", "test", 0, "expert")
+    OutcomeLog(path).add(job, SOLVED)
+    content = path.read_bytes()
+    header = content.index(b"\n")
+    for size in (0, 1, header, header + 1, header + 2, len(content) - 1):
+        path.write_bytes(content[:size])
+        assert OutcomeLog(path).get(job) is None
+        assert path.read_bytes() == content[: header + 1]
+    path.write_bytes(content)
+    assert OutcomeLog(path).get(job) == SOLVED
 
 
 @pytest.mark.sim

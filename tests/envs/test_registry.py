@@ -39,7 +39,8 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes):
 
 def test_unknown_names_are_answered_with_the_valid_ones():
     for ask in (get_task, resolve_tasks):
-        with pytest.raises(UnknownTask, match=r"'push_boxes'.*handover_item_easy, lift_ball.*push_box"):
+        message = r"'push_boxes'\. Did you mean 'push_box'\? .*handover_item_easy, lift_ball.*push_box"
+        with pytest.raises(UnknownTask, match=message):
             ask("push_boxes")
 
 
@@ -94,8 +95,14 @@ def test_the_verb_lists_every_task_for_programs(capsys):
     assert rows["push_box"]["taxonomy"]["prehension"] == "non_prehensile"
 
 
-def test_the_verb_lists_every_task_for_people(capsys):
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_the_verb_lists_every_task_for_people_and_cuts_no_name(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    tasks(TasksConfig(task="all"))
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= max(columns, 60)
+    assert {line.split()[0] for line in lines if not line.startswith(" ")} == set(list_tasks())
+    words = " ".join(lines).split()
+    assert "non_prehensile" in words
     tasks(TasksConfig(task="symmetric"))
-    table = capsys.readouterr().out
-    assert "push_box" in table
-    assert "handover_item_easy" not in table
+    assert "handover_item_easy" not in capsys.readouterr().out

@@ -1,6 +1,6 @@
 """Tables from certificates."""
 
-import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -31,12 +31,13 @@ def test_the_page_in_the_documentation_is_what_the_certificates_say(tmp_path, mo
     assert (tmp_path / "tasks.md").read_text() == (ROOT / "docs" / "tasks.md").read_text()
 
 
-def test_success_is_added_up_over_variations_and_what_is_missing_is_marked(tmp_path):
-    rates = [{"task": "handover_item", "variation": n, "successes": 9 + n, "trials": 11} for n in (0, 1)]
-    (tmp_path / "expert.json").write_text(json.dumps({"rates": rates, "episodes": []}))
+def test_a_control_that_was_not_played_has_no_column_and_on_some_tasks_only_is_marked(tmp_path):
+    for name in ("expert", "freeze_left"):
+        shutil.copy(ROOT / "results" / "certificates" / f"{name}.json", tmp_path)
     table = success_table(Certified.read(tmp_path))
-    assert "| `handover_item` | 19/22 | – | – |" in table
-    assert "lift_ball" not in table
+    assert "| task | expert | left arm frozen |" in table
+    assert "| `dual_push_buttons` | 500/500 | 0/50 |" in table
+    assert "| `pick_plate` | 100/100 | – |" in table
 
 
 def test_a_folder_without_certificates_is_refused_with_the_command_that_makes_them(tmp_path):

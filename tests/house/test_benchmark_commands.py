@@ -7,8 +7,7 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
-from lerobot_bimanual.benchmark.results import EpisodeResult, Validation
-from lerobot_bimanual.benchmark.run import best_checkpoint
+from lerobot_bimanual.benchmark.results import EpisodeResult, Validation, best_checkpoint
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo
@@ -88,7 +87,11 @@ def test_a_dry_run_prints_and_runs_nothing(tmp_path, capsys):
             "any",
             "'symmetric', a suite, but a benchmark is of one task; run one for each of: dual_push",
         ),
-        ("lift_bal", "any", "unknown task 'lift_bal'. Tasks and suites: .*lift_ball"),
+        (
+            "lift_bal",
+            "any",
+            "unknown task 'lift_bal'. Did you mean 'lift_ball'[?] Tasks and suites: .*push_box",
+        ),
         ("lift_ball", "7", "task 'lift_ball' has no variation '7'"),
     ],
 )

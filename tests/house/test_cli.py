@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,14 @@ def greet(config: GreetConfig) -> int | None:
         raise BimanualError("there is nobody to greet")
     if config.fail == "by interrupt":
         raise KeyboardInterrupt
+    if config.fail == "by interrupt on the way":
+        raise KeyboardInterrupt("the same command goes on")
+    if config.fail == "by termination":
+        import os, signal
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            print("swept up")
     if config.fail == "with a code":
         return 5
     print("hello", config.name)
@@ -92,6 +101,7 @@ def test_the_return_value_of_a_verb_is_the_exit_code() -> None:
         (["greet", "--nam=x"], 2, "unknown flag --nam. Did you mean --name? Valid flags: --name, --fail."),
         (["greet", "--fail=clearly"], 1, "there is nobody to greet"),
         (["greet", "--fail=by interrupt"], 130, "interrupted"),
+        (["greet", "--fail=by interrupt on the way"], 130, "interrupted; the same command goes on"),
     ],
 )
 def test_what_goes_wrong_is_said_on_one_line(
@@ -102,6 +112,15 @@ def test_what_goes_wrong_is_said_on_one_line(
     assert captured.err.strip().startswith(f"lerobot-bimanual: {message}")
     assert captured.err.strip().count("\n") == 0
     assert captured.out == ""
+
+
+def test_a_termination_ends_a_verb_in_order_and_without_a_word(capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as exit_:
+        cli.main(["greet", "--fail=by termination"])
+    assert exit_.value.code == 143
+    assert capsys.readouterr() == ("swept up\n", "")
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_a_reader_that_leaves_early_is_no_error() -> None:

@@ -71,6 +71,10 @@ def test_flags_fill_the_dataclass(words: list[str], expected: Config) -> None:
         (["--workers=two"], "Couldn't parse 'two' into an int"),
         (["--view=film"], "invalid choice: 'film' (choose from 'frames', 'keyframes')"),
         (["--config_path=absent.yaml"], "absent.yaml"),
+        (["--config_path=1"], "--config_path '1' cannot be read"),
+        (["--config_path=/"], "--config_path '/' cannot be read"),
+        (["--workers=[1"], "--workers is '[1', but must be int"),
+        (["--no\nflag=1"], "unknown flag --'no\\nflag'"),
     ],
 )
 def test_mistakes_name_what_is_wrong_and_what_is_valid(words: list[str], message: str) -> None:
@@ -85,7 +89,7 @@ def test_a_field_without_default_is_a_required_flag() -> None:
     class Needy:
         output: Path  # where to
 
-    with pytest.raises(BadCommandLine, match="output"):
+    with pytest.raises(BadCommandLine, match=r"missing: --output=path\. `--help` explains every flag"):
         parse_flags(Needy, [])
     assert parse_flags(Needy, ["--output=here"]).output == Path("here")
 
@@ -104,6 +108,31 @@ def test_help_texts_come_from_comments_beside_above_and_strings_below() -> None:
         "output": "Several lines above count as one text.",
         "cameras": "A string below.",
     }
+
+
+@pytest.mark.parametrize("text", ["include", "include here", "includes/folder"])
+def test_a_text_is_never_taken_for_a_file_to_read(text: str) -> None:
+    config = parse_flags(Config, [f"--seeds={text}", f"--output={text}"])
+    assert (config.seeds, config.output) == (text, Path(text))
+
+
+def test_what_a_file_says_must_be_lines_of_names_and_values(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    for content in ("- 1", "text", "", "a: [", "\x00"):
+        path.write_text(content)
+        with pytest.raises(BadCommandLine, match="config_path"):
+            parse_flags(Config, [f"--config_path={path}"])
+
+
+def test_help_says_a_default_once() -> None:
+    @dataclass
+    class Relative:
+        demos: int | None = None  # by default 100
+        output: Path | None = None  # where to
+
+    text = describe_flags(Relative)
+    assert "by default 100\n" in text
+    assert "where to (default: none)" in text
 
 
 def test_help_shows_kinds_of_values_and_defaults() -> None:

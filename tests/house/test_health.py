@@ -77,3 +77,16 @@ def test_doctor_prints_findings_and_remedies_and_fails_only_on_failures(
     assert f"{level}" in out
     assert "none [of any kind]" in out
     assert f"OpenGL: {finding.remedy}\n" in out
+
+
+def test_doctor_shows_each_finding_before_it_looks_at_the_next(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def examine():
+        yield Finding("Python", Level.OK, "3.12")
+        assert "Python" in capsys.readouterr().out
+        yield Finding("OpenGL", Level.OK, "fine")
+
+    monkeypatch.setattr("lerobot_bimanual.commands.doctor.examine", examine)
+    doctor(DoctorConfig())
+    assert "OpenGL" in capsys.readouterr().out

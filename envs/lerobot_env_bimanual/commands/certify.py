@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.expert.control_names import ControlName
 
 if TYPE_CHECKING:
@@ -25,20 +25,24 @@ class CertifyConfig:
     variation: str = "any"  # index, `any` (drawn per episode) or `each` (every variation on all seeds)
     seeds: str = "0:100"  # half-open range a:b
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
-    control: ControlName = "expert"  # who plays
+    # Who plays: the expert; `noop` holds still; `random` plays keyposes from the whole workspace; `blind` plays the mean
+    # keyposes of training episodes; `freeze_left` and `freeze_right` are the expert with one arm at home. Others say in
+    # their names what they lack.
+    control: ControlName = "expert"
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
-    # play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states
+    # Play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
     workers: int = 0  # processes; 0 takes one per core
-    output: Path | None = (
-        None  # certificate, a JSON file; an interrupted run goes on from what lies beside it
-    )
+    # Certificate, a JSON file; an interrupted run goes on from what lies beside it. Without it nothing is kept.
+    output: Path | None = None
 
 
 def certify(config: CertifyConfig) -> int:
     """Measure the success of an expert or a control over seeds.
 
-    Prints the success rate of every variation with its 95 % Wilson interval, each failure of an expert with its
+    Prints the success rate of every variation with its 95 % Wilson interval, the median time of its episodes (of the
+    robots, not of the computer), and for experts the worst tip error: the largest distance of a hand from its target at
+    the end of a keypose, but for the one at which the episode ended. Below, each failure of an expert with its
     seed, last move and unmet conditions, and whatever else is not good enough. Exits with 1 if anything is: an
     expert below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, a replay through other
     states, keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
@@ -50,21 +54,30 @@ def certify(config: CertifyConfig) -> int:
         lerobot-bimanual certify --discretise=100
         lerobot-bimanual certify --control=blind --seeds=0:40
     """
+    from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.expert.campaign import Campaign
     from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+    from lerobot_env_bimanual.expert.seed_range import parse_seeds
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
     if config.variation != EACH_VARIATION:
         for name in names:
             get_task(name).spec.variation_index(config.variation)
+    if config.discretise < 0:
+        raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
     log = None
     if config.output is not None:
+        check_output_file(config.output)
         log = OutcomeLog(config.output.with_suffix(".partial.jsonl"))
-    with Campaign(config.workers, log) as campaign:
-        jobs = [job for name in names for job in _jobs(campaign, config, name, seeds)]
-        outcomes = campaign.play(jobs, config.control)
+    try:
+        with Campaign(config.workers, log) as campaign:
+            jobs = [job for name in names for job in _jobs(campaign, config, name, seeds)]
+            outcomes = campaign.play(jobs, config.control)
+    except KeyboardInterrupt:
+        kept = "the same command goes on where it stopped" if log else "nothing is kept without --output"
+        raise KeyboardInterrupt(kept) from None
     certificate = Certificate(
         config.control, config.discretise, config.replay, config.split, config.seeds, tuple(outcomes)
     )
@@ -73,18 +86,6 @@ def certify(config: CertifyConfig) -> int:
         log.remove()
     certificate.print()
     return 1 if certificate.complaints else 0
-
-
-def parse_seeds(text: str) -> range:
-    """The half-open range `a:b` of seeds.
-
-    Raises:
-        BimanualError: the text is not such a range, or the range is empty.
-    """
-    first, _, end = text.partition(":")
-    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise BimanualError(f"seeds is {text!r}, but must be a half-open range such as 0:100")
-    return range(int(first), int(end))
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:

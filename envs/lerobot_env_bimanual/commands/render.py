@@ -46,10 +46,12 @@ def render(config: RenderConfig) -> None:
         lerobot-bimanual render --video=false
         lerobot-bimanual render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
+    from lerobot_bimanual.output_file import check_output_folder
     from lerobot_env_bimanual.pictures.shooting import shoot
     from lerobot_env_bimanual.workers import WorkerPool
 
     orders = _orders(config)
+    check_output_folder(config.output)
     with WorkerPool(config.workers) as pool:
         shots = list(pool.map(shoot, orders, "render", "task", name=lambda order: order.task))
     if len(shots) > 1:

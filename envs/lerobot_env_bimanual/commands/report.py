@@ -59,24 +59,30 @@ class ReportConfig:
 def report(config: ReportConfig) -> None:
     """Write the measured table of all tasks, beside the paper's, from certificates.
 
+    Every certificate is checked first, by itself and against that of the experts: who played which episodes, in which
+    world and with which versions, and all that follows from the episodes. Nothing is written if one is wrong.
+
     Examples:
         lerobot-bimanual report
         lerobot-bimanual report --output=docs/tasks.md
     """
     from lerobot_bimanual.markdown_table import write_page
+    from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.expert.world_version import joint_version
     from lerobot_env_bimanual.reports import certified as tables
 
+    if config.output is not None:
+        check_output_file(config.output)
     certified = tables.Certified.read(config.certificates)
     expert = certified.certificates[tables.EXACT]
-    rounded = certified.certificates.get(tables.ROUNDED, {})
+    rounded = certified.certificates.get(tables.ROUNDED)
     page = PAGE.format(
         folder=config.certificates.as_posix(),
-        world=joint_version(expert["worlds"]),
-        mujoco=expert["versions"]["mujoco"],
-        split=expert["split"],
-        seeds=expert["seeds"],
-        voxels=rounded.get("discretise", tables.NOT_MEASURED),
+        world=joint_version(expert.worlds),
+        mujoco=expert.versions["mujoco"],
+        split=expert.campaign.split,
+        seeds=expert.campaign.seeds,
+        voxels=rounded.campaign.discretise if rounded else tables.NOT_MEASURED,
         success=tables.success_table(certified),
         evidence=tables.evidence_table(certified),
         paper=tables.paper_table(certified),

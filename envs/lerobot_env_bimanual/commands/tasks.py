@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+import textwrap
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
+
+WIDTH = 110
+"""Columns where no terminal says how many there are."""
 
 
 @dataclass
@@ -15,11 +20,13 @@ class TasksConfig:
     """Options of the verb `tasks`."""
 
     task: str = "all"  # task and suite names, comma separated
-    format: Literal["table", "json"] = "table"  # for people or for programs
+    format: Literal["list", "json"] = "list"  # for people or for programs
 
 
 def tasks(config: TasksConfig) -> None:
     """List the tasks with their instructions, variations and taxonomy.
+
+    The instructions shown are those of the first variation; `--format=json` has all of them, and what makes success.
 
     Examples:
         lerobot-bimanual tasks
@@ -30,7 +37,7 @@ def tasks(config: TasksConfig) -> None:
         json.dump(rows, sys.stdout, indent=2)
         sys.stdout.write("\n")
     else:
-        _print_table(rows)
+        _print_list(rows)
 
 
 def _row(name: str) -> dict[str, Any]:
@@ -47,18 +54,11 @@ def _row(name: str) -> dict[str, Any]:
     }
 
 
-def _print_table(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("task", "variations", "instructions", "taxonomy", "horizon")
+def _print_list(rows: list[dict[str, Any]]) -> None:
+    """A paragraph per task, as wide as the terminal; a table would cut names."""
+    width = shutil.get_terminal_size((WIDTH, 24)).columns
     for row in sorted(rows, key=lambda row: row["id"]):
-        table.add_row(
-            row["name"],
-            str(len(row["variations"])),
-            "\n".join(row["instructions"][0]),
-            ", ".join(row["suites"]),
-            f"{row['horizon_ticks']} ticks",
-            end_section=True,
-        )
-    Console().print(table)
+        count = len(row["variations"])
+        print(f"{row['name']}  ({count} variation{'s' * (count > 1)}, at most {row['horizon_ticks']} ticks)")
+        for text in (*row["instructions"][0], ", ".join(row["suites"])):
+            print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.output_file import write_file
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
@@ -58,7 +59,11 @@ class Certificate:
         ]
 
     def write(self, path: Path) -> None:
-        """Write a JSON file with one episode per line."""
+        """Write a JSON file with one episode per line.
+
+        Raises:
+            UnwritableOutput: it cannot be written.
+        """
         head = {
             "control": self.control,
             "discretise": self.discretise,
@@ -70,31 +75,40 @@ class Certificate:
                 task: world_version(task) for task in sorted({outcome.task for outcome in self.outcomes})
             },
             "complaints": self.complaints,
-            "rates": [self._rate(*key) for key in rates(self.outcomes)],
+            "rates": [row | self._coupling(row["task"], row["variation"]) for row in self.rate_rows()],
         }
         episodes = ",\n  ".join(json.dumps(_compact(outcome)) for outcome in self.outcomes)
         text = json.dumps(head, indent=1).removesuffix("\n}")
-        path.write_text(f'{text},\n "episodes": [\n  {episodes}\n ]\n}}\n')
+        write_file(path, f'{text},\n "episodes": [\n  {episodes}\n ]\n}}\n')
 
-    def _rate(self, task: str, variation: int) -> dict[str, Any]:
+    def rate_rows(self) -> list[dict[str, Any]]:
+        """What is said of each variation, but for the coupling of the arms."""
+        return [self._rate_row(*key) for key in rates(self.outcomes)]
+
+    def _rate_row(self, task: str, variation: int) -> dict[str, Any]:
         outcomes = self.of(task, variation)
         rate = rates(outcomes)[task, variation]
-        row = {"task": task, "variation": variation, **asdict(rate), "wilson_95": rate.interval}
+        row = {"task": task, "variation": variation, **asdict(rate), "wilson_95": list(rate.interval)}
         solved = [outcome for outcome in outcomes if outcome.success]
         if self.control == "expert" and solved:
             evidence = [outcome.evidence for outcome in solved if outcome.evidence is not None]
             row |= {
                 "median_s": median(outcome.ticks for outcome in solved) / CONTROL_HZ,
                 "longest_s": max(outcome.ticks for outcome in solved) / CONTROL_HZ,
-                "median_keyposes": median(len(outcome.keyposes) for outcome in solved),
-                "median_draws": median(outcome.draws for outcome in outcomes),
+                "median_keyposes": float(median(len(outcome.keyposes) for outcome in solved)),
+                "median_draws": float(median(outcome.draws for outcome in outcomes)),
                 "line_fallbacks": sum(outcome.line_fallbacks for outcome in outcomes),
                 "worst_tip_error_mm": worst_tip_error_mm(solved),
                 "keyframes_found": sum(found.keyframes_found for found in evidence),
                 "replayed": sum(bool(found.replayed) for found in evidence),
-                "coupling": asdict(mean_coupling([found.coupling for found in evidence])),
             }
         return row
+
+    def _coupling(self, task: str, variation: int) -> dict[str, Any]:
+        """The mean coupling in the expert's episodes, as a part of a row."""
+        evidence = [outcome.evidence for outcome in self.of(task, variation) if outcome.success]
+        couplings = [found.coupling for found in evidence if found is not None]
+        return {"coupling": asdict(mean_coupling(couplings))} if couplings else {}
 
     def print(self) -> None:
         """Print a table, the failures of an expert, and the complaints."""
@@ -104,7 +118,10 @@ class Certificate:
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
         table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
         for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):
-            table.add_column(heading, justify="left" if heading == "task" else "right")
+            is_name = heading == "task"
+            table.add_column(
+                heading, justify="left" if is_name else "right", no_wrap=is_name, overflow="fold"
+            )
         for (task, variation), rate in rates(self.outcomes).items():
             outcomes = self.of(task, variation)
             low, high = rate.interval

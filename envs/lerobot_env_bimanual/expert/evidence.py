@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,6 @@ class Evidence:
     keyframes_found: bool
     replayed: bool | None
     coupling: Coupling
-
-    @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Self:
-        """The evidence that `dataclasses.asdict` has taken apart."""
-        return cls(fields["keyframes_found"], fields["replayed"], Coupling(**fields["coupling"]))
 
 
 class EvidenceRecorder:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.evidence import Evidence
@@ -98,20 +98,3 @@ class Outcome:
     unstable: bool
     state_hash: str
     evidence: Evidence | None = None
-
-    @classmethod
-    def from_dict(cls, fields: dict[str, Any]) -> Outcome:
-        """The outcome that `dataclasses.asdict` and JSON have taken apart."""
-        evidence = fields["evidence"]
-        reports = (
-            report | {"keypose": tuple(report["keypose"]), "tip_error_mm": tuple(report["tip_error_mm"])}
-            for report in fields["keyposes"]
-        )
-        return cls(
-            **fields
-            | {
-                "unmet": tuple(fields["unmet"]),
-                "keyposes": tuple(MoveReport(**report) for report in reports),
-                "evidence": None if evidence is None else Evidence.from_dict(evidence),
-            }
-        )

@@ -5,12 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import lerobot_bimanual
 import lerobot_env_bimanual
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.json_file import parse_json
+from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.output_file import UnwritableOutput, write_file
 from lerobot_env_bimanual.expert.outcome import Job, Outcome
 
 
@@ -22,32 +26,41 @@ def versions() -> dict[str, str]:
 class OutcomeLog:
     """A file with one line per finished job, written as they finish.
 
-    Lines of other code or other versions are discarded, and so is a last line that was cut off.
+    Lines of other code or other versions are discarded, and so is a last line that was cut off, whose episode is played
+    again.
 
     Args:
         path: the file; its folder is made.
+
+    Raises:
+        BimanualError: the file is damaged before its end, and stays as it is.
+        UnwritableOutput: it cannot be written.
     """
 
     def __init__(self, path: Path):
-        path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         header = json.dumps(versions() | {"sources": _source_digest()}, sort_keys=True)
         self._outcomes = _read(path, header)
-        with path.open("w") as file:
-            print(header, file=file)
-            for key, outcome in self._outcomes.items():
-                print(_line(key, outcome), file=file)
+        lines = [header, *(_line(key, outcome) for key, outcome in self._outcomes.items())]
+        write_file(path, "\n".join(lines) + "\n")
 
     def get(self, job: Job) -> Outcome | None:
         """The outcome of a job, if it is known."""
         return self._outcomes.get(_key(job))
 
     def add(self, job: Job, outcome: Outcome) -> None:
-        """Note an outcome."""
+        """Note an outcome.
+
+        Raises:
+            UnwritableOutput: it cannot be written.
+        """
         key = _key(job)
         self._outcomes[key] = outcome
-        with self._path.open("a") as file:
-            print(_line(key, outcome), file=file)
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                print(_line(key, outcome), file=file)
+        except OSError as error:
+            raise UnwritableOutput(self._path, error.strerror or str(error)) from error
 
     def remove(self) -> None:
         """Delete the file: the result is safe elsewhere."""
@@ -64,20 +77,33 @@ def _source_digest() -> str:
     return digest.hexdigest()
 
 
+@dataclass(frozen=True)
+class _Entry:
+    """A line: a job's key, and its outcome."""
+
+    job: str
+    outcome: Outcome
+
+
 def _read(path: Path, header: str) -> dict[str, Outcome]:
-    outcomes: dict[str, Outcome] = {}
-    if not path.is_file():
-        return outcomes
-    first, *lines = path.read_text().splitlines() or [""]
-    if first != header:
-        return outcomes
-    for line in lines:
+    if not path.exists():
+        return {}
+    try:
+        first, *lines = path.read_bytes().split(b"\n")
+    except OSError as error:
+        raise BimanualError(f"{path}: {error}") from error
+    if first != header.encode():
+        return {}
+    entries = []
+    for number, line in enumerate(lines[:-1], start=2):  # what stands behind the last newline was cut off
         try:
-            entry = json.loads(line)
-        except json.JSONDecodeError:
-            break
-        outcomes[entry["job"]] = Outcome.from_dict(entry["outcome"])
-    return outcomes
+            entries.append(decode(_Entry, parse_json(line), f"line {number}"))
+        except BimanualError as error:
+            raise BimanualError(
+                f"{path}, line {number}: {error}; the episodes of an interrupted run are in this file, so mend it, or "
+                "remove it to play them again"
+            ) from error
+    return {entry.job: entry.outcome for entry in entries}
 
 
 def _line(key: str, outcome: Outcome) -> str:

@@ -8,17 +8,27 @@ from pathlib import Path
 from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
+from lerobot_env_bimanual.expert.seed_range import parse_seeds
+from lerobot_env_bimanual.expert.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
 from lerobot_env_bimanual.tasks.registry import get_task
 
 EXACT, ROUNDED = "expert", "expert_discretised"
 CERTIFICATES = (EXACT, ROUNDED, *(name for name in CONTROLS if name != EXACT))
 """Names of the files, without `.json`."""
+
+HEADINGS = {
+    ROUNDED: "rounded",
+    "noop": "no-op",
+    "freeze_left": "left arm frozen",
+    "freeze_right": "right arm frozen",
+}
+"""Of certificates whose names do not say it."""
 
 NOT_MEASURED = "–"
 
@@ -29,14 +39,15 @@ type Row = Mapping[str, Any]
 class Certified:
     """The certificates of one folder, by name."""
 
-    certificates: Mapping[str, Mapping[str, Any]]
+    certificates: Mapping[str, StoredCertificate]
 
     @classmethod
     def read(cls, folder: Path) -> Certified:
         """Read what is there.
 
         Raises:
-            BimanualError: the folder has no certificate of the experts.
+            BimanualError: the folder has no certificate of the experts, a file that is none, or one that contradicts
+                itself, its name, or that of the experts.
         """
         paths = {name: folder / f"{name}.json" for name in CERTIFICATES}
         if not paths[EXACT].is_file():
@@ -44,21 +55,62 @@ class Certified:
                 f"{folder} holds no {EXACT}.json; make it with `lerobot-bimanual certify --variation=each "
                 f"--output={folder / EXACT}.json`. Read are: {', '.join(path.name for path in paths.values())}"
             )
-        return cls({name: read_json(path) for name, path in paths.items() if path.is_file()})
+        if stray := sorted(set(folder.glob("*.json")) - set(paths.values())):
+            names = ", ".join(path.name for path in paths.values())
+            raise BimanualError(f"{stray[0]} has the name of no certificate; those are: {names}")
+        certified = cls(
+            {name: StoredCertificate.read(path) for name, path in paths.items() if path.is_file()}
+        )
+        for name in certified.certificates:
+            certified._check_role(name)
+        return certified
+
+    def _check_role(self, name: str) -> None:
+        """Whether a certificate is what its name says, and belongs to that of the experts."""
+        certificate, experts = self.certificates[name], self.certificates[EXACT]
+        campaign, beside = certificate.campaign, experts.campaign
+        is_expert, control = name in (EXACT, ROUNDED), EXACT if name == ROUNDED else name
+        seeds, theirs = parse_seeds(campaign.seeds), parse_seeds(beside.seeds)
+        in_seeds = seeds == theirs if is_expert else seeds.start == theirs.start and seeds.stop <= theirs.stop
+        worlds = {task: experts.worlds.get(task) for task in certificate.worlds}
+        for field, got, holds, rule in (
+            ("control", campaign.control, campaign.control == control, control),
+            (
+                "discretise",
+                campaign.discretise,
+                bool(campaign.discretise) == (name == ROUNDED),
+                "at least 1" if name == ROUNDED else "0",
+            ),
+            ("replay", campaign.replay, name != EXACT or campaign.replay == "joint", "joint"),
+            ("split", campaign.split, campaign.split == beside.split, beside.split),
+            ("seeds", campaign.seeds, in_seeds, f"{beside.seeds}, or for controls the first of them"),
+            ("versions", certificate.versions, certificate.versions == experts.versions, experts.versions),
+            ("worlds", certificate.worlds, certificate.worlds == worlds, worlds),
+            (
+                "variations",
+                "some only",
+                not is_expert or certificate.covers_every_variation(),
+                "every one of each task on all seeds, by --variation=each",
+            ),
+        ):
+            if not holds:
+                raise BadCertificate(
+                    f"{certificate.path}: {field} is {shown(got, 400)}, but must be {rule} in a certificate of that name, "
+                    f"beside {experts.path.name}"
+                )
 
     @property
     def tasks(self) -> list[str]:
         """Names of the tasks whose experts are certified, in the paper's order."""
-        names = {row["task"] for row in self.certificates[EXACT]["rates"]}
-        return sorted(names, key=lambda name: get_task(name).spec.id)
+        return sorted(self.certificates[EXACT].worlds, key=lambda name: get_task(name).spec.id)
 
     def rows(self, name: str, task: str) -> list[Row]:
         """The rates of a task's variations in one certificate."""
-        return [row for row in self.certificates.get(name, {}).get("rates", ()) if row["task"] == task]
+        return [row for row in self.certificates[name].rates if row["task"] == task]
 
-    def episodes(self, name: str, task: str) -> list[Row]:
+    def episodes(self, name: str, task: str) -> list[StoredEpisode]:
         """The episodes of a task in one certificate."""
-        return [row for row in self.certificates[name]["episodes"] if row["task"] == task]
+        return [episode for episode in self.certificates[name].episodes if episode.task == task]
 
     def rate(self, name: str, task: str) -> SuccessRate | None:
         """Success over all variations of a task; None if it was not measured."""
@@ -70,19 +122,11 @@ class Certified:
 
 def success_table(certified: Certified) -> str:
     """Experts and controls, successes of trials per task."""
-    headings = (
-        "task",
-        "expert",
-        "rounded",
-        "blind",
-        "random",
-        "no-op",
-        "left arm frozen",
-        "right arm frozen",
-    )
+    names = [*certified.certificates]
+    headings = ("task", *(HEADINGS.get(name, name.replace("_", " ")) for name in names))
     rows = []
     for task in certified.tasks:
-        rates = [certified.rate(name, task) for name in CERTIFICATES]
+        rates = [certified.rate(name, task) for name in names]
         cells = [NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}" for rate in rates]
         rows.append((f"`{task}`", *cells))
     return markdown_table(headings, rows)
@@ -104,7 +148,7 @@ def evidence_table(certified: Certified) -> str:
     for task in certified.tasks:
         variations = certified.rows(EXACT, task)
         solved = sum(row["successes"] for row in variations)
-        failures = [episode["failure"] for episode in certified.episodes(EXACT, task)]
+        failures = [episode.failure for episode in certified.episodes(EXACT, task)]
         rows.append(
             (
                 f"`{task}`",

@@ -1,0 +1,140 @@
+"""Results of benchmarks side by side: what does not belong together is refused, and then nothing is written."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from made_up_rows import ROW, episodes, played, put, row_of
+
+from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.results import BadResult, Validation
+from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.errors import BimanualError
+
+
+@pytest.fixture
+def results(tmp_path: Path, install_recipe) -> Path:
+    """Three of the four results of two policies on two tasks."""
+    folder = tmp_path / "results"
+    folder.mkdir()
+    for policy in ("mine", "other"):
+        install_recipe(policy)
+    for policy, task in (("mine", "lift_ball"), ("other", "lift_ball"), ("mine", "push_box")):
+        put(folder, row_of(policy, task))
+    return folder
+
+
+def test_a_leaderboard_has_a_line_per_task_and_a_column_per_policy(results: Path):
+    lines = render(results).splitlines()
+    first = lines.index("| task | `mine` | `other` | expert | blind |")
+    score, blind = "2/4 (15% to 85%)", "1/4 (5% to 70%)"
+    assert lines[first + 2 : first + 4] == [
+        f"| `lift_ball` | {score} | {score} | 4 | {blind} |",
+        f"| `push_box` | {score} | – | 4 | {blind} |",
+    ]
+    beyond = "`--demos=2 --val_episodes=2 --test_episodes=4`"
+    assert f"| `push_box` | `mine` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | {beyond} |" in lines
+
+
+def test_a_leaderboard_says_how_a_row_departs_from_todays_recipe(results: Path):
+    departing = {"steps": "6", "policy.depth": "3.0", "policy.shift": "[0.5,1]", "policy.more": "a b"}
+    row = row_of("mine", "sweep")
+    flags = row.flags | departing | {"policy.device": "cpu", "num_workers": "3", "wandb.enable": "false"}
+    validation = (*ROW.validation, Validation(6, episodes("x.")))
+    put(results, replace(row, flags=flags, validation=validation, checkpoint_step=6))
+    beyond = """--steps=6 --val_episodes=2 --test_episodes=4 --train_flags="--policy.shift=[0.5,1] '--policy.more=a b'\""""
+    command = f"lerobot-bimanual benchmark --policy=mine --task=sweep --recipe=small --demos=2 {beyond} --device=cpu"
+    page = render(results)
+    assert f"| `--demos=2 {beyond}` |" in page
+    assert f"```bash\n{command}\n```" in page
+
+
+def test_a_row_that_no_command_gives_again_is_refused_with_its_file(results: Path, install_recipe):
+    row = row_of("mine", "lift_ball")
+    flags = {name: value for name, value in row.flags.items() if name != "policy.depth"}
+    path = put(results, replace(row, flags=flags))
+    message = rf"{path.name}: the recipe 'small' of 'mine' now sets policy\.depth, and the row"
+    with pytest.raises(BimanualError, match=message):
+        render(results)
+    put(results, replace(row, flags=row.flags | {"config_path": "somewhere"}))
+    with pytest.raises(BimanualError, match=rf"{path.name}: --train_flags sets --config_path"):
+        render(results)
+    put(results, row)
+    path = put(results, row_of("gone", "lift_ball"))
+    with pytest.raises(BimanualError, match=rf"{path.name}: policy is 'gone', but must be one of: .*mine"):
+        render(results)
+
+
+def test_a_leaderboard_is_printed_or_written(results: Path, capsys):
+    leaderboard(LeaderboardConfig(results=results))
+    page = capsys.readouterr().out
+    leaderboard(LeaderboardConfig(results=results, output=results / "page.md"))
+    assert (results / "page.md").read_text() == page
+    assert not capsys.readouterr().out
+
+
+def test_a_leaderboard_of_nothing_is_refused(tmp_path: Path):
+    with pytest.raises(BimanualError, match="holds no results; `lerobot-bimanual benchmark` writes them"):
+        render(tmp_path)
+
+
+EXPERT_FAILS_ONCE, WITH_OTHER_VERSIONS = played("xxx."), dict.fromkeys(SIMULATION_PACKAGES, "4")
+UNLIKE = {
+    "another recipe": ({"recipe": "paper"}, "recipe is 'small', but 'paper' in"),
+    "another world": ({"world": "ba9876543210"}, "world of lift_ball is '0123456789ab', but 'ba9876543210'"),
+    "another expert": ({"expert": EXPERT_FAILS_ONCE}, "expert on lift_ball is"),
+    "another blind control": ({"blind": played("....")}, "blind on lift_ball is"),
+    "blind on further variations": ({"blind": ROW.blind + played("....", 1)}, "blind on lift_ball is"),
+    "other versions": (
+        {
+            "versions": WITH_OTHER_VERSIONS,
+            "dataset": replace(ROW.dataset, versions=WITH_OTHER_VERSIONS),
+        },
+        "versions is",
+    ),
+    "another seed": ({"flags": ROW.flags | {"seed": "7"}}, "seed of mine on lift_ball is '7', but '1000' in"),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), UNLIKE.values(), ids=UNLIKE.keys())
+def test_a_leaderboard_of_unlike_results_is_refused_and_nothing_is_written(
+    changes, message, results: Path, tmp_path: Path
+):
+    put(results, row_of("mine", "lift_ball", **changes))
+    with pytest.raises(BimanualError, match=f"lift_ball_.*json: {message}.*keep what is alike"):
+        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    assert not (tmp_path / "page.md").exists()
+
+
+def test_a_row_under_another_name_is_refused(results: Path):
+    (results / "lift_ball_mine_small_seed1000.json").rename(results / "better.json")
+    with pytest.raises(
+        BimanualError, match=r"better\.json: its row is that of a file named lift_ball_mine_small"
+    ):
+        render(results)
+
+
+def test_rows_of_another_world_than_the_certificates_are_refused(results: Path, tmp_path: Path):
+    folder = tmp_path / "certificates"
+    with pytest.raises(BimanualError, match=r"expert\.json: .*No such file"):
+        render(results, folder)
+    page = render(results)
+    folder.mkdir()
+    worlds = {"lift_ball": ROW.world, "push_box": ROW.world}
+    (folder / "expert.json").write_text(json.dumps({"worlds": worlds}))
+    assert render(results) == render(results, folder) == page
+    (folder / "expert.json").write_text(json.dumps({"worlds": worlds | {"push_box": "ffffffffffff"}}))
+    with pytest.raises(
+        BimanualError, match=r"push_box.*world of push_box is '0123456789ab', but 'ffffffffffff'"
+    ):
+        render(results)
+
+
+def test_a_row_with_damage_in_it_is_named_and_nothing_is_written(results: Path, tmp_path: Path):
+    path = results / "push_box_mine_small_seed1000.json"
+    path.write_text(path.read_text()[:-100])
+    with pytest.raises(BadResult, match=path.name):
+        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    assert not (tmp_path / "page.md").exists()

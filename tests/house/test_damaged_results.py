@@ -1,0 +1,162 @@
+"""Committed rows of results with one thing wrong: each is found, named with its file, and then no page is written."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lerobot_bimanual.benchmark.results import EpisodeResult, success_rate
+from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.errors import BimanualError
+
+ROOT = Path(__file__).parents[2]
+DAMAGED, SISTER, OTHER = (
+    f"{name}_small_seed1000.json" for name in ("push_box_rvt_lf", "push_box_peract2", "lift_ball_act")
+)
+TEST_SEEDS = range(50)
+
+type Row = dict[str, Any]
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """Three committed rows, and the worlds of the committed certificates beside them."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    for name in (DAMAGED, SISTER, OTHER):
+        shutil.copy(ROOT / "results" / "small" / name, folder)
+    (tmp_path / "certificates").mkdir()
+    worlds = json.loads((ROOT / "results" / "certificates" / "expert.json").read_text())["worlds"]
+    (tmp_path / "certificates" / "expert.json").write_text(json.dumps({"worlds": worlds}))
+    return folder
+
+
+def setting(*place: Any, value: Any) -> Callable[[Row], None]:
+    def damage(row: Any) -> None:
+        for key in place[:-1]:
+            row = row[key]
+        row[place[-1]] = value
+
+    return damage
+
+
+def replaced(name: str, old: str, new: str) -> Callable[[Row], None]:
+    def damage(row: Row) -> None:
+        row["dataset"][name] = row["dataset"][name].replace(old, new)
+
+    return damage
+
+
+def shifted(who: str, by: int = 1) -> Callable[[Row], None]:
+    def damage(row: Row) -> None:
+        for episode in row[who]:
+            episode["seed"] += by
+
+    return damage
+
+
+def fewer(who: str) -> Callable[[Row], None]:
+    return lambda row: row[who].pop()
+
+
+def validated_elsewhere(row: Row) -> None:
+    for validation in row["validation"]:
+        for episode in validation["episodes"]:
+            episode["seed"] += 100
+
+
+DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
+    "scored on train": (setting("split", value="train"), "'split' is 'train', but must be test"),
+    "scored on val": (setting("split", value="val"), "'split' is 'val', but must be test"),
+    "trained on test": (replaced("command", "--split=train", "--split=test"), "--split of its command"),
+    "trained on another task": (replaced("command", "push_box", "lift_ball"), "--task of its command"),
+    "trained on a variation": (replaced("command", "=any", "=0"), "--variation of its command"),
+    "trained on fewer": (lambda row: row["dataset"]["seeds"].pop(), "--episodes of its command"),
+    "trained on one seed twice": (
+        setting("dataset", "seeds", 1, value=0),
+        "its seeds must be there and rise",
+    ),
+    "trained on other images": (setting("dataset", "image_size", value=64), "--image_size of its command"),
+    "trained in another simulation": (setting("dataset", "versions", "mujoco", value="2"), "mujoco must be"),
+    "trained on nothing": (setting("dataset", "seeds", value=[]), "its seeds must be there"),
+    "no command": (setting("dataset", "command", value="'"), "--task of its command"),
+    "scored in another simulation": (setting("versions", "frankik", value="2"), "frankik must be that of"),
+    "no simulation": (lambda row: row["versions"].pop("mujoco"), "mujoco must be that of the dataset"),
+    "another world": (setting("world", value="0" * 12), "world of push_box is '000000000000', but"),
+    "no blind control": (setting("blind", value=[]), "'blind'.*must be on the seeds of the policy"),
+    "blind on other seeds": (shifted("blind"), "'blind'.*must be on the seeds of the policy"),
+    "blind on fewer seeds": (fewer("blind"), "'blind'.*must be on the seeds of the policy"),
+    "blind on another variation": (
+        setting("blind", 0, "variation", value=1),
+        "'blind'.*each once per variation",
+    ),
+    "an expert's episodes as blind": (lambda row: row.update(blind=row["expert"]), "blind on push_box is"),
+    "no expert": (setting("expert", value=[]), "'expert'.*must be on the seeds of the policy"),
+    "expert on other seeds": (shifted("expert"), "'expert'.*must be on the seeds of the policy"),
+    "expert on fewer seeds": (fewer("expert"), "'expert'.*must be on the seeds of the policy"),
+    "policy on other seeds": (shifted("episodes"), "'validation'.*must be on the same seeds"),
+    "policy on fewer seeds": (fewer("episodes"), "'expert'.*must be on the seeds of the policy"),
+    "a seed twice": (setting("episodes", 1, "seed", value=0), "nor repeat or leave out a seed"),
+    "a worse checkpoint": (setting("checkpoint_step", value=400), "the best on val is that after 800 steps"),
+    "no checkpoint": (setting("checkpoint_step", value=801), "the best on val is that after 800 steps"),
+    "a checkpoint not validated": (fewer("validation"), "'validation'.*must be of every checkpoint"),
+    "validated on other seeds": (validated_elsewhere, "'validation'.*must be on the same seeds from 0 on"),
+    "nothing validated": (setting("validation", value=[]), "'validation'.*must be of every checkpoint"),
+    "another recipe": (setting("recipe", value="paper"), "its row is that of a file named"),
+    "another policy": (setting("policy", value="act"), "policy.type must be 'act'"),
+    "another task": (setting("task", value="lift_ball"), "dataset.repo_id must be 'benchmark/lift_ball'"),
+    "another variation": (setting("variation", value="0"), "'flags'.*dataset.repo_id"),
+    "another training seed": (setting("flags", "seed", value="7"), "its row is that of a file named"),
+    "more steps": (setting("flags", "steps", value="900"), "'validation'.*must be of every checkpoint"),
+    "a flag of its own": (setting("flags", "config_path", value="x"), "--train_flags sets --config_path"),
+    "a flag of two lines": (setting("flags", "policy.x", value="a\nb"), "must hold flags of one line each"),
+    "an impossible day": (setting("date", value="2026-02-30"), "'date' is '2026-02-30'"),
+    "more successes": (setting("rates", "policy", "successes", value=50), "'rates' is .*but the episodes"),
+    "an episode turned": (lambda row: _turn(row["episodes"][0]), "'rates' is .*but the episodes"),
+    "an unknown policy": (
+        lambda row: (row.update(policy="mine"), row["flags"].update({"policy.type": "mine"})),
+        "its row is that of a file named push_box_mine",
+    ),
+}
+
+
+def _turn(episode: Row) -> None:
+    episode["success"] = not episode["success"]
+
+
+def with_its_rates(row: Row) -> Row:
+    """The row with the rates of its episodes, which whoever forges one would not forget."""
+    for who, name in {"policy": "episodes", "expert": "expert", "blind": "blind"}.items():
+        rate = success_rate(tuple(EpisodeResult(**episode) for episode in row[name]))
+        interval = list(rate.interval)
+        row["rates"][who] = {"successes": rate.successes, "trials": rate.trials, "wilson_95": interval}
+    return row
+
+
+def test_the_rows_are_good_before_they_are_damaged(results, tmp_path):
+    leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    assert "| `push_box` |" in (tmp_path / "page.md").read_text()
+
+
+@pytest.mark.parametrize(("damage", "message"), DAMAGES.values(), ids=DAMAGES.keys())
+def test_a_damage_is_named_with_its_file_and_no_page_is_written(damage, message, results, tmp_path):
+    row = json.loads((results / DAMAGED).read_text())
+    damage(row)
+    if "rates" not in message:
+        row = with_its_rates(row)
+    (results / DAMAGED).write_text(json.dumps(row))
+    with pytest.raises(BimanualError, match=rf"{DAMAGED}: .*{message}") as error:
+        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "page.md").exists()
+
+
+def test_the_same_policy_twice_is_refused(results, tmp_path):
+    row = json.loads((results / DAMAGED).read_text())
+    row["flags"]["seed"] = "7"
+    (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
+    with pytest.raises(BimanualError, match="seed of rvt_lf on push_box is '7', but '1000' in"):
+        leaderboard(LeaderboardConfig(results=results))
