@@ -15,7 +15,8 @@ from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
-from lerobot_policy_bimanual.keypose.observation import Observation, check_depth_unit, observe
+from lerobot_policy_bimanual.keypose.observation import Observation, observe
+from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import load_weights
 from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -30,7 +31,8 @@ class KeyposePolicy(PreTrainedPolicy):
     Args:
         config: the policy's config.
         dataset_stats: statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
-        **kwargs: `dataset_meta`, which LeRobot passes, too; not needed.
+        dataset_meta: the dataset's metadata, which LeRobot passes in training, too; the config keeps what it shows.
+        **kwargs: whatever else LeRobot passes; not needed.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -41,10 +43,13 @@ class KeyposePolicy(PreTrainedPolicy):
         self,
         config: KeyposePolicyConfig,
         dataset_stats: Mapping[str, Mapping[str, Any]] | None = None,
+        dataset_meta: Any = None,
         **kwargs: Any,
     ):
         super().__init__(config)
         config.validate_features()
+        if dataset_meta is not None:
+            config.remember_dataset(dataset_meta)
         self.keypose_horizon = config.fit_keypose_horizon(dataset_stats)
         self.codec = config.codec
         self.augmentation = SceneAugmentation(
@@ -55,7 +60,7 @@ class KeyposePolicy(PreTrainedPolicy):
         )
         self.language = _make_language(config)
         self.network = self.make_network()
-        self._depth_checked = False
+        self._check_observation = ObservationCheck(config)
 
     @abstractmethod
     def make_network(self) -> nn.Module:
@@ -102,7 +107,8 @@ class KeyposePolicy(PreTrainedPolicy):
             The loss, and its parts in nats with prediction errors per arm in cm and degrees.
 
         Raises:
-            SchemaMismatch: if the label is missing or depth is not in millimetres.
+            SchemaMismatch: the label is missing.
+            BadObservation: as in `observe`.
         """
         if NEXT_KEYPOSE not in batch:
             raise SchemaMismatch(
@@ -137,6 +143,9 @@ class KeyposePolicy(PreTrainedPolicy):
         """The next keypose of both arms, (b, 18) in the layout of `lerobot_bimanual.keypose`.
 
         A label in the batch is ignored.
+
+        Raises:
+            BadObservation: as in `observe`.
         """
         return self.infer(batch)[2]
 
@@ -155,14 +164,15 @@ class KeyposePolicy(PreTrainedPolicy):
         """What is seen in a batch, moved by (b, 4, 4) world-frame motions if there are any.
 
         Raises:
-            SchemaMismatch: depth is not in millimetres.
+            BadObservation: something is missing, of another form, or cannot be true.
         """
-        if not self._depth_checked:  # once is enough, and it makes the host wait for the device
-            check_depth_unit(batch, self.config.cameras)
-            self._depth_checked = True
-        return observe(
+        self._check_observation(batch)
+        observation = observe(
             batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
+        if not self.training:
+            self._check_observation.look_at_points(observation.points, self.config.workspace)
+        return observation
 
     def target_bins(self, keyposes: Tensor) -> DiscreteKeypose:
         """Bins of the labels; positions outside the workspace count as its nearest voxel."""
