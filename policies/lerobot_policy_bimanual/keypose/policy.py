@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import torch
+from huggingface_hub import ModelCard
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
@@ -20,6 +21,10 @@ from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import load_weights
 from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+PLUGIN_TAG = "lerobot_policy_bimanual"
+LORA_TARGETS = r"network\..*\.(query|key_value|out|widen|narrow)"
+"""Regular expression of whole names of modules, as PEFT reads it."""
 
 
 class KeyposePolicy(PreTrainedPolicy):
@@ -38,6 +43,9 @@ class KeyposePolicy(PreTrainedPolicy):
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     config_class = KeyposePolicyConfig  # pyright: ignore[reportAssignmentType]
     name = "keypose"  # pyright: ignore[reportAssignmentType]
+    # What FSDP shards as a unit, in the words of LeRobot 0.7 and in accelerate's own.
+    _fsdp_wrap_modules = ("Attention", "FeedForward")
+    _no_split_modules = _fsdp_wrap_modules
 
     def __init__(
         self,
@@ -89,6 +97,23 @@ class KeyposePolicy(PreTrainedPolicy):
         """
         load_weights(model, Path(model_file))
         return model
+
+    def generate_model_card(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        dataset_repo_id: str,
+        model_type: str,
+        license: str | None,
+        tags: list[str] | None,
+        cfg: Any = None,
+        dataset_meta: Any = None,
+    ) -> ModelCard:
+        """LeRobot's card of a policy, tagged with the distribution that has to be installed to load it."""
+        tags = [*(tags or []), PLUGIN_TAG]
+        return super().generate_model_card(dataset_repo_id, model_type, license, tags, cfg, dataset_meta)
+
+    def _get_default_peft_targets(self) -> dict[str, Any]:
+        """What LoRA adapts unless told: attentions and feed-forwards of the network, not those of the language."""
+        return {"target_modules": LORA_TARGETS, "modules_to_save": []}
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""
