@@ -114,9 +114,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Learning rate at the end over the one at the peak.
     final_lr_fraction: float = real(0.02, 0, 1)
 
-    trained_instructions: tuple[str, ...] = texts(
-        1000, 1000
-    )  # of the last training's dataset, which fills it in
+    trained_instructions: tuple[str, ...] = texts(1000, 1000)  # those of its dataset, filled in by training
 
     def __post_init__(self):
         """Refuse values that no policy can work with.
@@ -135,6 +133,10 @@ class KeyposePolicyConfig(PreTrainedConfig):
             raise InvalidChoice(
                 "language_encoder", encoder, (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
             )
+        if not isinstance(self.cameras, list | tuple) or not all(
+            isinstance(camera, str) for camera in self.cameras
+        ):
+            raise BadConfig(f"cameras is {self.cameras!r}, but must be a list of names")
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise UnknownCamera(camera, CAMERA_NAMES)
@@ -148,7 +150,10 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 )
         if 360 % self.rotation_bin_deg:
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
-        if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) - {NormalizationMode.IDENTITY}:
+        modes = self.normalization_mapping
+        if self.n_obs_steps != 1 or not (
+            isinstance(modes, dict) and all(mode == NormalizationMode.IDENTITY for mode in modes.values())
+        ):
             raise BadConfig(
                 f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "
                 "the policy normalises one observation itself, with constants"

@@ -49,6 +49,9 @@ LARGEST_OPENING = 1.5
 NO_ROTATION = 0.01
 """Largest deviation of R R^T from the identity."""
 
+EVERY_POINT = 31
+"""Of so many points one is looked at, to find whether any is inside."""
+
 SHOWN_INSTRUCTIONS = 3
 
 _log = logging.getLogger(__name__)
@@ -90,7 +93,8 @@ class ObservationCheck:
             workspace: where the hands can go.
         """
         lower, upper = points.new_tensor(workspace.lower), points.new_tensor(workspace.upper)
-        inside = ((points >= lower[:, None]) & (points < upper[:, None])).all(dim=1)
+        some = points[..., ::EVERY_POINT]
+        inside = ((some >= lower[:, None]) & (some < upper[:, None])).all(dim=1)
         if not inside.any(dim=1).all():
             self._warn(
                 "nothing inside",
@@ -128,7 +132,7 @@ class ObservationCheck:
 
     def _check_rgb(self, images: NDArray[np.floating]) -> None:
         for camera, numbers in zip(self._config.cameras, images, strict=True):
-            lowest, largest = float(numbers[0, 2]), float(numbers[0, 3])
+            lowest, largest = float(numbers[:, 2].min()), float(numbers[:, 3].max())
             key = image_key(camera)
             if not (lowest >= -RGB_TOLERANCE and largest <= 1 + RGB_TOLERANCE):
                 raise BadObservation(
@@ -177,15 +181,16 @@ def _measure(
     """What is judged, brought from the device in one go.
 
     Returns:
-        (cameras, b, 4) lowest and largest depth of every sample, without pixels that have none, and lowest and largest
-        colour of all; and the vectors (b, n) by key.
+        (cameras, b, 4) lowest and largest depth, without pixels that have none, and lowest and largest colour of every
+        sample; and the vectors (b, n) by key.
     """
     samples = len(batch[TASK])
     numbers = []
     for camera in cameras:
         depth = batch[depth_key(camera)].float().flatten(1).nan_to_num(nan=0, posinf=0)
-        colours = torch.stack(batch[image_key(camera)].float().aminmax()).expand(samples, -1)
-        numbers.append(torch.cat([torch.stack(depth.aminmax(dim=1), dim=1), colours], dim=1))
+        colours = batch[image_key(camera)].float().flatten(1)
+        # On a CPU amin and amax are many times faster than aminmax.
+        numbers.append(torch.stack([depth.amin(1), depth.amax(1), colours.amin(1), colours.amax(1)], dim=1))
     images = torch.stack(numbers)
     vectors = torch.cat([batch[key].float().reshape(samples, -1) for key in READ_VECTORS], dim=1)
     on_host = torch.cat([images.flatten(), vectors.flatten()]).detach().cpu().numpy()

@@ -34,9 +34,7 @@ class RVTConfig(KeyposePolicyConfig):
     feedforward_multiplier: int = whole(4, 1, 16)
     # Dropout of attention weights.
     attention_dropout: float = real(0.1, 0, 0.9)
-    heatmap_sigma_px: float = real(
-        1.5, 0.01, 20
-    )  # deviation of the Gaussian that a heatmap is trained towards, pixels
+    heatmap_sigma_px: float = real(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.
