@@ -199,10 +199,6 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         "but must list",
     ),
     "steps by number": (edit(POSTPROCESSOR, lambda value: value.update(steps={"0": {}})), "no list of steps"),
-    "a config in UTF-16": (
-        write(CONFIG, '{"type": "peract2"}'.encode("utf-16")),
-        "must be JSON|must be UTF-8",
-    ),
     "a folder for weights": (folder_instead_of(WEIGHTS), "model.safetensors does not exist"),
     "a folder for a config": (folder_instead_of(CONFIG), "no checkpoint at"),
     "a link to nothing": (link(WEIGHTS, "/no/such/file"), "model.safetensors does not exist"),
