@@ -9,3 +9,7 @@ class BadConfig(BimanualError):
 
 class CheckpointError(BimanualError):
     """A checkpoint that is damaged, does not fit its config, or asks for what a checkpoint must not do."""
+
+
+class BadObservation(BimanualError):
+    """An observation on which no policy should act: incomplete, in other units, or of a camera that sees nothing."""

@@ -35,8 +35,8 @@ TINY_ACT = [
 ]
 
 
-def run(command: str, *flags: str, folder: Path) -> None:
-    """A command of this environment, offline and on one thread."""
+def run(command: str, *flags: str, folder: Path, fails: bool = False) -> str:
+    """What a command of this environment prints, offline and on one thread."""
     child = subprocess.run(
         [str(Path(sys.executable).with_name(command)), *flags],
         cwd=folder,
@@ -45,7 +45,8 @@ def run(command: str, *flags: str, folder: Path) -> None:
         text=True,
         check=False,
     )
-    assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
+    assert bool(child.returncode) == fails, child.stdout[-2000:] + child.stderr[-4000:]
+    return child.stdout + child.stderr
 
 
 def train(*flags: str, folder: Path, command: str = "lerobot-train") -> None:
@@ -115,7 +116,51 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     train(*flags, "--steps=20", "--save_freq=20", folder=room)
     kept, expected = horizons(room / policy, room / "data" / "keyframes")
     assert kept == expected
+    assert instructions(room / policy) == ["push the box to the red area"]
     assert evaluate(policy, room)["n_episodes"] == 1
+
+
+def instructions(run_folder: Path) -> list[str]:
+    """What a run's checkpoint says that it was trained to."""
+    model = run_folder / "checkpoints" / "last" / "pretrained_model"
+    return json.loads((model / "config.json").read_text())["trained_instructions"]
+
+
+def test_a_checkpoint_elsewhere_warns_and_without_depth_stops_with_the_flag(room, tiny_flags):
+    data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'keyframes'}")
+    train(*tiny_flags["peract2"], *data, "--output_dir=away", "--steps=1", "--save_freq=1", folder=room)
+    flags = (
+        "--policy.path=away/checkpoints/last/pretrained_model",
+        "--policy.device=cpu",
+        "--env.type=bimanual",
+        "--env.task=lift_ball",
+        "--env.image_size=48",
+        "--eval.n_episodes=2",
+        "--eval.batch_size=1",
+    )
+    said = run("lerobot-eval", *flags, "--output_dir=away/eval", folder=room)
+    assert said.count("never trained to 'lift the ball'") == 1
+    assert said.count("--env.image_size=32") == 1
+    said = run("lerobot-eval", *flags, "--env.obs=rgb", "--output_dir=away/rgb", folder=room, fails=True)
+    (line,) = [line for line in said.splitlines() if "BadObservation" in line]
+    assert "--env.obs=rgbd" in line
+    assert "KeyError" not in said
+
+
+def test_the_folder_above_the_views_is_answered_in_one_line(room, tiny_flags):
+    said = run(
+        "lerobot-bimanual-train",
+        *tiny_flags["peract2"],
+        "--dataset.repo_id=local/data",
+        "--dataset.root=data",
+        "--policy.device=cpu",
+        "--policy.push_to_hub=false",
+        "--output_dir=above",
+        folder=room,
+        fails=True,
+    )
+    assert "--dataset.root=data/keyframes" in said.splitlines()[-1]
+    assert "Traceback" not in said
 
 
 def test_training_resumes_exactly(room, tiny_flags):

@@ -83,7 +83,16 @@ def remove(name: str) -> Damage:
     return lambda folder: (folder / name).unlink()
 
 
+def folder_instead_of(name: str) -> Damage:
+    return lambda folder: ((folder / name).unlink(), (folder / name).mkdir())
+
+
+def link(name: str, target: str) -> Damage:
+    return lambda folder: ((folder / name).unlink(), (folder / name).symlink_to(target))
+
+
 BIAS = "network.stem.conv.bias"
+BEYOND = b'{"x": {"dtype": "F32", "shape": [1000000000], "data_offsets": [0, 4000000000]}}'
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "unknown policy": (config(type="stranger"), "type is 'stranger'"),
     "policy that is no name": (config(type=["peract2"]), "must be one of: act"),
@@ -182,6 +191,44 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a state file that is no name": (step(state_file=5), "not a file of the same folder"),
     "a state file that is not there": (step(state_file="x.safetensors"), "x.safetensors does not exist"),
     "a state file that is none": (step(state_file=CONFIG), "no whole file of tensors"),
+    "a step without a name": (edit(PREPROCESSOR, lambda value: value["steps"][0].clear()), "by class, None"),
+    "a step named by a number": (step(registry_name=5), "names a step by class"),
+    "a step named like a path": (step(registry_name="os:system"), "which LeRobot does not have"),
+    "the other file's steps": (
+        lambda folder: (folder / PREPROCESSOR).write_bytes((folder / POSTPROCESSOR).read_bytes()),
+        "but must list",
+    ),
+    "steps by number": (edit(POSTPROCESSOR, lambda value: value.update(steps={"0": {}})), "no list of steps"),
+    "a folder for weights": (folder_instead_of(WEIGHTS), "model.safetensors does not exist"),
+    "a folder for a config": (folder_instead_of(CONFIG), "no checkpoint at"),
+    "a link to nothing": (link(WEIGHTS, "/no/such/file"), "model.safetensors does not exist"),
+    "a link to a text": (link(WEIGHTS, __file__), "no whole file of tensors"),
+    "weights with an endless header": (write(WEIGHTS, b"\xff" * 7 + b"\x7f{}"), "no whole file of tensors"),
+    "weights behind their file's end": (
+        write(WEIGHTS, len(BEYOND).to_bytes(8, "little") + BEYOND),
+        "no whole file of tensors",
+    ),
+    "weights in half precision": (
+        weights(lambda tensors: tensors.update({name: t.half() for name, t in tensors.items()})),
+        "torch.float16, but",
+    ),
+    "a tensor of another name": (
+        weights(lambda tensors: tensors.update(x=tensors.pop(BIAS))),
+        f"lacks .*{BIAS}",
+    ),
+    "an empty tensor": (weights(lambda tensors: tensors.update({BIAS: torch.ones(0)})), r"is \(0,\)"),
+    "a weight minus infinity": (weights(lambda tensors: tensors[BIAS].fill_(-torch.inf)), "not finite"),
+    "heads in hexadecimal": (config(heads="0x2"), "heads"),
+    "a camera in a list": (config(cameras=[["front"]]), "unknown camera"),
+    "cameras by name": (config(cameras={"front": True}), "cameras"),
+    "a time that stands still": (config(keypose_horizon=1), "keypose_horizon is 1"),
+    "an endless workspace": (config(workspace_upper=[1e308, 1, 1]), "workspace_upper is"),
+    "warm-up after the end": (config(warmup_fraction=2), "warmup_fraction is 2"),
+    "learning backwards": (config(optimizer_lr=-1), "optimizer_lr is -1"),
+    "instructions as one text": (config(trained_instructions="lift"), "trained_instructions"),
+    "endless instructions": (config(trained_instructions=["lift"] * 1001), "up to 1000 texts"),
+    "normalisation in a list": (config(normalization_mapping=["IDENTITY"]), "normalization_mapping"),
+    "half a language": (config(language_encoder="clip"), "language_encoder is 'clip'"),
 }
 
 
@@ -201,6 +248,8 @@ def test_whatever_is_wrong_with_a_checkpoint_is_named_in_one_line(checkpoint, da
 def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(policy_type, specimens, tmp_path):
     checkpoint = save(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model")
     marker = tmp_path / "it_ran"
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text("{}")
     for name in (PREPROCESSOR, POSTPROCESSOR):
         stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
         edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)

@@ -10,9 +10,9 @@ from lerobot.configs import PreTrainedConfig
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
+from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
 from lerobot_policy_bimanual.errors import CheckpointError
 
-CONFIG_FILE = "config.json"
 MOST_BYTES = 2**24
 """Larger than any config."""
 KNOWN_PACKAGES = ("lerobot", "lerobot_policy_bimanual")
@@ -28,12 +28,8 @@ def read_config(folder: Path) -> PreTrainedConfig:
         CheckpointError: there is none, its policy is not known, or a field is unknown, of another type or out of
             its range.
     """
+    require_checkpoint(folder)
     file = folder / CONFIG_FILE
-    if not file.exists():
-        raise CheckpointError(
-            f"no checkpoint at {folder}: {file} does not exist. Give the folder `pretrained_model` of a "
-            "training, as in outputs/peract2/checkpoints/last/pretrained_model"
-        )
     values = read_object(file)
     config_class = _class_of(values.pop("type", None), file)
     try:

@@ -26,6 +26,12 @@ def accuracy(config: AccuracyConfig) -> None:
         lerobot-bimanual generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
         lerobot-bimanual accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/val
     """
+    from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
+
+    require_checkpoint(config.checkpoint)
+    find_view(config.dataset)
+
     from rich.console import Console
 
     from lerobot_policy_bimanual.inspection.accuracy import measure

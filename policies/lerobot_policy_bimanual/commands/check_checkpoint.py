@@ -24,6 +24,10 @@ def check_checkpoint(config: CheckCheckpointConfig) -> None:
     Examples:
         lerobot-bimanual check-checkpoint --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
     """
+    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
+
+    require_checkpoint(config.checkpoint)
+
     from lerobot_policy_bimanual.checkpoint.check import check_checkpoint as check
     from lerobot_policy_bimanual.checkpoint.summary import summary
 

@@ -28,6 +28,12 @@ def inspect(config: InspectConfig) -> None:
         lerobot-bimanual inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
             --dataset=data/lift_ball/keyframes --index=7 --rerun
     """
+    from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
+
+    require_checkpoint(config.checkpoint)
+    find_view(config.dataset)
+
     from lerobot_policy_bimanual.inspection.inspection import look
     from lerobot_policy_bimanual.inspection.loading import load_policy, load_row
     from lerobot_policy_bimanual.inspection.rerun_file import require_rerun, write_rerun

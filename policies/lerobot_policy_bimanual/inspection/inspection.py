@@ -105,7 +105,7 @@ def look(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     """Run a policy on the first sample of a preprocessed batch with label.
 
     Raises:
-        SchemaMismatch: depth is not in millimetres.
+        BadObservation: the batch cannot be true.
     """
     observation, prediction, chosen = policy.infer(batch)
     workspace, codec = policy.config.workspace, policy.codec

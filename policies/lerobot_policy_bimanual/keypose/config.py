@@ -11,6 +11,7 @@ from lerobot.optim import (
     LRSchedulerConfig,
     OptimizerConfig,
 )
+from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual import codec
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -27,7 +28,7 @@ from lerobot_bimanual.dataset.schema import (
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, whole
+from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, texts, whole
 from lerobot_policy_bimanual.keypose.fused_adamw import FusedAdamWConfig
 from lerobot_policy_bimanual.keypose.lamb import LambConfig
 
@@ -46,39 +47,11 @@ SCHEDULE_STEPS = 1_000_000
 class KeyposePolicyConfig(PreTrainedConfig):
     """Base config of policies that predict the next keypose of both arms.
 
-    Args:
-        cameras: RGB-D cameras to use, any subset of the five.
-        workspace_lower: lower corner of the workspace in metres. Keyposes outside it cannot be predicted.
-        workspace_upper: upper corner of the workspace in metres.
-        voxel_size: voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
-        rotation_bin_deg: width of the rotation bins; 72 bins per axis.
-        keypose_horizon: keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes
-            one more than the most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it
-            a stronger signal for short tasks.
-        decode: "voxel" commands the centre of the most probable voxel (the paper's), "expectation" the mean over the
-            3x3x3 voxels around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/learning.md).
-        language_encoder: "learned", trained with the policy, or "clip:<local path or hub id>" for the paper's
-            frozen CLIP tokens.
-        language_tokens: tokens per instruction (CLIP: 77).
-        language_dim: width of a language token (CLIP: 512).
-        dtype: "bfloat16" runs the network under autocast. Geometry, softmax and losses stay in float32.
-        compile: compile the network with torch.compile at its first use.
-        augmentation: move the scene and its labels at random during training.
-        augmentation_shift_m: largest shift along x, y, z (paper: 12.5 % of a metre).
-        augmentation_yaw_deg: largest rotation about the vertical (paper: 45). Learning in minutes instead of
-            days wants less, see docs/learning.md.
-        augmentation_yaw_step_deg: rotations are multiples of this (PerAct2 code: 5).
-        optimizer: "adamw", or "lamb" as in PerAct2's code, which trained at 5e-4 without warm-up.
-        optimizer_lr: learning rate.
-        optimizer_weight_decay: weight decay.
-        optimizer_grad_clip_norm: largest gradient norm; 0 for no clipping.
-        lr_schedule: "cosine" (with warm-up) or "constant" (PerAct2 code).
-        warmup_fraction: share of the training steps in which the learning rate rises.
-        final_lr_fraction: learning rate at the end over the one at the peak.
+    The comment above or beside a field is its help text on LeRobot's command lines.
     """
 
-    # Input and output. The policy normalises inside, with constants, so LeRobot's statistics stay out:
-    # they would treat depth and calibration like any other image or state.
+    # IDENTITY for all: the policy normalises inside, with constants. LeRobot's statistics would treat depth and
+    # calibration like any other image or state.
     normalization_mapping: dict[str, NormalizationMode] = field(
         default_factory=lambda: {
             "VISUAL": NormalizationMode.IDENTITY,
@@ -86,37 +59,62 @@ class KeyposePolicyConfig(PreTrainedConfig):
             "ACTION": NormalizationMode.IDENTITY,
         }
     )
+    # RGB-D cameras to use, any subset of the five, as in `["front", "left_wrist"]`.
     cameras: tuple[str, ...] = CAMERA_NAMES
+    # Lower corner of the workspace in metres. Keyposes outside it cannot be predicted.
     workspace_lower: tuple[float, float, float] = reals(VOXEL_WORKSPACE.lower, -100, 100)
+    # Upper corner of the workspace in metres.
     workspace_upper: tuple[float, float, float] = reals(VOXEL_WORKSPACE.upper, -100, 100)
+    # Voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
     voxel_size: int = whole(100, 1, 512)
+    # Width of the rotation bins in degrees; 5 makes 72 bins per axis.
     rotation_bin_deg: float = real(5.0, 0.5, 180)
+    # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
+    # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
+    # short tasks.
     keypose_horizon: int | None = whole(None, 2, 1000)
+    # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
+    # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/learning.md).
     decode: str = choice("voxel", DECODINGS)
 
-    # Language.
+    # `learned`, trained with the policy, or `clip:<local path or hub id>` for the paper's frozen CLIP tokens.
     language_encoder: str = LEARNED_LANGUAGE
+    # Tokens per instruction (CLIP: 77).
     language_tokens: int = whole(77, 1, 1024)
+    # Width of a language token (CLIP: 512).
     language_dim: int = whole(512, 1, 8192)
 
-    # Execution.
+    # `bfloat16` runs the network under autocast. Geometry, softmax and losses stay in `float32`.
     dtype: str = choice("float32", DTYPES)
+    # Compile the network with torch.compile at its first use.
     compile: bool = flag(False)
 
-    # Augmentation.
+    # Move the scene and its labels at random during training.
     augmentation: bool = flag(True)
+    # Largest shift along x, y, z in metres (paper: an eighth of a metre).
     augmentation_shift_m: tuple[float, float, float] = reals((0.125, 0.125, 0.125), 0, 10)
+    # Largest rotation about the vertical in degrees (paper: 45). Learning in minutes instead of days wants less, see
+    # docs/learning.md.
     augmentation_yaw_deg: float = real(45.0, 0, 180)
+    # Rotations are multiples of this, in degrees (PerAct2 code: 5).
     augmentation_yaw_step_deg: float = real(5.0, 0.01, 180)
 
-    # Training preset.
+    # `adamw`, or `lamb` as in PerAct2's code, which trained at 5e-4 without warm-up.
     optimizer: str = choice("adamw", OPTIMIZERS)
+    # Learning rate.
     optimizer_lr: float = real(5e-4, 0, 10)
+    # Weight decay.
     optimizer_weight_decay: float = real(1e-2, 0, 10)
+    # Largest gradient norm; 0 for no clipping.
     optimizer_grad_clip_norm: float = real(5.0, 0, 1e6)
+    # `cosine` (with warm-up) or `constant` (PerAct2 code).
     lr_schedule: str = choice("cosine", LR_SCHEDULES)
+    # Share of the training steps in which the learning rate rises.
     warmup_fraction: float = real(0.05, 0, 1)
+    # Learning rate at the end over the one at the peak.
     final_lr_fraction: float = real(0.02, 0, 1)
+
+    trained_instructions: tuple[str, ...] = texts(1000, 1000)  # those of its dataset, filled in by training
 
     def __post_init__(self):
         """Refuse values that no policy can work with.
@@ -135,6 +133,10 @@ class KeyposePolicyConfig(PreTrainedConfig):
             raise InvalidChoice(
                 "language_encoder", encoder, (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
             )
+        if not isinstance(self.cameras, list | tuple) or not all(
+            isinstance(camera, str) for camera in self.cameras
+        ):
+            raise BadConfig(f"cameras is {self.cameras!r}, but must be a list of names")
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise UnknownCamera(camera, CAMERA_NAMES)
@@ -148,7 +150,10 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 )
         if 360 % self.rotation_bin_deg:
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
-        if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) - {NormalizationMode.IDENTITY}:
+        modes = self.normalization_mapping
+        if self.n_obs_steps != 1 or not (
+            isinstance(modes, dict) and all(mode == NormalizationMode.IDENTITY for mode in modes.values())
+        ):
             raise BadConfig(
                 f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "
                 "the policy normalises one observation itself, with constants"
@@ -212,6 +217,22 @@ class KeyposePolicyConfig(PreTrainedConfig):
             self.keypose_horizon = max(2, 1 + round(float(largest)))
             check_fields(self)
         return self.keypose_horizon
+
+    def remember_dataset(self, dataset_meta: Any) -> None:
+        """Keep what a training shows, so that a checkpoint can tell when it is shown something else.
+
+        Args:
+            dataset_meta: LeRobot's metadata of a dataset; its instructions and the sizes of its images are kept.
+        """
+        tasks = dataset_meta.tasks
+        self.trained_instructions = () if tasks is None else tuple(str(text) for text in tasks.index)
+        try:
+            check_fields(self)
+        except BadConfig:
+            self.trained_instructions = ()  # so many, or such long ones, that nothing is unlike them
+        for key, feature in dataset_to_policy_features(dataset_meta.features).items():
+            if self.input_features and key in self.input_features:
+                self.input_features[key] = feature
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""

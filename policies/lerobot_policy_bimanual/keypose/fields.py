@@ -70,6 +70,17 @@ def choice(default: str, choices: Sequence[str]) -> Any:
     return field(default=default, metadata={CHECK: check})
 
 
+def texts(most: int, longest: int) -> Any:
+    """Up to so many texts, none by default."""
+
+    def holds(values: Any) -> bool:
+        return _is_list(values, most) and all(
+            isinstance(value, str) and len(value) <= longest for value in values
+        )
+
+    return _field((), holds, f"a list of up to {most} texts of up to {longest} characters")
+
+
 def check_fields(config: Any) -> None:
     """Check every field that was made here.
 

@@ -23,7 +23,6 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
-from lerobot_bimanual.errors import SchemaMismatch
 
 PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""
@@ -33,9 +32,6 @@ FINGER_TRAVEL_M = 0.04
 
 OPEN_ABOVE = 0.9
 """Opening above which a gripper counts as open; a held object keeps it below."""
-
-PLAUSIBLE_DEPTH_MM = 20.0
-"""No scene is as near as this, and no depth in metres is as large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +69,9 @@ def observe(
     points, colours = [], []
     for camera in cameras:
         index = CAMERA_NAMES.index(camera)
-        depth_m = batch[depth_key(camera)][:, 0] / 1000
+        depth_m = batch[depth_key(camera)][:, 0].float() / 1000
         points.append(unproject(depth_m, intrinsics[:, index], poses[:, index]))
-        colours.append(batch[image_key(camera)].flatten(2))
+        colours.append(batch[image_key(camera)].float().flatten(2))
     return Observation(
         points=torch.cat(points, dim=2),
         colours=torch.cat(colours, dim=2) * 2 - 1,
@@ -94,18 +90,3 @@ def proprioception(batch: dict[str, Any], keypose_horizon: int) -> Tensor:
     step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
     time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
     return torch.cat([(opening > OPEN_ABOVE).float(), fingers.clamp(0, 1), time], dim=-1).flatten(1)
-
-
-def check_depth_unit(batch: dict[str, Any], cameras: Sequence[str]) -> None:
-    """Refuse depth that cannot be millimetres.
-
-    Raises:
-        SchemaMismatch: if no pixel of a camera is farther than `PLAUSIBLE_DEPTH_MM`.
-    """
-    for camera in cameras:
-        largest = float(batch[depth_key(camera)].max())
-        if largest < PLAUSIBLE_DEPTH_MM:
-            raise SchemaMismatch(
-                f"{depth_key(camera)} has a maximum of {largest:.3g}, but depth must be in millimetres. "
-                "Depth in metres comes from --dataset.depth_output_unit=m or --dataset.eval_split: leave both out"
-            )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import torch
+from huggingface_hub import ModelCard
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
@@ -15,10 +16,15 @@ from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
-from lerobot_policy_bimanual.keypose.observation import Observation, check_depth_unit, observe
+from lerobot_policy_bimanual.keypose.observation import Observation, observe
+from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import load_weights
 from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+PLUGIN_TAG = "lerobot_policy_bimanual"
+LORA_TARGETS = r"network\..*\.(query|key_value|out|widen|narrow)"
+"""Regular expression of whole names of modules, as PEFT reads it."""
 
 
 class KeyposePolicy(PreTrainedPolicy):
@@ -30,21 +36,28 @@ class KeyposePolicy(PreTrainedPolicy):
     Args:
         config: the policy's config.
         dataset_stats: statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
-        **kwargs: `dataset_meta`, which LeRobot passes, too; not needed.
+        dataset_meta: the dataset's metadata, which LeRobot passes in training, too; the config keeps what it shows.
+        **kwargs: whatever else LeRobot passes; not needed.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     config_class = KeyposePolicyConfig  # pyright: ignore[reportAssignmentType]
     name = "keypose"  # pyright: ignore[reportAssignmentType]
+    # What FSDP shards as a unit, in the words of LeRobot 0.7 and in accelerate's own.
+    _fsdp_wrap_modules = ("Attention", "FeedForward")
+    _no_split_modules = _fsdp_wrap_modules
 
     def __init__(
         self,
         config: KeyposePolicyConfig,
         dataset_stats: Mapping[str, Mapping[str, Any]] | None = None,
+        dataset_meta: Any = None,
         **kwargs: Any,
     ):
         super().__init__(config)
         config.validate_features()
+        if dataset_meta is not None:
+            config.remember_dataset(dataset_meta)
         self.keypose_horizon = config.fit_keypose_horizon(dataset_stats)
         self.codec = config.codec
         self.augmentation = SceneAugmentation(
@@ -55,7 +68,7 @@ class KeyposePolicy(PreTrainedPolicy):
         )
         self.language = _make_language(config)
         self.network = self.make_network()
-        self._depth_checked = False
+        self._check_observation = ObservationCheck(config)
 
     @abstractmethod
     def make_network(self) -> nn.Module:
@@ -85,6 +98,23 @@ class KeyposePolicy(PreTrainedPolicy):
         load_weights(model, Path(model_file))
         return model
 
+    def generate_model_card(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        dataset_repo_id: str,
+        model_type: str,
+        license: str | None,
+        tags: list[str] | None,
+        cfg: Any = None,
+        dataset_meta: Any = None,
+    ) -> ModelCard:
+        """LeRobot's card of a policy, tagged with the distribution that has to be installed to load it."""
+        tags = [*(tags or []), PLUGIN_TAG]
+        return super().generate_model_card(dataset_repo_id, model_type, license, tags, cfg, dataset_meta)
+
+    def _get_default_peft_targets(self) -> dict[str, Any]:
+        """What LoRA adapts unless told: attentions and feed-forwards of the network, not those of the language."""
+        return {"target_modules": LORA_TARGETS, "modules_to_save": []}
+
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""
         return [parameter for parameter in self.parameters() if parameter.requires_grad]
@@ -102,7 +132,8 @@ class KeyposePolicy(PreTrainedPolicy):
             The loss, and its parts in nats with prediction errors per arm in cm and degrees.
 
         Raises:
-            SchemaMismatch: if the label is missing or depth is not in millimetres.
+            SchemaMismatch: the label is missing.
+            BadObservation: as in `observe`.
         """
         if NEXT_KEYPOSE not in batch:
             raise SchemaMismatch(
@@ -137,6 +168,9 @@ class KeyposePolicy(PreTrainedPolicy):
         """The next keypose of both arms, (b, 18) in the layout of `lerobot_bimanual.keypose`.
 
         A label in the batch is ignored.
+
+        Raises:
+            BadObservation: as in `observe`.
         """
         return self.infer(batch)[2]
 
@@ -155,14 +189,15 @@ class KeyposePolicy(PreTrainedPolicy):
         """What is seen in a batch, moved by (b, 4, 4) world-frame motions if there are any.
 
         Raises:
-            SchemaMismatch: depth is not in millimetres.
+            BadObservation: something is missing, of another form, or cannot be true.
         """
-        if not self._depth_checked:  # once is enough, and it makes the host wait for the device
-            check_depth_unit(batch, self.config.cameras)
-            self._depth_checked = True
-        return observe(
+        self._check_observation(batch)
+        observation = observe(
             batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
+        if not self.training:
+            self._check_observation.look_at_points(observation.points, self.config.workspace)
+        return observation
 
     def target_bins(self, keyposes: Tensor) -> DiscreteKeypose:
         """Bins of the labels; positions outside the workspace count as its nearest voxel."""

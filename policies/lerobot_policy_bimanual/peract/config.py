@@ -16,38 +16,35 @@ class PerActConfig(KeyposePolicyConfig):
     """Base config of the PerAct variants; the defaults are the paper's network.
 
     `docs/policies.md` has the flags of a small one that trains in minutes on a laptop's CPU.
-
-    Args:
-        channels: voxel feature channels.
-        token_dim: width of the Perceiver's input tokens, half voxels and half proprioception.
-        num_latents: Perceiver latents per network, shared evenly by the arms that it predicts.
-        latent_dim: width of the latents.
-        depth: self-attention blocks per arm.
-        heads: heads of the self-attentions.
-        feedforward_multiplier: inner over outer width of the feed-forwards.
-        attention_dropout: dropout of attention weights.
-        translation_head: "dense", the paper's softmax over all voxels, or "factorised", the same distribution
-            as patch times voxel in patch, several times cheaper.
-        voxel_cells: with the factorised head, cells into which each axis of a voxel is cut, so that
-            `decode=expectation` answers finer than a voxel; 0 for none (departure from the paper otherwise).
-        projection_dilations: with the factorised head, dilations of further convolutions over what lies in line
-            with a voxel along each axis, so that it sees that many voxels further to every side. Places in the air,
-            far from all things, want [3,9] at 25 voxels; none for one voxel (departure from the paper otherwise).
-        activation_checkpointing: recompute the dense head in the backward pass: less memory, more time.
     """
 
+    # Voxel feature channels.
     channels: int = whole(64, 1, 1024)
+    # Width of the Perceiver's input tokens, half voxels and half proprioception.
     token_dim: int = whole(128, 2, 8192)
+    # Perceiver latents per network, shared evenly by the arms that it predicts.
     num_latents: int = whole(2048, 1, 65536)
+    # Width of the latents.
     latent_dim: int = whole(512, 1, 8192)
+    # Self-attention blocks per arm.
     depth: int = whole(6, 1, 64)
+    # Heads of the self-attentions.
     heads: int = whole(8, 1, 128)
+    # Inner over outer width of the feed-forwards.
     feedforward_multiplier: int = whole(4, 1, 16)
+    # Dropout of attention weights.
     attention_dropout: float = real(0.1, 0, 0.9)
+    # `dense`, the paper's softmax over all voxels, or `factorised`, the same distribution as patch times voxel in patch,
+    # several times cheaper.
     translation_head: str = choice("dense", TRANSLATION_HEADS)
+    # With the factorised head, cells into which each axis of a voxel is cut, so that `decode=expectation` answers finer
+    # than a voxel; 0 for none (departure from the paper otherwise).
     voxel_cells: int = whole(0, 0, 100)
+    # With the factorised head, dilations of further convolutions over what lies in line with a voxel along each axis, so
+    # that it sees that many voxels further to every side. Places in the air, far from all things, want [3,9] at 25
+    # voxels; none for one voxel (departure from the paper otherwise).
     projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
-    activation_checkpointing: bool = flag(False)
+    activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.

@@ -12,10 +12,6 @@ from lerobot_policy_bimanual.peract.config import PerActConfig
 @PreTrainedConfig.register_subclass("peract_lf")
 @dataclass
 class PerActLFConfig(PerActConfig):
-    """PerAct-LF: one PerAct per arm, the follower's being told the leader's next keypose.
+    """PerAct-LF: one PerAct per arm, the follower's being told the leader's next keypose."""
 
-    Args:
-        leader: the arm that decides first, "left" or "right" (the paper's).
-    """
-
-    leader: str = choice("right", ARMS)
+    leader: str = choice("right", ARMS)  # the arm that decides first, `left` or `right` (the paper's)

@@ -12,33 +12,29 @@ class RVTConfig(KeyposePolicyConfig):
     """Base config of policies with RVT networks; the defaults are the networks of PerAct2's baseline.
 
     The recipe `small` of `lerobot-bimanual benchmark` has the flags of networks that train on a laptop's CPU.
-
-    Args:
-        voxel_size: pixels per side of every view, and so the voxels per axis from which positions are chosen
-            (RVT code: 220 of both).
-        patch: pixels per side of a patch; odd, so that kernels of this width have a centre.
-        point_radius: radius of a rendered point in units of the workspace's half edge.
-        channels: pixel feature channels.
-        token_dim: width of the image tokens outside the attention, half pixels and half proprioception.
-        attention_dim: width of the tokens within it.
-        depth: attention blocks; the first half within each view, the second half over all of them.
-        heads: heads of the attentions.
-        feedforward_multiplier: inner over outer width of the feed-forwards.
-        attention_dropout: dropout of attention weights.
-        heatmap_sigma_px: standard deviation of the Gaussian that a heatmap is trained towards.
     """
 
+    # Pixels per side of every view, and so the voxels per axis from which positions are chosen (RVT code: 220 of both).
     voxel_size: int = whole(220, 1, 512)
+    # Pixels per side of a patch; odd, so that kernels of this width have a centre.
     patch: int = whole(11, 1, 99)
+    # Radius of a rendered point in units of the workspace's half edge.
     point_radius: float = real(0.012, 0, 0.2)
+    # Pixel feature channels.
     channels: int = whole(64, 1, 1024)
+    # Width of the image tokens outside the attention, half pixels and half proprioception.
     token_dim: int = whole(128, 8, 8192)
+    # Width of the tokens within it.
     attention_dim: int = whole(512, 1, 8192)
+    # Attention blocks; the first half within each view, the second half over all of them.
     depth: int = whole(8, 2, 64)
+    # Heads of the attentions.
     heads: int = whole(8, 1, 128)
+    # Inner over outer width of the feed-forwards.
     feedforward_multiplier: int = whole(4, 1, 16)
+    # Dropout of attention weights.
     attention_dropout: float = real(0.1, 0, 0.9)
-    heatmap_sigma_px: float = real(1.5, 0.01, 20)
+    heatmap_sigma_px: float = real(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.

@@ -12,10 +12,6 @@ from lerobot_policy_bimanual.rvt.config import RVTConfig
 @PreTrainedConfig.register_subclass("rvt_lf")
 @dataclass
 class RVTLFConfig(RVTConfig):
-    """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose.
+    """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose."""
 
-    Args:
-        leader: the arm that decides first, "left" or "right" (the paper's).
-    """
-
-    leader: str = choice("right", ARMS)
+    leader: str = choice("right", ARMS)  # the arm that decides first, `left` or `right` (the paper's)

@@ -17,6 +17,7 @@ from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.training.dataset_check import check_inputs, load_datasets
 from lerobot_policy_bimanual.training.memory import keep_freed_memory
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
@@ -75,7 +76,8 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     """The datasets that `lerobot-train` would make, in memory.
 
     Raises:
-        DatasetError: they are streamed, are transformed at random, do not fit into memory, or are for a reward model.
+        DatasetError: there are none, they are streamed, are transformed at random, do not fit into memory, are for a
+            reward model, or hold depth for a policy that takes it for RGB.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -88,7 +90,8 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
     device = torch.device(getattr(cfg.trainable_config, "device", None) or "cpu")
-    datasets: tuple[Any, ...] = _make_datasets(cfg)
+    datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
+    check_inputs(cfg, datasets[0].meta)
     return tuple(
         None if dataset is None else ResidentDataset(dataset, device, row_key)
         for dataset, row_key in zip(datasets, ROW_KEYS, strict=True)

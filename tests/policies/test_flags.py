@@ -1,0 +1,56 @@
+"""LeRobot's command lines explain every flag of our policies, and LeRobot's tools find what they ask a policy for."""
+
+import re
+from dataclasses import fields
+
+import pytest
+import torch
+from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
+from huggingface_hub import ModelCard
+from lerobot.configs import PreTrainedConfig
+from lerobot.configs.parser import print_scoped_help
+from lerobot.configs.train import TrainPipelineConfig
+from lerobot.policies.factory import get_policy_class
+
+
+def test_every_flag_of_a_policy_has_a_help_text(policy_type):
+    config_class = PreTrainedConfig.get_choice_class(policy_type)
+    lerobots = {field.name for field in fields(PreTrainedConfig)}
+    for field in fields(config_class):
+        if field.name not in lerobots:
+            text = get_preferred_help_text(get_attribute_docstring(config_class, field.name))
+            assert text, field.name
+            assert not re.search(r"""^#|field\(|def |class |"{3}""", text), (field.name, text)
+
+
+def test_the_help_of_lerobot_train_is_printed_for_every_policy(policy_type, capsys):
+    print_scoped_help(TrainPipelineConfig, [f"--policy.type={policy_type}"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "RGB-D cameras to use, any subset of the five" in said
+    assert "Learning rate at the end over the one at the peak. (default: 0.02)" in said
+
+
+def test_sharded_training_and_adapters_know_their_modules(policy_type, specimens):
+    for options in specimens[policy_type].tiny.values():
+        policy_class = get_policy_class(policy_type)
+        policy = policy_class(PreTrainedConfig.get_choice_class(policy_type)(**options))
+        kinds = {type(module).__name__ for module in policy.network.modules()}
+        assert set(policy._fsdp_wrap_modules) <= kinds
+        adapted = policy._get_default_peft_targets()
+        linear = {
+            name: isinstance(module, torch.nn.Linear)
+            for name, module in policy.named_modules()
+            if re.fullmatch(adapted["target_modules"], name)
+        }
+        assert len(linear) >= 10
+        assert all(linear.values())
+        assert adapted["modules_to_save"] == []
+
+
+@pytest.mark.parametrize("tags", [None, ["mine"]])
+def test_the_card_says_what_to_install(policy_type, specimens, tags, monkeypatch):
+    monkeypatch.setattr(ModelCard, "validate", lambda self: None)  # it asks the Hub
+    options = next(iter(specimens[policy_type].tiny.values()))
+    policy = get_policy_class(policy_type)(PreTrainedConfig.get_choice_class(policy_type)(**options))
+    card = policy.generate_model_card("local/data", policy_type, None, tags)
+    assert {"lerobot_policy_bimanual", "lerobot", policy_type, *(tags or [])} <= set(card.data.tags)

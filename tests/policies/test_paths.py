@@ -1,0 +1,116 @@
+"""Verbs and trainings look at the paths that they are given before they load anything."""
+
+import json
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual.training.dataset_check import check_inputs, load_datasets
+
+WITHOUT_LEROBOT = """
+import sys
+from lerobot_bimanual import cli
+code = cli.main(sys.argv[1:])
+loaded = {"torch", "lerobot", "PIL", "rich.console"} & set(sys.modules)
+print("code", code, "loaded", sorted(loaded))
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("inspect", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
+        (("accuracy", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
+        (("inspect", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
+        (("accuracy", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
+        (("check-checkpoint", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
+    ],
+)
+def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path, words, message):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "config.json").write_text("{}")
+    child = subprocess.run(
+        [sys.executable, "-c", WITHOUT_LEROBOT, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "code 1 loaded []" in child.stdout, child.stdout + child.stderr
+    assert message in child.stderr
+
+
+@pytest.mark.parametrize(
+    "below", ["pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model"]
+)
+def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, capsys, below):
+    (tmp_path / below).mkdir(parents=True)
+    (tmp_path / below / "config.json").write_text("{}")
+    assert cli.main(["check-checkpoint", f"--checkpoint={tmp_path}"]) == 1
+    assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
+
+
+def training(root, policy: str = "act", inputs: dict | None = None) -> SimpleNamespace:
+    return SimpleNamespace(
+        dataset=SimpleNamespace(root=str(root), repo_id="local/data"),
+        policy=SimpleNamespace(type=policy, input_features=inputs),
+    )
+
+
+def touch_dataset(folder) -> None:
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text("{}")
+
+
+def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
+    for view in ("frames", "keyframes"):
+        touch_dataset(tmp_path / view)
+    loaded = []
+    with pytest.raises(DatasetError, match=f"--dataset.root={tmp_path / 'keyframes'}"):
+        load_datasets(training(tmp_path), loaded.append)
+    assert not loaded
+    cfg = training(tmp_path / "frames")
+    load_datasets(cfg, loaded.append)
+    assert loaded == [cfg]
+
+
+def test_a_missing_dataset_that_the_hub_has_not_either_is_one_line(tmp_path):
+    def offline(cfg):
+        raise ConnectionError("cannot\nreach it")
+
+    with pytest.raises(
+        DatasetError, match=r"nowhere is no dataset .* local/data could not .*: cannot reach it"
+    ):
+        load_datasets(training(tmp_path / "nowhere"), offline)
+    assert load_datasets(training(tmp_path / "nowhere"), lambda cfg: "downloaded") == "downloaded"
+
+
+def meta(depth: bool) -> SimpleNamespace:
+    features = {
+        "observation.images.front": {"shape": (24, 32, 3)},
+        "observation.state": {"shape": (16,)},
+    }
+    if depth:
+        features["observation.images.front_depth"] = {"shape": (24, 32, 1)}
+    cameras = [key for key in features if "images" in key]
+    return SimpleNamespace(
+        features=features, camera_keys=cameras, depth_keys=[key for key in cameras if "depth" in key]
+    )
+
+
+@pytest.mark.parametrize("policy", ["act", "diffusion", "vqbet", "tdmpc"])
+def test_a_policy_that_takes_depth_for_rgb_is_answered_with_the_flag_that_names_its_inputs(policy):
+    with pytest.raises(DatasetError, match=f"^{policy} takes every image") as caught:
+        check_inputs(training("data", policy), meta(depth=True))
+    flag = str(caught.value).partition("--policy.input_features='")[2].removesuffix("'")
+    assert json.loads(flag) == {
+        "observation.images.front": {"type": "VISUAL", "shape": [3, 24, 32]},
+        "observation.state": {"type": "STATE", "shape": [16]},
+    }
+    check_inputs(training("data", policy, json.loads(flag)), meta(depth=True))
+    check_inputs(training("data", policy), meta(depth=False))
+    check_inputs(training("data", "peract2"), meta(depth=True))
