@@ -36,7 +36,7 @@ def written_errors() -> set[str]:
 
 
 WRITTEN = written_errors()
-for _entry in WRITTEN:
+for _entry in sorted(WRITTEN):
     importlib.import_module(_entry.partition(":")[0])
 
 SAMPLES = {"valid": ["this", "that"], "count": 3, "folder": Path("shards/000001")}
@@ -61,7 +61,7 @@ def made(kind: type[BimanualError]) -> BimanualError:
     return kind(*(SAMPLES.get(name, f"some {name}") for name in names))
 
 
-@pytest.mark.parametrize("kind", list(error_classes()), ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", sorted(error_classes(), key=str), ids=lambda kind: kind.__name__)
 def test_every_error_survives_the_way_between_processes(kind: type[BimanualError]) -> None:
     error = made(kind)
     again = pickle.loads(pickle.dumps(error))
