@@ -18,7 +18,7 @@ import difflib
 import json
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -88,13 +88,16 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     """Build a config from command-line words.
 
     Raises:
-        BadCommandLine: a word is no flag, a flag is unknown or lacks its value, or a value does not fit.
+        BadCommandLine: a word is no flag, a flag is unknown, missing or lacks its value, or a value does not fit.
     """
     import draccus
     from draccus.utils import DraccusException
 
     flags = {flag.name: flag for flag in flags_of(config_type)}
-    arguments = [f"--{name}={value}" for name, value in _assignments(words, flags)]
+    assignments = dict(_assignments(words, flags))
+    arguments = [f"--{name}={value}" for name, value in assignments.items()]
+    if CONFIG_FLAG not in assignments:  # whose file may give the rest
+        _refuse_absence(flags.values(), assignments)
     try:
         return draccus.parse(config_type, args=arguments, exit_on_error=False)
     except (DraccusException, argparse.ArgumentError, OSError) as error:
@@ -120,6 +123,12 @@ def _assignments(words: Sequence[str], flags: dict[str, Flag]) -> Iterator[tuple
             else:
                 raise BadCommandLine(f"flag --{name} needs a value, --{name}=...")
         yield name, value if flag is None else _as_yaml(value, flag)
+
+
+def _refuse_absence(flags: Iterable[Flag], given: Container[str]) -> None:
+    required = [flag for flag in flags if flag.default is dataclasses.MISSING]
+    if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in given]:
+        raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
 
 
 def _as_yaml(value: str, flag: Flag) -> str:

@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_env_bimanual.generation.executor import MergeJob
-from lerobot_env_bimanual.generation.staging import view_folder
+from lerobot_env_bimanual.generation.publication import view_folder
 
 
 def merge_shards(job: MergeJob) -> None:
