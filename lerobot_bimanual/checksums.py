@@ -4,6 +4,7 @@ import hashlib
 import os
 import posixpath
 import re
+import stat
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
@@ -78,6 +79,20 @@ def sums_problems(
             yield f"{_shown(name)} {problem}"
 
 
+def is_as_listed(folder: Path, sums_file: str, name: str) -> bool:
+    """Whether one file has the content of which a list knows the hash.
+
+    Args:
+        folder: of file and list.
+        sums_file: path of the list in the folder.
+        name: path of the file in the folder.
+    """
+    try:
+        return _difference(folder / name, _read_sums(folder / sums_file)[name]) == ""
+    except (OSError, ValueError, KeyError):
+        return False
+
+
 def _difference(path: Path, digest: str) -> str:
     try:
         return "" if sha256(path) == digest else "has changed since it was written"
@@ -94,7 +109,10 @@ def _read_sums(path: Path) -> dict[str, str]:
     if path.stat().st_size > _MOST_BYTES:
         raise ValueError(f"it is larger than {_MOST_BYTES // 2**20} MB")
     sums: dict[str, str] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").removesuffix("\n").split("\n"), 1):
+    *lines, rest = path.read_bytes().decode("utf-8").split("\n")
+    if rest:
+        raise ValueError("its last line is cut off")
+    for number, line in enumerate(lines, 1):
         match = _LINE.fullmatch(line)
         if match is None:
             raise ValueError(f"line {number} is not a hash, two spaces and the path of a file")
@@ -119,16 +137,13 @@ def _plain_files(folder: Path, harmless: Collection[str]) -> tuple[dict[str, Pat
             names = [name for name in names if name not in harmless]
         for path in (Path(parent, name) for name in (*names, *folders)):
             name = path.relative_to(folder).as_posix()
-            if path.is_symlink():
-                if blobs is None or not _is_file_in(path, blobs):
-                    problems.append(f"{_shown(name)} is a link, and no dataset needs one: it is not followed")
-                    continue
-            elif path.is_dir():
-                continue
-            elif not path.is_file():
+            mode = _mode(path)
+            if stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and _is_blob(path, blobs)):
+                files[name] = path
+            elif stat.S_ISLNK(mode):
+                problems.append(f"{_shown(name)} is a link, and no dataset needs one: it is not followed")
+            elif not stat.S_ISDIR(mode):
                 problems.append(f"{_shown(name)} is neither a file nor a folder")
-                continue
-            files[name] = path
     problems += [f"{_shown(str(error.filename))} cannot be read ({error.strerror})" for error in unreadable]
     return files, sorted(problems)
 
@@ -139,9 +154,17 @@ def _blobs_of_snapshot(folder: Path) -> Path | None:
     return snapshots.with_name("blobs") if snapshots.name == "snapshots" else None
 
 
-def _is_file_in(link: Path, folder: Path) -> bool:
+def _is_blob(link: Path, blobs: Path | None) -> bool:
     target = Path(os.path.realpath(link))
-    return target.parent == folder and target.is_file()
+    return target.parent == blobs and stat.S_ISREG(_mode(target))
+
+
+def _mode(path: Path) -> int:
+    """Kind of an entry, not of what a link leads to; 0 if it cannot be known."""
+    try:
+        return path.lstat().st_mode
+    except OSError:
+        return 0
 
 
 def _shown(name: str) -> str:

@@ -12,7 +12,7 @@ LeRobot's own card, has another card than was published, and is told so.
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from lerobot_bimanual.checksums import SUMS_FILE, sums_problems, write_sums
+from lerobot_bimanual.checksums import SUMS_FILE, is_as_listed, sums_problems, write_sums
 
 SEAL_FILE = Path("meta", SUMS_FILE)
 
@@ -43,3 +43,13 @@ def seal_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[str]
     """
     files = [path.as_posix() for path in rewritten]
     yield from sums_problems(root, SEAL_FILE.as_posix(), HARMLESS, files)
+
+
+def is_as_sealed(root: Path, file: Path) -> bool:
+    """Whether one file of a dataset is as it was published; False also if the seal is damaged or does not list it.
+
+    Args:
+        root: folder of a dataset that has a seal.
+        file: path of the file in the dataset.
+    """
+    return is_as_listed(root, SEAL_FILE.as_posix(), file.as_posix())

@@ -61,7 +61,7 @@ class Staging:
 
     def __init__(self, root: Path, settings: GenerationSettings):
         self.root = Path(os.path.realpath(root))
-        self.folder = self.root.with_name(f"{self.root.name or 'root'}.partial")
+        self.folder = self.root.parent / f"{self.root.name}.partial"
         self._settings = settings
         self._origin = Origin.here(settings)
         self._lock: int | None = None
