@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import InvalidChoice, KeyposeFailure, PlacementFailure
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.episode.actions import ActionReader
+from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.episode.observations import observation_space, observe_images, observe_vectors
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.options import SPLITS, EnvOptions
+from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.cameras import calibration
@@ -32,6 +34,7 @@ from lerobot_env_bimanual.world.video import VideoWriter
 SIMULATION_UNSTABLE = "simulation_unstable"
 RENDER_CAMERA = "front"
 RENDER_SIZE = (480, 640)
+GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
@@ -44,14 +47,16 @@ class BimanualEnv(gym.Env):
     An action of 16 numbers is one control tick of 50 ms towards absolute joint targets (per arm, left first,
     seven joints in rad and the gripper from 0 closed to 1 open). An action of 18 numbers is a keypose (per arm
     position in m, quaternion wxyz, gripper_open, ignore_collisions) which is planned and executed to its end
-    within one step. `lerobot_env_bimanual.episode.actions` says what happens to bad actions.
+    within one step. A NaN, or whatever else cannot be executed, raises `InvalidAction` and leaves the episode as it was;
+    `lerobot_env_bimanual.episode.actions` says what counts as bad.
 
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
-    (name -> met now), `failure` (empty while there is none), `ticks` and `line_fallbacks` (straight lines
-    replaced by joint-space motions because an arm could not follow them).
+    (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
+    joint-space motions because an arm could not follow them) and the episode's `seed`.
 
     An episode is determined by task, split, seed and variation, bit for bit. Building the environment is cheap:
     the world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
+    A copy or a pickle is another environment in the same state, without observers and films.
 
     Args:
         task: registered task name.
@@ -77,8 +82,9 @@ class BimanualEnv(gym.Env):
         render_mode: str | None = "rgb_array",
         **keywords: Any,
     ):
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InvalidChoice("render_mode", render_mode, self.metadata["render_modes"])
+        modes = self.metadata["render_modes"]
+        if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
+            raise InvalidChoice("render_mode", render_mode, modes)
         self.task_definition = get_task(task)
         self.task = self.task_definition.spec.name
         self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
@@ -125,6 +131,11 @@ class BimanualEnv(gym.Env):
         return self._progress.instruction
 
     @property
+    def action_lengths(self) -> tuple[int, ...]:
+        """Numbers that an action may have."""
+        return self._actions.lengths
+
+    @property
     def variation(self) -> int:
         """Index of the episode's variation."""
         return self.progress.variation.index
@@ -142,25 +153,28 @@ class BimanualEnv(gym.Env):
         """Start an episode.
 
         Args:
-            seed: non-negative integer that determines the episode; without it one is drawn from the generator
+            seed: integer from 0 to 2**63 - 1 that determines the episode; without it one is drawn from the generator
                 that the last given seed started.
             options: `{"variation": index}` chooses the variation of this episode alone; what else callers such as
                 LeRobot put there is for their wrappers.
 
         Raises:
+            InvalidChoice: a seed or options that are none.
             UnknownVariation: the task has no such variation.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
-        variation = self._variation
-        if options and "variation" in options:
-            variation = self.task_definition.spec.variation_index(options["variation"])
+        seed, chosen = checked_seed(seed), checked_reset_options(options)
+        variation = (
+            self.task_definition.spec.variation_index(chosen["variation"])
+            if "variation" in chosen
+            else self._variation
+        )
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene
         assert self._reset is not None  # made with the scene
-        progress = self._draw_episode(
-            int(self.np_random.integers(2**31)) if seed is None else int(seed), variation
-        )
+        seed = int(self.np_random.integers(2**31)) if seed is None else seed
+        progress = draw_episode(self.task_definition.spec, self.options.split, seed, variation)
         self._progress = progress
         try:
             progress.draws = self._reset.start(progress.variation, progress.rng)
@@ -168,15 +182,7 @@ class BimanualEnv(gym.Env):
             progress.failure = str(failure)  # nothing can be played from here
             raise
         progress.conditions = self._check()
-        return self.observe(), self._info()
-
-    def _draw_episode(self, seed: int, fixed: int | None) -> EpisodeProgress:
-        """Draw variation and instruction; always both, so that fixing a variation changes nothing else."""
-        spec = self.task_definition.spec
-        rng = np.random.default_rng(np.random.SeedSequence([SPLITS[self.options.split], spec.id, seed]))
-        drawn, sentence = int(rng.integers(len(spec.variations))), int(rng.integers(len(spec.instructions)))
-        variation = spec.variations[drawn if fixed is None else fixed]
-        return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng)
+        return self.observe(), self.progress.info()
 
     @contextmanager
     def observed_by(self, observer: TickObserver) -> Iterator[None]:
@@ -194,9 +200,7 @@ class BimanualEnv(gym.Env):
             InvalidAction: the action is one that its control mode refuses.
             ResetNeeded: the episode is over, or none was started.
         """
-        progress = self.progress
-        if progress.terminated or self._truncated:
-            raise gym.error.ResetNeeded("the episode is over; call reset() before the next step")
+        progress = self._running_episode()
         try:
             command = self._actions.read(action)
             if isinstance(command, BimanualKeypose):
@@ -205,10 +209,28 @@ class BimanualEnv(gym.Env):
                 self._tick(command)
         except KeyposeFailure as failure:
             progress.failure = str(failure)
+        return self._transition()
+
+    def fail(self, reason: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """End the episode as a failure, without a tick; returns what `step` returns.
+
+        Raises:
+            ResetNeeded: the episode is over, or none was started.
+        """
+        self._running_episode().failure = reason
+        return self._transition()
+
+    def _running_episode(self) -> EpisodeProgress:
+        if self.progress.terminated or self._truncated:
+            raise gym.error.ResetNeeded("the episode is over; call reset() before the next step")
+        return self.progress
+
+    def _transition(self) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        progress = self.progress
         truncated = self._truncated and not progress.terminated
         if progress.terminated or truncated:
             self._finish_video()
-        return self.observe(), float(progress.succeeded), progress.terminated, truncated, self._info()
+        return self.observe(), float(progress.succeeded), progress.terminated, truncated, self.progress.info()
 
     @property
     def _truncated(self) -> bool:
@@ -255,16 +277,6 @@ class BimanualEnv(gym.Env):
         views = calibration(self.scene, *options.size)
         return observation | observe_vectors(self.scene, self.progress.keyposes, views)
 
-    def _info(self) -> dict[str, Any]:
-        progress = self.progress
-        return {
-            "is_success": progress.succeeded,
-            "conditions": dict(progress.conditions),
-            "failure": progress.failure,
-            "ticks": progress.ticks,
-            "line_fallbacks": progress.line_fallbacks,
-        }
-
     def render(self) -> NDArray[np.uint8] | None:
         """The front camera at 480x640, uint8 RGB."""
         return None if self.render_mode is None else self._render_frame()
@@ -305,6 +317,16 @@ class BimanualEnv(gym.Env):
         self.scene.restore_state(scene_state)
         self._progress = copy.deepcopy(progress)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How copies and pickles are made: a new environment goes on from a saved state."""
+        if self._video is not None:
+            raise BimanualError(
+                "an episode that is being filmed cannot be copied: copy before reset, or film one only"
+            )
+        saved = None if self._progress is None else self.save_state()
+        kept = {name: vars(self)[name] for name in GYMNASIUMS_STATE if name in vars(self)}
+        return _restored, (type(self), self.task, self.options, self.render_mode, saved), kept
+
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
@@ -313,3 +335,16 @@ class BimanualEnv(gym.Env):
                 renderer.close()
         self._observation_renderer = self._frame_renderer = None
         self._scene = self._planner = self._reset = self._progress = None
+
+
+def _restored(
+    kind: type[BimanualEnv],
+    task: str,
+    options: EnvOptions,
+    render_mode: str | None,
+    saved: tuple[Any, EpisodeProgress] | None,
+) -> BimanualEnv:
+    env = kind(task, options=options, render_mode=render_mode)
+    if saved is not None:
+        env.restore_state(saved)
+    return env

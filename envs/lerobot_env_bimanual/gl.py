@@ -7,6 +7,7 @@ off-screen driver is installed.
 
 import logging
 import os
+import sys
 
 
 def ensure_gl() -> None:
@@ -19,6 +20,17 @@ def ensure_gl() -> None:
     if not has_display:
         os.environ.setdefault("MUJOCO_GL", "egl")
     os.environ.setdefault("LP_NUM_THREADS", "0")
+
+
+def release_gl() -> None:
+    """Leave the calling thread without a current OpenGL context, so that any other thread can use or free it.
+
+    EGL refuses a context that is current elsewhere. The other backends are bound to one thread anyway.
+    """
+    module = sys.modules.get("mujoco.egl")
+    if module is not None and module.EGL_DISPLAY is not None:
+        egl = module.EGL
+        egl.eglMakeCurrent(module.EGL_DISPLAY, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, egl.EGL_NO_CONTEXT)
 
 
 ensure_gl()
@@ -37,4 +49,4 @@ except AttributeError:
 # Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
 
-__all__ = ["ensure_gl", "mujoco"]
+__all__ = ["ensure_gl", "mujoco", "release_gl"]

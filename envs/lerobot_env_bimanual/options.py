@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -61,18 +62,20 @@ class EnvOptions:
 
     def __post_init__(self) -> None:
         """Bring every option into its one form, and refuse what is outside its choices."""
+        check_variation(self.variation)
         self.cameras = ",".join(_camera_names(self.cameras))
         height, width = _image_size(self.image_size)
         self.image_size = height if height == width else f"{height}x{width}"
-        self.video_dir = None if self.video_dir is None else _folder(self.video_dir)
+        self.video_dir = None if self.video_dir is None else _writable_folder(self.video_dir)
         for option, choices in (
             ("split", tuple(SPLITS)),
             ("obs", get_args(ObservationMode)),
             ("control_mode", get_args(ControlMode)),
             ("render_quality", get_args(RenderQuality)),
         ):
-            if getattr(self, option) not in choices:
-                raise InvalidChoice(option, getattr(self, option), choices)
+            value = getattr(self, option)
+            if not isinstance(value, str) or value not in choices:
+                raise InvalidChoice(option, value, choices)
         if type(self.max_keyposes) is not int or self.max_keyposes < 1:
             raise InvalidChoice("max_keyposes", self.max_keyposes, ["an integer of at least 1"])
 
@@ -106,9 +109,16 @@ class EnvOptions:
         return {field.name: getattr(self, field.name) for field in fields(EnvOptions)}
 
 
-def _camera_names(cameras: str | Sequence[str]) -> tuple[str, ...]:
+def check_variation(variation: object) -> None:
+    """Refuse what cannot be a variation of any task, such as an array."""
+    if not isinstance(variation, int | float | str | None):
+        raise InvalidChoice("variation", variation, ["'any'", "an index"])
+
+
+def _camera_names(cameras: Any) -> tuple[str, ...]:
     names = cameras.split(",") if isinstance(cameras, str) else cameras
-    chosen = tuple(dict.fromkeys(str(name).strip() for name in names))
+    is_list = isinstance(names, Sequence) and all(isinstance(name, str) for name in names)
+    chosen = tuple(dict.fromkeys(name.strip() for name in names)) if is_list else ()
     if not chosen:
         raise InvalidChoice("cameras", cameras, ["a non-empty list of " + ", ".join(CAMERA_NAMES)])
     for name in chosen:
@@ -117,25 +127,31 @@ def _camera_names(cameras: str | Sequence[str]) -> tuple[str, ...]:
     return chosen
 
 
-def _image_size(image_size: int | str | Sequence[int]) -> tuple[int, int]:
-    sides = image_size.split("x") if isinstance(image_size, str) else image_size
+def _image_size(image_size: object) -> tuple[int, int]:
+    sides: Any = image_size.split("x") if isinstance(image_size, str) else image_size
+    if isinstance(image_size, str):
+        sides = [int(side) if side.isascii() and side.isdecimal() else side for side in sides[:3]]
     if isinstance(sides, int):
         sides = (sides,)
-    try:
-        height, width = int(sides[0]), int(sides[-1])
-        valid = (
-            len(sides) <= 2 and MIN_IMAGE_SIDE <= min(height, width) <= max(height, width) <= MAX_IMAGE_SIDE
-        )
-    except (ValueError, IndexError, TypeError):
-        height = width = 0
-        valid = False
-    if not valid:
+    is_list = isinstance(sides, Sequence) and 1 <= len(sides) <= 2
+    if not is_list or not all(
+        type(side) is int and MIN_IMAGE_SIDE <= side <= MAX_IMAGE_SIDE for side in sides
+    ):
         choices = f"a side of {MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
         raise InvalidChoice("image_size", image_size, [choices])
-    return height, width
+    return sides[0], sides[-1]
 
 
-def _folder(path: object) -> str:
+def _writable_folder(path: object) -> str:
+    """A path at which there is a folder that can be written, or at which one can be made."""
     if not isinstance(path, str | Path):
         raise InvalidChoice("video_dir", path, ["the path of a folder"])
+    try:
+        folder = Path(path).absolute()
+        there = next(place for place in (folder, *folder.parents) if place.exists())
+        is_writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+    except (OSError, ValueError):  # a name that is too long, or holds a null
+        is_writable = False
+    if not is_writable:
+        raise InvalidChoice("video_dir", str(path), ["the path of a folder that can be written or made"])
     return str(path)

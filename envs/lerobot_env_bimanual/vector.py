@@ -2,6 +2,10 @@
 
 LeRobot has such a vector environment, but importing it costs every worker process about eight seconds for
 LeRobot and torch. This module and all that a worker needs import neither.
+
+An action whose values cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the
+others go on. Actions that no environment could read, of another length for example, are an error before any steps.
+A worker process that dies is one clear error, after which the next reset starts all environments anew.
 """
 
 from __future__ import annotations
@@ -12,14 +16,33 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from multiprocessing import connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from lerobot_bimanual.errors import InvalidAction, InvalidChoice
+from lerobot_bimanual.keypose import KEYPOSE_DIM
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.actions import real_vector
+from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
+from lerobot_env_bimanual.episode_log import EpisodeLog
+from lerobot_env_bimanual.worker import end_of, end_with_parent, told
+from lerobot_env_bimanual.workers import WorkerDied
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
+
+KEYPOSE_FPS = 2
+"""Of LeRobot's own videos of keypose policies, which hold one frame per keypose."""
+
+PATIENCE_S = 5.0
+"""For the system to say which process has died."""
 
 _main_module_lock = threading.Lock()
 
@@ -43,18 +66,70 @@ class FreezeWhenOver(gym.Wrapper):
         self._last = None
         return self.env.reset(**arguments)
 
+    @property
+    def is_frozen(self) -> bool:
+        """Whether the episode is over."""
+        return self._last is not None
+
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One step, or the last transition again, without its reward."""
+        """One step, or the last transition again, without its reward.
+
+        Args:
+            action: of the episode; one that cannot be executed, or the reason why it cannot even be read, ends the
+                episode as a failure.
+        """
         if self._last is not None:
             return self._last
-        observation, reward, terminated, truncated, info = self.env.step(action)
+        try:
+            if isinstance(action, InvalidAction):
+                raise action
+            observation, reward, terminated, truncated, info = self.env.step(action)
+        except InvalidAction as error:
+            fail = self.env.get_wrapper_attr("fail")
+            observation, reward, terminated, truncated, info = fail(f"invalid action: {error}")
         if terminated or truncated:
             self._last = (observation, 0.0, terminated, truncated, info)
         return observation, float(reward), terminated, truncated, info
 
 
+class CarriedError(Exception):
+    """Brings an error home from a worker: Gymnasium makes errors again from their message, ours take other arguments."""
+
+    @property
+    def error(self) -> Exception:
+        """What was raised."""
+        error = self.args[0]
+        return error.error if isinstance(error, CarriedError) else error
+
+
+class _InWorker(gym.Wrapper):
+    """Lets every error of a reset or a step come home."""
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        with self._carried_home():
+            return self.env.reset(**arguments)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        with self._carried_home():
+            return self.env.step(action)
+
+    @contextlib.contextmanager
+    def _carried_home(self) -> Iterator[None]:
+        try:
+            yield
+        except gym.error.Error:
+            raise
+        except Exception as error:
+            raise CarriedError(told(error)) from error
+
+
 def _make_frozen(make_env: Callable[[], gym.Env]) -> gym.Env:
     return FreezeWhenOver(make_env())
+
+
+def _make_in_worker(make_env: Callable[[], gym.Env]) -> gym.Env:
+    end_with_parent()
+    return _InWorker(_make_frozen(make_env))
 
 
 @contextlib.contextmanager
@@ -90,18 +165,27 @@ class LazyVectorEnv(VectorEnv):
     """
 
     def __init__(self, make_envs: Sequence[Callable[[], gym.Env]], *, asynchronous: bool):
-        self._make_envs = [partial(_make_frozen, make_env) for make_env in make_envs]
+        make = _make_in_worker if asynchronous else _make_frozen
+        self._make_envs = [partial(make, make_env) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
         self._lock = threading.Lock()
         example = make_envs[0]()
         self.num_envs = len(make_envs)
         self.metadata = {**example.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
+        self._tick_fps = self.metadata["render_fps"]
         self.render_mode = example.render_mode
         self.single_observation_space = example.observation_space
         self.single_action_space = example.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._action_lengths = getattr(
+            example.unwrapped, "action_lengths", self.single_action_space.shape or ()
+        )
+        self._attributes = sorted(name for name in vars(example.unwrapped) if not name.startswith("_"))
+        self._episodes = None
+        if isinstance(example.unwrapped, BimanualEnv):
+            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options.video_dir)
         example.close()
 
     def _ensure(self) -> SyncVectorEnv | AsyncVectorEnv:
@@ -110,7 +194,7 @@ class LazyVectorEnv(VectorEnv):
             if self._running is None:
                 if self._asynchronous:
                     multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
-                    with _main_module_hidden():
+                    with _main_module_hidden(), _named_death():
                         self._running = AsyncVectorEnv(
                             self._make_envs, context="forkserver", autoreset_mode=AutoresetMode.NEXT_STEP
                         )
@@ -118,35 +202,140 @@ class LazyVectorEnv(VectorEnv):
                     self._running = SyncVectorEnv(self._make_envs, autoreset_mode=AutoresetMode.NEXT_STEP)
             return self._running
 
+    def _ask[Answer](self, question: Callable[[SyncVectorEnv | AsyncVectorEnv], Answer]) -> Answer:
+        """Have the environments do something; after an error, workers cannot be used any more and are ended."""
+        envs = self._ensure()
+        try:
+            with _named_death(envs.processes if isinstance(envs, AsyncVectorEnv) else ()):
+                return question(envs)
+        except CarriedError as carried:
+            self._drop()
+            raise carried.error from None
+        except BaseException:
+            self._drop()
+            raise
+
+    def _drop(self) -> None:
+        """Forget workers that are dead or in disorder; environments of this process stay."""
+        with self._lock:
+            if isinstance(envs := self._running, AsyncVectorEnv):
+                self._running = None
+                for process in envs.processes:
+                    process.terminate()
+                for process, pipe in zip(envs.processes, envs.parent_pipes, strict=True):
+                    process.join()
+                    if pipe is not None:  # as Gymnasium leaves it after an error
+                        pipe.close()
+                envs.closed = True
+
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Start an episode in every environment; a single seed is counted up."""
-        return self._ensure().reset(seed=seed, options=options)
+        """Start an episode in every environment; a single seed is counted up.
+
+        Raises:
+            InvalidChoice: seeds or options that are none.
+            WorkerDied: a worker has died; the next reset starts all environments anew.
+        """
+        seeds, chosen = checked_seeds(seed, self.num_envs), checked_reset_options(options)
+        is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
+        observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
+        if self._episodes is not None:
+            self._episodes.begin(np.flatnonzero(is_reset).tolist())
+        return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Step every environment; `actions` (num_envs, 16) or (num_envs, 18)."""
-        return self._ensure().step(actions)
+        """Step every environment; `actions` (num_envs, 16) or (num_envs, 18).
+
+        Raises:
+            InvalidAction: no environment could execute any of the actions, whatever their values.
+            WorkerDied: a worker has died; the next reset starts all environments anew.
+        """
+        readable = self._readable(actions)
+        observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(readable))
+        if self._episodes is not None:
+            self._episodes.note(terminated | truncated, info)
+        return observations, rewards, terminated, truncated, info
+
+    def _readable(self, actions: Any) -> list[NDArray[np.float32] | InvalidAction]:
+        """The action of each environment, or what is wrong with its form."""
+        try:
+            rows = list(actions)
+        except TypeError:
+            rows = []
+        if len(rows) != self.num_envs:
+            raise InvalidAction(
+                f"{self.num_envs} environments take as many actions, got {_described(actions)}"
+            )
+        readable = [self._readable_row(row) for row in rows]
+        refused = [action for action in readable if isinstance(action, InvalidAction)]
+        if len(refused) == self.num_envs:
+            raise refused[0]
+        lengths = {len(action) for action in readable if not isinstance(action, InvalidAction)}
+        self.metadata["render_fps"] = KEYPOSE_FPS if lengths == {KEYPOSE_DIM} else self._tick_fps
+        return readable
+
+    def _readable_row(self, action: Any) -> NDArray[np.float32] | InvalidAction:
+        try:
+            return real_vector(action, self._action_lengths)
+        except InvalidAction as error:
+            return InvalidAction(f"an action must be {error}")
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every environment."""
-        return self._ensure().render()
+        return self._ask(lambda envs: envs.render())
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method, or get an attribute, of every environment."""
-        return self._ensure().call(name, *args, **kwargs)
+        return self._ask(lambda envs: envs.call(name, *args, **kwargs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Get an attribute of every environment."""
-        return self._ensure().get_attr(name)
+        return self._ask(lambda envs: envs.get_attr(name))
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of every environment."""
-        self._ensure().set_attr(name, values)
+        """Set an attribute of every environment.
+
+        Raises:
+            InvalidChoice: they have no such attribute.
+        """
+        if name not in self._attributes:
+            raise InvalidChoice("an attribute of the environments", name, self._attributes)
+        self._ask(lambda envs: envs.set_attr(name, values))
 
     def close(self, **kwargs: Any) -> None:
-        """Close the environments and end their processes."""
+        """Close the environments and end their processes, dead ones included."""
+        if isinstance(envs := self._running, AsyncVectorEnv) and not all(
+            process.is_alive() for process in envs.processes
+        ):
+            self._drop()
         with self._lock:
             if self._running is not None:
                 self._running.close(**kwargs)
                 self._running = None
+        if self._episodes is not None:
+            self._episodes.close()
+
+
+@contextlib.contextmanager
+def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
+    """Say which process died when its pipe breaks."""
+    try:
+        yield
+    except (EOFError, BrokenPipeError, ConnectionResetError) as error:
+        dead = connection.wait([process.sentinel for process in processes], timeout=PATIENCE_S)
+        ends = [
+            f"{number} ({end_of(process)})"
+            for number, process in enumerate(processes)
+            if process.sentinel in dead
+        ]
+        which = f"of environment {', '.join(ends)}" if ends else "of an environment"
+        raise WorkerDied(
+            f"the worker process {which} died, most likely killed for want of memory: reset() starts all environments "
+            "anew, perhaps after making fewer of them (--eval.batch_size)"
+        ) from error
+
+
+def _described(actions: Any) -> str:
+    shape = getattr(actions, "shape", None)
+    return type(actions).__name__ + (f" of shape {tuple(shape)}" if shape is not None else "")

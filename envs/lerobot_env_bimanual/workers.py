@@ -1,34 +1,37 @@
 """The one pool of worker processes, for all that is done on several cores.
 
 Workers leave an interrupt from the keyboard to their parent and end when it ends, however that happens. Each
-computes on one core. An answer that never comes, because a worker was killed, is a `WorkerDied` and no riddle.
+computes on one core and on one item at a time, so that it is known which item a dead worker took along: that one is
+tried again, alone, when all others are done. Results depend on items alone, so any number of workers gives the same.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from multiprocessing import connection
+from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
 from types import TracebackType
 from typing import Any, Self
 
 from tqdm import tqdm
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed, end_of
 
 START_METHOD = "forkserver"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so before any code of a worker."""
 
+MAX_DEATHS = 2
+"""Of workers over one item, before it is given up."""
 
-class WorkerDied(BimanualError):
+
+class WorkerDied(WorkFailed):
     """A worker process ended in the middle of its work."""
 
 
@@ -39,8 +42,11 @@ class WorkerPool:
         workers: number of processes; 0 takes one per core.
         prepare: called once in every worker, before its first work.
         arguments: of `prepare`.
-        preload: modules imported once, in the process that workers are forked from; none that opens an OpenGL context
+        preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL context
             on import, which does not survive a fork. Only the first pool of a process can have some.
+
+    Raises:
+        InvalidChoice: a negative number of workers.
     """
 
     def __init__(
@@ -50,13 +56,14 @@ class WorkerPool:
         arguments: tuple[Any, ...] = (),
         preload: Sequence[str] = (),
     ):
+        if workers < 0:
+            raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
-        context = worker_context()
-        context.set_forkserver_preload([*preload])
-        self._others = multiprocessing.active_children()
-        self._processes = ProcessPoolExecutor(
-            workers or os.cpu_count() or 1, context, _start, (prepare, arguments)
-        )
+        self._context = worker_context()
+        self._context.set_forkserver_preload(["lerobot_env_bimanual.worker", *preload])
+        self._limit = workers or os.cpu_count() or 1
+        self._preparation = (prepare, arguments)
+        self._workers: list[Worker] = []
 
     def __enter__(self) -> Self:
         return self
@@ -64,14 +71,18 @@ class WorkerPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """End the processes; at once if the block failed, as what they have not finished is lost anyway."""
-        if error is not None:
-            for child in set(multiprocessing.active_children()) - set(self._others):
-                child.terminate()
-        self._processes.shutdown(cancel_futures=True)
+        """End the processes."""
+        self._dismiss(self._workers)
 
     def map[Item, Result](
-        self, function: Callable[[Item], Result], items: Sequence[Item], label: str, unit: str, done: int = 0
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        label: str,
+        unit: str,
+        done: int = 0,
+        name: Callable[[Item], str] = str,
+        failed: Callable[[Item, str], Result] | None = None,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
@@ -81,29 +92,127 @@ class WorkerPool:
             label: what stands before the bar.
             unit: what an item is called.
             done: further items that the bar counts as done from the start.
+            name: names an item in messages.
+            failed: makes the result of an item whose worker raised something or died, from the item and the reason.
+                Without it, that ends the work with an error.
 
         Raises:
-            WorkerDied: a worker was killed.
+            BimanualError: what a worker raised.
+            WorkFailed: a worker raised something else.
+            WorkerDied: a worker was killed, twice over the same item.
         """
-        with _named_death():
-            results = self._processes.map(function, items)
-            yield from tqdm(results, label, done + len(items), initial=done, unit=unit, smoothing=0)
+        results = self._in_order(function, items, name, failed)
+        yield from tqdm(results, label, done + len(items), initial=done, unit=unit, smoothing=0)
 
     def run[Item](
-        self, function: Callable[[Item], None], items: Sequence[Item], poll_s: float
+        self,
+        function: Callable[[Item], None],
+        items: Sequence[Item],
+        poll_s: float,
+        name: Callable[[Item], str] = str,
     ) -> Iterator[None]:
         """Do something with each item, in any order; yields every `poll_s` seconds or more often until all is done.
 
         Raises:
-            WorkerDied: a worker was killed.
+            BimanualError: what a worker raised, at once.
+            WorkFailed: workers raised something else or died, after all other items are done.
         """
-        with _named_death():
-            waiting = {self._processes.submit(function, item) for item in items}
-            while waiting:
-                done, waiting = wait(waiting, timeout=poll_s, return_when=FIRST_COMPLETED)
-                for future in done:
-                    future.result()
+        failures: list[BimanualError] = []
+        with closing(self._answers(function, items, name, poll_s)) as answers:
+            for answered in answers:
+                if answered is not None and isinstance(failure := answered[1], Failure):
+                    if not failure.is_of_item or not isinstance(failure.error, WorkFailed):
+                        raise failure.error
+                    failures.append(failure.error)
                 yield
+        if failures:
+            raise failures[0] if len(failures) == 1 else WorkFailed("; ".join(map(str, failures)))
+
+    def _in_order(
+        self,
+        function: Callable[[Any], Any],
+        items: Sequence[Any],
+        name: Callable[[Any], str],
+        failed: Callable[[Any, str], Any] | None,
+    ) -> Iterator[Any]:
+        early: dict[int, Any] = {}
+        turn = 0
+        with closing(self._answers(function, items, name)) as answers:
+            for answered in answers:
+                assert answered is not None  # it waits for as long as it takes
+                index, answer = answered
+                if isinstance(answer, Failure):
+                    if failed is None or not answer.is_of_item:
+                        raise answer.error
+                    answer = failed(items[index], str(answer.error))
+                early[index] = answer
+                while turn in early:
+                    yield early.pop(turn)
+                    turn += 1
+
+    def _answers(
+        self,
+        function: Callable[[Any], Any],
+        items: Sequence[Any],
+        name: Callable[[Any], str],
+        poll_s: float | None = None,
+    ) -> Generator[tuple[int, Any] | None]:
+        """(index, result or failure) as they come, and None whenever nothing came for `poll_s` seconds."""
+        waiting = deque(range(len(items)))
+        suspects: deque[int] = deque()
+        deaths = [0] * len(items)
+        busy: dict[Connection, Worker] = {}
+        try:
+            while waiting or suspects or busy:
+                if not (waiting or busy):
+                    self._dismiss(self._workers)  # a suspect has the whole machine
+                    waiting.append(suspects.popleft())
+                while waiting and len(busy) < self._limit:
+                    worker = self._idle_worker(busy)
+                    worker.give(waiting[0], function, items[waiting[0]])
+                    busy[worker.pipe] = worker
+                    waiting.popleft()
+                ready = connection.wait([*busy], poll_s)
+                for pipe in ready:
+                    assert isinstance(pipe, Connection)
+                    worker = busy.pop(pipe)
+                    index = worker.index
+                    try:
+                        answer = worker.answer(name(items[index]))
+                    except EOFError:
+                        deaths[index] += 1
+                        end = end_of(worker.process)
+                        self._dismiss([worker])
+                        if deaths[index] < MAX_DEATHS:
+                            suspects.append(index)
+                            continue
+                        answer = Failure(_death(name(items[index]), end))
+                    yield index, answer
+                if not ready:
+                    yield None
+        finally:
+            self._dismiss([*busy.values()])
+
+    def _idle_worker(self, busy: dict[Connection, Worker]) -> Worker:
+        for worker in self._workers:
+            if worker.pipe not in busy:
+                if worker.process.is_alive():
+                    return worker
+                self._dismiss([worker])
+                break
+        worker = Worker(self._context, *self._preparation)
+        self._workers.append(worker)
+        return worker
+
+    def _dismiss(self, workers: Sequence[Worker]) -> None:
+        """End workers; busy ones at once, as what they have not finished is lost anyway."""
+        ended = [*workers]
+        for worker in ended:
+            worker.end()
+        for worker in ended:
+            worker.process.join()
+            worker.pipe.close()
+            self._workers.remove(worker)
 
 
 def worker_context() -> BaseContext:
@@ -111,26 +220,8 @@ def worker_context() -> BaseContext:
     return multiprocessing.get_context(START_METHOD)
 
 
-@contextmanager
-def _named_death() -> Iterator[None]:
-    try:
-        yield
-    except BrokenProcessPool as error:
-        raise WorkerDied(
-            "a worker process died, most likely killed for want of memory: repeat the command, perhaps with fewer "
-            "--workers"
-        ) from error
-
-
-def _start(prepare: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
-    if prepare is not None:
-        prepare(*arguments)
-
-
-def _die_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
+def _death(name: str, end: str) -> WorkerDied:
+    return WorkerDied(
+        f"{name}: its worker process died {MAX_DEATHS} times ({end}), most likely killed for want of memory: repeat "
+        "the command, perhaps with fewer --workers"
+    )

@@ -1,5 +1,10 @@
 """Vector environments: lazy, light, frozen after an episode, and the same bits in every process."""
 
+import json
+import logging
+import os
+import re
+import signal
 import subprocess
 import sys
 from functools import partial
@@ -8,8 +13,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from lerobot_bimanual.errors import InvalidAction, InvalidChoice, UnknownVariation
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.vector import FreezeWhenOver, LazyVectorEnv
+from lerobot_env_bimanual.workers import WorkerDied
 
 make_lift_ball = partial(BimanualEnv, "lift_ball", image_size=16, cameras=("front",))
 
@@ -111,6 +118,165 @@ def test_freezing_happens_only_at_the_end():
 def rollouts():
     """The same episodes of 16 and 18 numbers per action, synchronous and asynchronous."""
     return [roll_out(asynchronous) for asynchronous in (False, True)]
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["sync", "async"])
+def pair(request):
+    """Two environments without images."""
+    envs = LazyVectorEnv([partial(BimanualEnv, "lift_ball", obs="state")] * 2, asynchronous=request.param)
+    yield envs
+    envs.close()
+
+
+def holding(envs) -> np.ndarray:
+    return np.stack([observation["agent_pos"] for observation in envs.call("observe")])
+
+
+class WithGradient:
+    """Refuses to become an array as a tensor does that requires its gradient; torch takes seconds to load."""
+
+    def __init__(self, _):
+        pass
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad.")
+
+
+BAD_ACTIONS = {
+    "NaN": (lambda action: np.where(np.arange(16) == 3, np.nan, action), "not finite in: left_joint4"),
+    "infinite": (lambda action: np.where(np.arange(16) == 8, -np.inf, action), "not finite in: right_joint1"),
+    "larger than float32": (lambda action: action.astype(np.float64) + 1e300, "not finite in: left_joint1"),
+    "too short": (lambda action: action[:15], r"got shape \(15,\)"),
+    "ragged": (lambda action: [[1.0], *action[1:]], "what NumPy cannot read"),
+    "text": (lambda action: [str(number) for number in action], "got str.* values"),
+    "complex": (lambda action: action + 1j, "got complex64 values"),
+    "a tensor that requires its gradient": (WithGradient, "requires grad"),
+    "nothing": (lambda _: None, r"got shape \(\)"),
+}
+
+
+@pytest.mark.parametrize("bad", BAD_ACTIONS)
+def test_a_bad_action_ends_its_own_episode_alone(bad, pair):
+    spoil, complaint = BAD_ACTIONS[bad]
+    pair.reset(seed=[3, 4])
+    start = pair.call("state_hash")
+    good, other = holding(pair)
+    _, rewards, terminated, truncated, info = pair.step([good, spoil(other)])
+    assert rewards.tolist() == [0.0, 0.0]
+    assert terminated.tolist() == [False, True]
+    assert not truncated.any()
+    assert info["failure"][0] == ""
+    assert re.match(f"invalid action: .*{complaint}", info["failure"][1])
+    assert info["ticks"].tolist() == [1, 0]
+    assert pair.call("state_hash")[1] == start[1]
+    pair.step([good, spoil(other)])
+    assert pair.get_attr("is_frozen") == (False, True)
+    assert pair.reset(seed=[3, 4])[1]["failure"].tolist() == ["", ""]
+    assert pair.call("state_hash") == start
+    assert not pair.step(holding(pair))[2].any()
+
+
+@pytest.mark.parametrize(
+    ("actions", "complaint"),
+    [
+        (np.zeros((2, 17)), r"16 or 18 numbers, got shape \(17,\)"),
+        (np.zeros((3, 16)), r"2 environments take as many actions, got ndarray of shape \(3, 16\)"),
+        (np.full((2, 16), "0"), "got str"),
+        (None, "got NoneType"),
+        (7, "got int"),
+    ],
+)
+def test_actions_that_no_environment_could_read_are_refused_before_any_steps(actions, complaint, pair):
+    pair.reset(seed=0)
+    before = pair.call("state_hash")
+    with pytest.raises(InvalidAction, match=complaint):
+        pair.step(actions)
+    assert pair.call("state_hash") == before
+
+
+@pytest.mark.parametrize("seed", [0.5, -1, 2**63, [1, 2, 3], [0, "1"], "many", True])
+def test_seeds_are_checked_before_any_environment_is_reset(seed, pair):
+    pair.reset(seed=0)
+    before = pair.call("state_hash")
+    with pytest.raises(InvalidChoice, match="seed is"):
+        pair.reset(seed=seed)
+    assert pair.call("state_hash") == before
+
+
+def test_an_error_of_one_environment_comes_home_and_the_next_reset_works(pair):
+    pair.reset(seed=0)
+    before = pair.call("state_hash")
+    with pytest.raises(UnknownVariation, match="'lift_ball' has no variation 7"):
+        pair.reset(seed=0, options={"variation": 7})
+    pair.reset(seed=0)
+    assert pair.call("state_hash") == before
+
+
+def test_attributes_that_do_not_exist_cannot_be_set(pair):
+    with pytest.raises(InvalidChoice, match=r"is 'task_nmae', but must be one of: .*options"):
+        pair.set_attr("task_nmae", "push_box")
+
+
+def test_a_dead_worker_is_one_error_after_which_environments_start_anew():
+    envs = LazyVectorEnv([partial(BimanualEnv, "lift_ball", obs="state")] * 2, asynchronous=True)
+    envs.reset(seed=0)
+    start, actions = envs.call("state_hash"), holding(envs)
+    for use in (lambda: envs.step(actions), lambda: envs.reset(seed=0), lambda: envs.call("state_hash")):
+        first, second = worker_processes(envs)
+        os.kill(second.pid, signal.SIGKILL)
+        with pytest.raises(WorkerDied, match=r"environment 1 \(killed by SIGKILL\) died"):
+            use()
+        assert not first.is_alive()
+        envs.reset(seed=0)
+        assert envs.call("state_hash") == start
+    for process in worker_processes(envs):
+        os.kill(process.pid, signal.SIGKILL)
+        process.join()
+    envs.close()
+    envs.reset(seed=0)
+    assert envs.call("state_hash") == start
+    envs.close()
+
+
+def worker_processes(envs: LazyVectorEnv) -> list:
+    return list(envs._ensure().processes)
+
+
+def test_the_outcome_of_every_episode_is_said_and_summed_up(caplog, tmp_path):
+    make = partial(BimanualEnv, "lift_ball", obs="state", video_dir=tmp_path)
+    envs = LazyVectorEnv([make] * 2, asynchronous=False)
+    with caplog.at_level(logging.INFO):
+        envs.reset(seed=[3, 4])
+        for _ in range(3):
+            envs.step(np.stack([np.full(16, np.nan), holding(envs)[1]]))
+        envs.step(np.zeros((2, 18)))
+        envs.close()
+        envs.close()
+    first, second, summary = (record.message for record in caplog.records)
+    assert first.startswith(
+        "lift_ball, seed 3: not solved (invalid action: joint action is not finite in: left_"
+    )
+    assert second == "lift_ball, seed 4: not solved (left arm: zero quaternion), 3 ticks"
+    assert summary.startswith(
+        "lift_ball: 0 of 2 episodes solved (1 x invalid action: joint action is not finite"
+    )
+    assert summary.endswith(f"; films and lift_ball_episodes.json in {tmp_path}")
+    episodes = json.loads((tmp_path / "lift_ball_episodes.json").read_text())
+    assert [(episode["seed"], episode["success"], episode["ticks"]) for episode in episodes] == [
+        (3, False, 0),
+        (4, False, 3),
+    ]
+
+
+def test_lerobots_videos_of_keyposes_run_slowly():
+    envs = LazyVectorEnv([make_lift_ball], asynchronous=False)
+    envs.reset(seed=0)
+    rates = []
+    for length in (16, 18):
+        envs.step(np.zeros((1, length)))
+        rates.append(envs.unwrapped.metadata["render_fps"])
+    envs.close()
+    assert rates == [20, 2]
 
 
 def roll_out(asynchronous: bool) -> list:

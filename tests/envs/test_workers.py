@@ -1,6 +1,7 @@
 """Worker processes answer in order, fail in words, and do not outlive their parent."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.errors import UnknownTask
+from lerobot_bimanual.errors import InvalidChoice, UnknownTask
 from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.worker import WorkFailed
 from lerobot_env_bimanual.workers import WorkerDied, WorkerPool
 
 FOREVER_S = 100_000
@@ -46,6 +48,74 @@ def test_the_death_of_a_worker_is_one_clear_error() -> None:
         with pytest.raises(WorkerDied, match="repeat the command, perhaps with fewer --workers"):  # noqa: SIM117
             with WorkerPool(1) as pool:
                 use(pool)
+
+
+@pytest.fixture
+def jobs(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parent)
+    import worker_jobs
+
+    return worker_jobs
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers, jobs, tmp_path):
+    words = ["a", jobs.OBSTINATE, "b", str(tmp_path / "later"), "c"]
+    with WorkerPool(workers) as pool:
+        results = pool.map(jobs.double_or_die, words, "doubling", "word", failed=lambda _, reason: reason)
+        one, lost, two, again, three = results
+    assert (one, two, three) == ("aa", "bb", "cc")
+    assert again == 2 * words[3]
+    assert lost.startswith("obstinate: its worker process died 2 times (killed by SIGKILL)")
+
+
+def test_work_in_any_order_goes_on_after_a_death_and_then_names_it(jobs, tmp_path):
+    paths = [jobs.OBSTINATE, *(str(tmp_path / str(number)) for number in range(3))]
+    with (
+        pytest.raises(WorkerDied, match="file obstinate: its worker process died"),
+        WorkerPool(1) as pool,
+    ):
+        for _ in pool.run(jobs.touch_or_die, paths, poll_s=0.1, name=lambda path: f"file {Path(path).name}"):
+            pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "2"]
+
+
+def test_whatever_goes_wrong_in_a_worker_comes_home_in_words(jobs):
+    def reasons(function):
+        with WorkerPool(1) as pool:
+            return list(
+                pool.map(function, [7], "trying", "number", failed=lambda item, reason: (item, reason))
+            )
+
+    for function, complaint in (
+        (jobs.raise_unportable, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
+        (jobs.result_without_a_pickle, "7: unexpected .*pickle"),
+    ):
+        ((item, reason),) = reasons(function)
+        assert item == 7
+        assert re.match(complaint, reason)
+        with pytest.raises(WorkFailed, match=complaint), WorkerPool(1) as pool:
+            list(pool.map(function, [7], "trying", "number"))
+
+
+def test_a_worker_that_cannot_be_prepared_is_no_fault_of_an_item(jobs):
+    with (
+        pytest.raises(WorkFailed, match="unexpected FileNotFoundError: no such dataset"),
+        WorkerPool(2, jobs.fail_to_prepare) as pool,
+    ):
+        list(pool.map(int, ["1", "2"], "reading", "number", failed=lambda *_: 0))
+
+
+def test_a_pool_needs_a_number_of_workers():
+    with pytest.raises(InvalidChoice, match="workers is -3"):
+        WorkerPool(-3)
+
+
+def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
+    with WorkerPool(2) as pool:
+        for _ in pool.run(time.sleep, [FOREVER_S, FOREVER_S], poll_s=0.05):
+            break
+        assert list(pool.map(int, ["3", "1"], "reading", "number")) == [3, 1]
 
 
 def test_an_interrupted_pool_waits_for_nobody() -> None:

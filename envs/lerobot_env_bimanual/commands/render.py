@@ -51,7 +51,7 @@ def render(config: RenderConfig) -> None:
 
     orders = _orders(config)
     with WorkerPool(config.workers) as pool:
-        shots = list(pool.map(shoot, orders, "render", "task"))
+        shots = list(pool.map(shoot, orders, "render", "task", name=lambda order: order.task))
     if len(shots) > 1:
         _write_gallery(shots, config.output / "tasks.jpg")
     print(f"{config.output}: pictures of {', '.join(order.task for order in orders)}")

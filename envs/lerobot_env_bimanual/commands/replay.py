@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -52,9 +52,14 @@ def replay(config: ReplayConfig) -> int:
     _warn_of_other_versions(dataset)
     indices = parse_episodes(config.episodes, len(dataset))
     with WorkerPool(config.workers, _prepare, (dataset.root, config.replay)) as pool:
-        played = list(pool.map(_replay, indices, "replay", "episode"))
-    _print(indices, played)
-    return 0 if all(result.matches for _, result in played) else 1
+        results = pool.map(_replay, indices, "replay", "episode", failed=lambda _, reason: reason)
+        played = dict(zip(indices, results, strict=True))
+    _print({index: result for index, result in played.items() if not isinstance(result, str)})
+    unplayed = {index: result for index, result in played.items() if isinstance(result, str)}
+    for index, reason in unplayed.items():
+        print(f"episode {index}: not played: {reason}")
+    matches = all(not isinstance(result, str) and result[1].matches for result in played.values())
+    return 0 if matches else 1
 
 
 def parse_episodes(text: str, count: int) -> list[int]:
@@ -96,12 +101,12 @@ def _warn_of_other_versions(dataset: RecordedDataset) -> None:
         )
 
 
-def _print(indices: Sequence[int], played: Sequence[tuple[EpisodeMeta, ReplayResult]]) -> None:
+def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
-    for meta, result in played:
+    for meta, result in played.values():
         groups[meta.task, meta.variation].append(result)
     table = Table()
     for heading in ("task", "variation", "episodes", "ticks", "same states", "solved"):
@@ -113,7 +118,7 @@ def _print(indices: Sequence[int], played: Sequence[tuple[EpisodeMeta, ReplayRes
         table.add_row(task, *map(str, (variation, len(group), ticks, same, solved)))
     console = Console()
     console.print(table)
-    for index, (meta, result) in zip(indices, played, strict=True):
+    for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
             console.print(
@@ -133,6 +138,6 @@ def _prepare(root: Path, mode: ReplayMode) -> None:
     _replayer = Replayer(root, mode)
 
 
-def _replay(index: int) -> tuple[EpisodeMeta, ReplayResult]:
+def _replay(index: int) -> tuple[EpisodeMeta, ReplayResult] | str:
     assert _replayer is not None
     return _replayer.replay(index)

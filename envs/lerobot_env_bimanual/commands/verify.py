@@ -135,7 +135,7 @@ def _verify_view(root: Path, config: VerifyConfig) -> _ViewReport:
     count = min(config.render, len(indices))
     rendered = frozenset(np.random.default_rng(config.seed).choice(indices, count, replace=False).tolist())
     with WorkerPool(config.workers, _prepare, (root, rendered, not remark), PRELOADED) as pool:
-        reports = list(pool.map(_verify, indices, dataset.view, "episode"))
+        reports = list(pool.map(_verify, indices, dataset.view, "episode", failed=_unverified))
     is_whole = indices == list(range(len(dataset)))
     return _ViewReport(root, verify_metadata(root), reports, is_whole, remark)
 
@@ -168,3 +168,11 @@ def _prepare(root: Path, rendered: frozenset[int], simulate: bool) -> None:
 def _verify(index: int) -> EpisodeReport:
     assert _verifier is not None
     return _verifier.verify(index)
+
+
+def _unverified(index: int, reason: str) -> EpisodeReport:
+    """The report of an episode whose checks came to no end."""
+    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.verifier import EpisodeReport
+
+    return EpisodeReport(index, "", {"checked": (Fault(reason),)})

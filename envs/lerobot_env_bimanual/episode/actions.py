@@ -2,7 +2,8 @@
 
 | action | `joint`, `keypose` (strict) | `auto` (learned values) |
 |---|---|---|
-| wrong length, NaN or infinite | `InvalidAction` | `InvalidAction` |
+| no vector of real numbers, wrong length | `InvalidAction` | `InvalidAction` |
+| NaN or infinite as float32 | `InvalidAction` | `InvalidAction` |
 | gripper outside 0..1 | clipped | clipped |
 | joint target outside its limits, by at most 0.1 rad | clipped | clipped |
 | joint target further outside | `InvalidAction` | clipped |
@@ -12,9 +13,15 @@
 Clipping a policy's regressed targets is the field's habit, and an untrained network must be able to run
 through `lerobot-eval`; a caller who chose a strict mode made a mistake instead. Keyposes that cannot be reached
 are not bad actions: they end the episode as a failure in every mode.
+
+An `InvalidAction` leaves a single environment as it was: its caller made a mistake, and may go on with a better action.
+In a vector environment it ends the episode of its own environment as a failure, as no caller can correct one of many
+(see `lerobot_env_bimanual.vector`).
 """
 
 from __future__ import annotations
+
+from collections.abc import Collection
 
 import numpy as np
 from gymnasium import spaces
@@ -37,6 +44,29 @@ from lerobot_env_bimanual.robots.arm_pair import ArmPair
 JOINT_TOLERANCE_RAD = 0.1
 
 
+def real_vector(action: ArrayLike, lengths: Collection[int]) -> NDArray[np.float32]:
+    """An action of the right form; its values may still be refused.
+
+    Args:
+        action: as it was given.
+        lengths: that it may have.
+
+    Raises:
+        InvalidAction: it has another shape, or does not consist of real numbers.
+    """
+    wanted = f"a vector of {' or '.join(map(str, lengths))} numbers"
+    try:
+        vector = np.asarray(action)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
+        raise InvalidAction(f"{wanted}, got what NumPy cannot read: {error}") from error
+    if vector.ndim != 1 or vector.size not in lengths:
+        raise InvalidAction(f"{wanted}, got shape {vector.shape}")
+    if vector.dtype.kind not in "iuf":
+        raise InvalidAction(f"{wanted}, got {vector.dtype.name} values")
+    with np.errstate(over="ignore"):  # what is too large becomes infinite
+        return vector.astype(np.float32)
+
+
 class ActionReader:
     """Turns the vectors given to `step` into a joint action or a keypose.
 
@@ -50,6 +80,12 @@ class ActionReader:
         self._strict = control_mode != "auto"
         self.lower = np.array([*arm_pair.joint_lower, 0.0] * len(ARMS), dtype=np.float32)
         self.upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Numbers that an action may have."""
+        modes = {"auto": (JOINT_ACTION_DIM, KEYPOSE_DIM), "joint": (JOINT_ACTION_DIM,)}
+        return modes.get(self._mode, (KEYPOSE_DIM,))
 
     @property
     def space(self) -> spaces.Box:
@@ -69,20 +105,15 @@ class ActionReader:
             InvalidAction: see the table above.
             KeyposeFailure: a zero quaternion in mode `auto`.
         """
-        vector = np.asarray(action)
-        lengths = {"auto": (JOINT_ACTION_DIM, KEYPOSE_DIM), "joint": (JOINT_ACTION_DIM,)}
-        valid = lengths.get(self._mode, (KEYPOSE_DIM,))
-        if vector.ndim != 1 or vector.size not in valid:
-            raise InvalidAction(
-                f"control mode {self._mode!r} takes a vector of {' or '.join(map(str, valid))} numbers, "
-                f"got shape {vector.shape}"
-            )
+        try:
+            vector = real_vector(action, self.lengths)
+        except InvalidAction as error:
+            raise InvalidAction(f"control mode {self._mode!r} takes {error}") from error
         if vector.size == KEYPOSE_DIM:
             return self._read_keypose(vector)
         return self._read_joints(vector)
 
-    def _read_joints(self, vector: NDArray) -> NDArray[np.float32]:
-        vector = vector.astype(np.float32)
+    def _read_joints(self, vector: NDArray[np.float32]) -> NDArray[np.float32]:
         if not np.isfinite(vector).all():
             bad = [JOINT_NAMES[i] for i in np.flatnonzero(~np.isfinite(vector))]
             raise InvalidAction(f"joint action is not finite in: {', '.join(bad)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -56,3 +57,14 @@ class EpisodeProgress:
         """Take the conditions after a tick into account."""
         self.conditions = conditions
         self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0
+
+    def info(self) -> dict[str, Any]:
+        """What the environment tells besides its observation."""
+        return {
+            "is_success": self.succeeded,
+            "conditions": dict(self.conditions),
+            "failure": self.failure,
+            "ticks": self.ticks,
+            "line_fallbacks": self.line_fallbacks,
+            "seed": self.seed,
+        }

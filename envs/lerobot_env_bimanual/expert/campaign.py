@@ -13,11 +13,13 @@ from dataclasses import replace
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
-from lerobot_env_bimanual.expert.outcome import Job, Keyposes, Outcome
+from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Job, Keyposes, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import Move, failed_to_start, run_episode
+from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 
 BLIND_EPISODES = 30
@@ -40,10 +42,10 @@ class Campaign(WorkerPool):
         """Outcomes of the jobs, in their order, with a progress bar called `label`."""
         known = {job: outcome for job in jobs if self._log and (outcome := self._log.get(job))}
         todo = [job for job in jobs if job not in known]
-        outcomes = self.map(play, todo, label, "episode", done=len(known))
+        outcomes = self.map(play, todo, label, "episode", len(known), failed=not_played)
         for job, outcome in zip(todo, outcomes, strict=True):
             known[job] = outcome
-            if self._log:
+            if self._log and not outcome.failure.startswith(NOT_PLAYED):
                 self._log.add(job, outcome)
         return [known[job] for job in jobs]
 
@@ -61,6 +63,28 @@ class Campaign(WorkerPool):
                 f"the expert of {task!r} solved no training episode, so there is no mean to play"
             )
         return tuple(map(tuple, mean_keyposes(episodes).tolist()))
+
+
+def not_played(job: Job, reason: str) -> Outcome:
+    """The outcome of a job that ended by an accident, which is nobody's failure but must not go unseen."""
+    spec = get_task(job.task).spec
+    drawn = draw_episode(spec, job.split, job.seed, spec.variation_index(job.variation))
+    return Outcome(
+        task=job.task,
+        variation=drawn.variation.index,
+        split=job.split,
+        seed=job.seed,
+        success=False,
+        failure=NOT_PLAYED + reason,
+        last_move="",
+        unmet=(),
+        keyposes=(),
+        ticks=0,
+        draws=0,
+        line_fallbacks=0,
+        unstable=False,
+        state_hash="",
+    )
 
 
 _environments: dict[tuple[str, str, str], BimanualEnv] = {}
@@ -84,6 +108,9 @@ def play(job: Job) -> Outcome:
             outcome = run_episode(env, job.seed, control, moves.append)
         except PlacementFailure as failure:
             return failed_to_start(env, str(failure))
+        except Exception:
+            del _environments[key]  # in whatever state it is
+            raise
     if recorder is None or not outcome.success:
         return outcome
     keyposes, ticks = [move.action for move in moves], [report.ticks for report in outcome.keyposes]

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
-from lerobot_env_bimanual.expert.outcome import Outcome
+from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Outcome
 from lerobot_env_bimanual.tasks.registry import get_task
 
 MIN_EXPERT_RATE = 0.99
@@ -29,13 +29,18 @@ def complaints(control: str, discretise: int, outcomes: Sequence[Outcome]) -> li
     The expert must succeed in 99 % of the episodes of every variation, 97 % with rounded keyposes, arrive at every
     keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes. Holding still and random
     keyposes must never succeed, a frozen arm never where the paper says that it takes two, and mean keyposes in at
-    most 20 % of a task's episodes. Nothing may be unstable.
+    most 20 % of a task's episodes. Nothing may be unstable, and every episode must have been played.
     """
     if control == "expert":
         found = [*_too_rare(outcomes, MIN_DISCRETISED_RATE if discretise else MIN_EXPERT_RATE)]
         found += _flaws_of_experts(outcomes)
     else:
         found = [*_too_frequent(control, outcomes)]
+    found += [
+        f"{_episode(outcome)}: {outcome.failure}"
+        for outcome in outcomes
+        if outcome.failure.startswith(NOT_PLAYED)
+    ]
     unstable = [outcome for outcome in outcomes if outcome.unstable]
     return found + [f"{_episode(outcome)}: the simulation was unstable" for outcome in unstable]
 

@@ -14,10 +14,14 @@ from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import plain_write_errors
-from lerobot_env_bimanual.workers import WorkerDied, WorkerPool, worker_context
+from lerobot_env_bimanual.worker import WorkFailed
+from lerobot_env_bimanual.workers import WorkerPool, worker_context
 
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch."""
+
+LOCK_PATIENCE_S = 1.0
+"""For a lock that is held for microseconds."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +64,20 @@ class ProcessExecutor(WorkerPool):
     ) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self.run(_record, [(settings, shard, folder(shard.name)) for shard in shards], POLL_S)
+            work = [(settings, shard, folder(shard.name)) for shard in shards]
+            yield from self.run(_record, work, POLL_S, lambda item: f"shard {item[1].name}")
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self.run(_merge, jobs, POLL_S)
+            yield from self.run(_merge, jobs, POLL_S, lambda job: f"merging view {job.view!r}")
 
 
 @contextmanager
 def _finished_shards_kept() -> Iterator[None]:
     try:
         yield
-    except WorkerDied as error:
+    except WorkFailed as error:
         raise DatasetError(f"{error}. Finished shards are kept") from error
 
 
@@ -91,15 +96,23 @@ class _Worker:
         self._tally = tally
 
     def count_success(self) -> None:
-        with self._tally.successes.get_lock():
-            self._tally.successes.value += 1
+        _add(self._tally.successes, 1)
 
     @contextmanager
     def cpu_time_counted(self) -> Iterator[None]:
         start_s = time.process_time()
         yield
-        with self._tally.cpu_seconds.get_lock():
-            self._tally.cpu_seconds.value += time.process_time() - start_s
+        _add(self._tally.cpu_seconds, time.process_time() - start_s)
+
+
+def _add(counter: Synchronized, amount: float) -> None:
+    """Count something that is only shown; given up if another worker died with the lock in its hand."""
+    lock = counter.get_lock()
+    if lock.acquire(timeout=LOCK_PATIENCE_S):
+        try:
+            counter.value += amount
+        finally:
+            lock.release()
 
 
 _worker: _Worker | None = None

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
-from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.gl import mujoco, release_gl
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_GEOMS = 2000
+
+_making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Renderer:
     """Renders one scene from some of its cameras, at one size.
 
     The OpenGL context is created at the first image and freed by `close`, by the end of a `with` block, or at
-    interpreter exit.
+    interpreter exit; each in any thread, but one at a time.
 
     Attributes:
         cameras: names, in the order of the images.
@@ -87,8 +90,13 @@ class Renderer:
         if self._context is None:
             self._context = _Context(self._model, self.height, self.width, self._quality)
         context = self._context
-        context.begin(self._data)
-        return {camera: context.image(self._data, self._model.camera(camera).id) for camera in self.cameras}
+        try:
+            context.begin(self._data)
+            return {
+                camera: context.image(self._data, self._model.camera(camera).id) for camera in self.cameras
+            }
+        finally:
+            release_gl()
 
     def close(self) -> None:
         """Free the OpenGL context; the next `render` makes a new one."""
@@ -115,9 +123,9 @@ class _Context:
                 f"MUJOCO_GL={os.environ.get('MUJOCO_GL')}, but its driver library is not installed"
             )
         try:
-            gl = mujoco.GLContext(width, height)
-            gl.make_current()
-            with _offscreen_settings(model, height, width, quality):
+            with _offscreen_settings(model, height, width, quality), _making_a_context:
+                gl = mujoco.GLContext(width, height)
+                gl.make_current()
                 self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
         except (ImportError, RuntimeError, mujoco.FatalError) as error:
             raise MissingGL(f"{type(error).__name__}: {error}") from error

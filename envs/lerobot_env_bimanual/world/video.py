@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.errors import BimanualError
 
 CRF = "20"
 """Constant rate factor of H.264: visually clean at about 100 kB per second of video."""
@@ -36,17 +39,22 @@ class VideoWriter:
         return self._folder / f".{self._stem}.part"
 
     def add(self, rgb: NDArray[np.uint8]) -> None:
-        """Append a frame, uint8 (H, W, 3); even sides, as chroma is stored at half resolution."""
+        """Append a frame, uint8 (H, W, 3); even sides, as chroma is stored at half resolution.
+
+        Raises:
+            BimanualError: the file cannot be written.
+        """
         import av  # only those who film pay for the import
 
-        if self._container is None:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            self._container = av.open(str(self._partial), "w", format="mp4")
-            self._stream = self._container.add_stream("libx264", rate=self._fps)
-            self._stream.height, self._stream.width = rgb.shape[:2]
-            self._stream.pix_fmt = "yuv420p"
-            self._stream.options = {"crf": CRF, "preset": "veryfast"}
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+        with self._plain_errors():
+            if self._container is None:
+                self._folder.mkdir(parents=True, exist_ok=True)
+                self._container = av.open(str(self._partial), "w", format="mp4")
+                self._stream = self._container.add_stream("libx264", rate=self._fps)
+                self._stream.height, self._stream.width = rgb.shape[:2]
+                self._stream.pix_fmt = "yuv420p"
+                self._stream.options = {"crf": CRF, "preset": "veryfast"}
+            self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
         self.frames += 1
 
     def close(self, outcome: str) -> Path | None:
@@ -54,10 +62,22 @@ class VideoWriter:
 
         Returns:
             Its path, or `None` if no frame was written.
+
+        Raises:
+            BimanualError: the file cannot be written.
         """
         if self._container is None:
             return None
-        self._container.mux(self._stream.encode(None))
-        self._container.close()
-        self._container = None
-        return self._partial.replace(self._folder / f"{self._stem}_{outcome}.mp4")
+        container, self._container = self._container, None
+        with self._plain_errors():
+            container.mux(self._stream.encode(None))
+            container.close()
+            return self._partial.replace(self._folder / f"{self._stem}_{outcome}.mp4")
+
+    @contextmanager
+    def _plain_errors(self) -> Iterator[None]:
+        """Say in words that a file cannot be written; PyAV's errors about files are OSErrors, too."""
+        try:
+            yield
+        except OSError as error:
+            raise BimanualError(f"cannot write films to {self._folder}: {error}") from error

@@ -1,0 +1,42 @@
+"""What the tests of workers have them do; a module of its own, so that workers can import it."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+OBSTINATE = "obstinate"
+
+
+class Unportable(Exception):
+    """Cannot be made again from its message."""
+
+    def __init__(self, first: int, second: int):
+        super().__init__("two numbers")
+
+
+def double_or_die(word: str) -> str:
+    """Twice the word; `obstinate` kills its process each time, a path only if no file is there, which it makes."""
+    if word == OBSTINATE:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if word.startswith("/") and not Path(word).exists():
+        Path(word).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.05)
+    return 2 * word
+
+
+def touch_or_die(path: str) -> None:
+    double_or_die(OBSTINATE) if path == OBSTINATE else Path(path).touch()
+
+
+def raise_unportable(_: int) -> None:
+    raise Unportable(1, 2)
+
+
+def result_without_a_pickle(_: int) -> object:
+    return lambda: None
+
+
+def fail_to_prepare() -> None:
+    raise FileNotFoundError("no such dataset")
