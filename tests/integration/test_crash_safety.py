@@ -17,7 +17,7 @@ KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
 """What appears while the first shard is recorded, after it, and while shards are merged."""
 
 DRILL = Path(__file__).with_name("crash_drill.py")
-KILLS = 20
+KILLS = 8
 SEED = 20
 
 
@@ -50,10 +50,12 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
 
 
 @pytest.mark.timeout(1800)
-def test_whole_runs_killed_at_random_moments_lose_only_what_was_unfinished(tmp_path) -> None:
-    drill = subprocess.run(
-        [sys.executable, DRILL, tmp_path, str(KILLS), str(SEED)], capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize("victim", ["parent", "all"])
+def test_runs_killed_at_random_moments_lose_only_what_was_unfinished_and_leave_nothing(
+    tmp_path, victim
+) -> None:
+    words = [sys.executable, str(DRILL), str(tmp_path), str(KILLS), str(SEED), victim]
+    drill = subprocess.run(words, capture_output=True, text=True, check=False)
     assert drill.returncode == 0, drill.stdout + drill.stderr
     outcome = json.loads(drill.stdout.splitlines()[-1])
     assert outcome["kills"] == KILLS
