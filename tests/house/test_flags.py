@@ -85,7 +85,7 @@ def test_a_field_without_default_is_a_required_flag() -> None:
     class Needy:
         output: Path  # where to
 
-    with pytest.raises(BadCommandLine, match="output"):
+    with pytest.raises(BadCommandLine, match=r"missing: --output=path\. `--help` explains every flag"):
         parse_flags(Needy, [])
     assert parse_flags(Needy, ["--output=here"]).output == Path("here")
 

@@ -9,8 +9,8 @@ hit the work and not the imports. Prints what was seen as one line of JSON.
 
 import contextlib
 import json
+import multiprocessing
 import os
-import re
 import select
 import shutil
 import signal
@@ -26,6 +26,7 @@ from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
 from lerobot_env_bimanual.generation import merge, shard  # noqa: F401  what a worker would import
 
 SHARDS = 2
+SEMAPHORES = f"drill-{os.getpid()}"
 PATIENCE_S = 60
 """For workers whose parent was killed."""
 
@@ -35,7 +36,8 @@ def main(folder: Path, kills: int, seed: int, victim: str) -> dict[str, object]:
     workers.START_METHOD = "fork"
     (folder / "tmp").mkdir()
     tempfile.tempdir = str(folder / "tmp")
-    semaphores = abandoned_semaphores()
+    # What semaphores are named after, here and in forks, so that those of other programs are not taken for ours.
+    multiprocessing.current_process()._config["semprefix"] = f"/{SEMAPHORES}"  # pyright: ignore[reportAttributeAccessIssue]
     undisturbed = folder / "undisturbed" / "drill"
     start = time.monotonic()
     assert run(undisturbed) is None
@@ -65,9 +67,8 @@ def main(folder: Path, kills: int, seed: int, victim: str) -> dict[str, object]:
     seen["damaged"] += [
         line for line in (folder / "log").read_text().splitlines() if "recorded again" in line
     ]
-    places = (root.parent, folder / "tmp")
-    seen["leftovers"] = [str(path) for place in places for path in place.iterdir()]
-    seen["leftovers"] += sorted(abandoned_semaphores() - semaphores)
+    left = (root.parent.iterdir(), (folder / "tmp").iterdir(), Path("/dev/shm").glob(f"sem.{SEMAPHORES}*"))
+    seen["leftovers"] = [str(path) for paths in left for path in paths]
     return seen
 
 
@@ -110,15 +111,6 @@ def run(root: Path, victim: str = "all", kill_after_s: float | None = None) -> i
 def contents(root: Path) -> dict[str, bytes]:
     """Every file of a folder."""
     return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
-
-
-def abandoned_semaphores() -> set[str]:
-    """Named semaphores that no living process of this user has open."""
-    used = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        with contextlib.suppress(OSError):
-            used |= set(re.findall(r"/dev/shm/(sem\.\S+)", maps.read_text()))
-    return {path.name for path in Path("/dev/shm").glob("sem.*")} - used
 
 
 if __name__ == "__main__":
