@@ -13,6 +13,8 @@ from multiprocessing import util
 from pathlib import Path
 
 PREFIX = "lerobot_bimanual-"
+MOST_BYTES_OF_PLACE = 49
+"""A socket's path has 107 at most, and multiprocessing's has 58 more than this."""
 
 
 @cache
@@ -20,9 +22,11 @@ def use_scratch_folder() -> Path:
     """Have multiprocessing keep the socket of its fork server in a folder that the next command removes if need be.
 
     Returns:
-        The folder, below the system's temporary one.
+        The folder, below the system's temporary one, or `/tmp` if the path of that is too long for a socket.
     """
     place = Path(tempfile.gettempdir())
+    if len(os.fsencode(place)) > MOST_BYTES_OF_PLACE:
+        place = Path("/tmp")
     for folder in place.glob(f"{PREFIX}*"):
         if (lock := _lock(folder)) is not None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,14 @@ HOLD = "from lerobot_env_bimanual.scratch import use_scratch_folder as u; print(
 
 
 @pytest.fixture
-def command(tmp_path):
+def place():
+    """A temporary folder with a path that is short enough for a socket below it."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def command(place):
     """Starts a process that has a scratch folder; gives it and its folder."""
     running = []
 
@@ -20,7 +28,7 @@ def command(tmp_path):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env={"TMPDIR": str(tmp_path)},
+            env={"TMPDIR": str(place)},
         )
         running.append(process)
         assert process.stdout is not None
@@ -33,29 +41,29 @@ def command(tmp_path):
 
 
 def test_the_folder_of_a_killed_process_goes_with_the_next_and_that_of_a_living_one_stays(
-    command, tmp_path
+    command, place
 ) -> None:
     killed, lost = command()
     living, kept = command()
     killed.kill()
     killed.wait()
-    assert {lost, kept} == set(tmp_path.iterdir())
+    assert {lost, kept} == set(place.iterdir())
     ending, own = command()
-    assert {kept, own} == set(tmp_path.iterdir())
+    assert {kept, own} == set(place.iterdir())
     ending.communicate("\n")
     living.communicate("\n")
-    assert not list(tmp_path.iterdir())
+    assert not list(place.iterdir())
 
 
-def test_nothing_but_own_folders_is_removed(command, tmp_path) -> None:
-    elsewhere = tmp_path / "elsewhere"
+def test_nothing_but_own_folders_is_removed(command, place) -> None:
+    elsewhere = place / "elsewhere"
     (elsewhere / "photos").mkdir(parents=True)
-    (tmp_path / "lerobot_bimanual-link").symlink_to(elsewhere)
-    (tmp_path / "lerobot_bimanual-file").touch()
+    (place / "lerobot_bimanual-link").symlink_to(elsewhere)
+    (place / "lerobot_bimanual-file").touch()
     process, _ = command()
     process.communicate("\n")
     assert (elsewhere / "photos").is_dir()
-    assert {path.name for path in tmp_path.iterdir()} == {
+    assert {path.name for path in place.iterdir()} == {
         "elsewhere",
         "lerobot_bimanual-link",
         "lerobot_bimanual-file",
