@@ -52,7 +52,6 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
     assert "leaked" not in last.stderr
     assert not list(place.glob("lerobot_bimanual-*"))
     shutil.rmtree(place)
-    )
     assert not partial.exists()
     assert tree_hashes(root) == tree_hashes(generated)
 
