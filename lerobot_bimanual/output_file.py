@@ -4,6 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
+from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError
 
 
@@ -51,11 +52,8 @@ def write_file(path: Path, text: str) -> None:
     check_output_file(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        with partial.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
+        partial.write_text(text, encoding="utf-8")
+        move_durably(partial, path)
     except OSError as error:
         raise UnwritableOutput(path, error.strerror or str(error)) from error
     finally:

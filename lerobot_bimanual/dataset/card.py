@@ -14,7 +14,7 @@ from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
 
-CARD_FILE = "README.md"
+CARD_FILE = Path("README.md")
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
 
@@ -113,7 +113,8 @@ def _summary(provenance: Provenance, info: dict) -> Iterable[str]:
         f"Expert demonstrations of bimanual manipulation, simulated in MuJoCo with two Franka arms: "
         f"{info['total_episodes']} episodes, {info['total_frames']} rows."
     )
-    fractions = provenance.settings.get("intermediate") or ()
+    fractions = provenance.settings.get("intermediate")
+    fractions = fractions if isinstance(fractions, list | tuple) else ()  # whatever a stranger's file says
     intermediate = f" and the rows at {', '.join(map(str, fractions))} of each motion" if fractions else ""
     yield VIEW_TEXT[provenance.view].format(intermediate=intermediate.replace(" and the", ", the"))
     counts = Counter((key.task, key.variation) for key in provenance.episodes)

@@ -1,19 +1,23 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
 import json
+import reprlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
+from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.errors import BimanualError, SchemaMismatch
 from lerobot_bimanual.json_file import read_json
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
 SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
 """Packages whose versions decide which episode a seed means."""
+
+MAX_INT = 2**63
+"""Seeds and variations are stored as 64-bit integers."""
 
 STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
 
@@ -26,6 +30,22 @@ class EpisodeKey:
     variation: int
     split: str
     seed: int
+
+    @classmethod
+    def from_dict(cls, content: object) -> Self:
+        """The value that `dataclasses.asdict` gave, after a passage through JSON.
+
+        Raises:
+            SchemaMismatch: a field is missing, unknown, or of another type.
+        """
+        kinds = {field.name: int if field.name in ("variation", "seed") else str for field in fields(cls)}
+        if not isinstance(content, dict) or content.keys() != kinds.keys():
+            raise SchemaMismatch(f"an episode or seed has {', '.join(kinds)}, not {_shortened(content)}")
+        for name, kind in kinds.items():
+            value = content[name]
+            if type(value) is not kind or (isinstance(value, int) and not 0 <= value < MAX_INT):
+                raise SchemaMismatch(f"{name} of an episode or seed is {_shortened(value)}")
+        return cls(**content)
 
 
 @dataclass(frozen=True)
@@ -80,16 +100,30 @@ class Provenance:
             SchemaMismatch: the file has another form than this version writes, or cannot be read.
         """
         try:
-            content = read_json(path)
-            if not all(isinstance(content[name], dict) for name in ("versions", "settings")):
-                raise TypeError("versions and settings must be objects")
-            episodes = [EpisodeKey(**key) for key in content.pop("episodes")]
-            skipped = [SkippedSeed(**seed) for seed in content.pop("skipped")]
-            return cls(**content, episodes=episodes, skipped=skipped)
-        except (BimanualError, ValueError, KeyError, TypeError, AttributeError) as error:
+            return cls._from_dict(read_json(path))
+        except BimanualError as error:
             raise SchemaMismatch(
                 f"{path} is not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
             ) from error
+
+    @classmethod
+    def _from_dict(cls, content: object) -> Self:
+        names = [field.name for field in fields(cls)]
+        if not isinstance(content, dict) or content.keys() != {*names}:
+            raise SchemaMismatch(f"it must have {', '.join(names)} and nothing else")
+        if content["schema_version"] != SCHEMA_VERSION:
+            raise SchemaMismatch(f"schema_version is {_shortened(content['schema_version'])}")
+        if content["view"] not in VIEWS:
+            raise SchemaMismatch(f"view is {_shortened(content['view'])}, not one of {', '.join(VIEWS)}")
+        check_versions(content["versions"])
+        for name, kind in (("settings", dict), ("command", str), ("episodes", list), ("skipped", list)):
+            if not isinstance(content[name], kind):
+                raise SchemaMismatch(f"{name} is {_shortened(content[name])}")
+        if not content["episodes"]:
+            raise SchemaMismatch("there are no episodes")
+        episodes = [EpisodeKey.from_dict(key) for key in content["episodes"]]
+        skipped = [SkippedSeed.from_dict(seed) for seed in content["skipped"]]
+        return cls(**content | {"episodes": episodes, "skipped": skipped})
 
     def other_versions(self) -> dict[str, tuple[str, str]]:
         """Packages that decide what a seed means and differ here: package -> (recorded, installed) version."""
@@ -106,6 +140,16 @@ class Provenance:
         path.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
 
 
+def check_versions(versions: object) -> None:
+    """Refuse what are no versions of packages.
+
+    Raises:
+        SchemaMismatch: it is not a text by package.
+    """
+    if not isinstance(versions, dict) or not all(isinstance(version, str) for version in versions.values()):
+        raise SchemaMismatch(f"versions are {_shortened(versions)}, not a text for each package")
+
+
 def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
     """Versions of packages in this process; "none" for one that is not installed."""
     versions = {}
@@ -115,3 +159,7 @@ def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, 
         except PackageNotFoundError:
             versions[package] = "none"
     return versions
+
+
+def _shortened(value: object) -> str:
+    return reprlib.repr(value)

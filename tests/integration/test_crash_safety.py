@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -17,7 +19,7 @@ KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
 """What appears while the first shard is recorded, after it, and while shards are merged."""
 
 DRILL = Path(__file__).with_name("crash_drill.py")
-KILLS = 20
+KILLS = 8
 SEED = 20
 
 
@@ -32,9 +34,11 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
         *("--task=lift_ball", "--episodes=3", "--image_size=24x32", "--cameras=front,left_wrist"),
         *("--intermediate=0.5", "--episodes_per_shard=2", "--repo_id=local/small"),
     ]
+    place = Path(tempfile.mkdtemp(dir="/tmp"))  # short enough for the path of a socket
+    environment = os.environ | {"TMPDIR": str(place)}
     rng = np.random.default_rng()  # at other moments in every run of the test
     for sight in KILL_WHEN:
-        run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+        run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True, env=environment)
         while not any(partial.glob(sight)):
             assert run.poll() is None, f"ended before {sight} appeared"
             time.sleep(0.01)
@@ -43,17 +47,22 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
         run.wait()
         wait_until_gone(run.pid)
         assert not root.exists()
-    last = subprocess.run(command, capture_output=True, text=True, check=False)
+    last = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert last.returncode == 0, last.stderr
+    assert "leaked" not in last.stderr
+    assert not list(place.glob("lerobot_bimanual-*"))
+    shutil.rmtree(place)
     assert not partial.exists()
     assert tree_hashes(root) == tree_hashes(generated)
 
 
 @pytest.mark.timeout(1800)
-def test_whole_runs_killed_at_random_moments_lose_only_what_was_unfinished(tmp_path) -> None:
-    drill = subprocess.run(
-        [sys.executable, DRILL, tmp_path, str(KILLS), str(SEED)], capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize("victim", ["parent", "all"])
+def test_runs_killed_at_random_moments_lose_only_what_was_unfinished_and_leave_nothing(
+    tmp_path, victim
+) -> None:
+    words = [sys.executable, str(DRILL), str(tmp_path), str(KILLS), str(SEED), victim]
+    drill = subprocess.run(words, capture_output=True, text=True, check=False)
     assert drill.returncode == 0, drill.stdout + drill.stderr
     outcome = json.loads(drill.stdout.splitlines()[-1])
     assert outcome["kills"] == KILLS

@@ -1,6 +1,5 @@
 """Generated datasets are complete, reproducible, true to the environment, and survive crashes."""
 
-import json
 import os
 import re
 import shlex
@@ -20,9 +19,9 @@ from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, mak
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.checksums import write_report
 from lerobot_env_bimanual.generation.plan import ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import write_report
 
 pytestmark = pytest.mark.sim
 
@@ -170,56 +169,6 @@ def test_two_runs_at_one_root_are_refused(tmp_path, small_generation, records_he
     with pytest.raises(KeyboardInterrupt):
         make_dataset(settings, root, executor)
     assert executor.recorded == ["000000"]
-
-
-@pytest.fixture
-def begun(tmp_path, small_generation, records_here):
-    """Options of a run that was interrupted before its first shard, and its staging folder."""
-    config = small_generation(tmp_path / "begun")
-    with pytest.raises(KeyboardInterrupt):
-        make_dataset(settings_of(config), config.root, records_here(patience=0))
-    return config, tmp_path / "begun.partial"
-
-
-def test_an_unfinished_dataset_of_other_settings_is_refused(begun) -> None:
-    config, _ = begun
-    with pytest.raises(DatasetError, match="episodes is 3, not 5"):
-        generate(replace(config, episodes=5))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda stamp: stamp["versions"].update(mujoco="1.2.3"), r"'mujoco': '1\.2\.3'"),
-        (lambda stamp: stamp["settings"].update(episodes="three"), "episodes is 'three', but must be"),
-        (lambda stamp: stamp["settings"].pop("episodes"), "missing or unknown: episodes"),
-        (lambda stamp: stamp.clear(), r"settings\.json is damaged"),
-    ],
-)
-def test_an_unfinished_dataset_of_other_versions_or_of_none_is_refused(begun, change, message) -> None:
-    config, partial = begun
-    stamp = json.loads((partial / "settings.json").read_text())
-    change(stamp)
-    (partial / "settings.json").write_text(json.dumps(stamp))
-    with pytest.raises(DatasetError, match=message):
-        generate(config)
-    (partial / "settings.json").write_text("")
-    with pytest.raises(DatasetError, match=r"settings\.json is damaged"):
-        generate(config)
-
-
-def test_leftovers_of_killed_runs_are_removed(begun, records_here) -> None:
-    config, partial = begun
-    (partial / "tmp-123" / "frames").mkdir(parents=True)
-    with pytest.raises(KeyboardInterrupt):
-        make_dataset(settings_of(config), config.root, records_here(patience=0))
-    assert not list(partial.glob("tmp-*"))
-
-
-def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path, small_generation) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(DatasetError, match=r"cannot write .*Not a directory"):
-        generate(small_generation(tmp_path / "file" / "dataset"))
 
 
 # -- which seeds --------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.dataset.seal import seal_problems, write_seal
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -148,6 +149,7 @@ def test_a_stranger_with_an_empty_cache_loads_it_by_name(published, dataset, des
     assert (length, shape, dtype) == (len(np.concatenate(labels)), [1, 24, 32], "torch.float32")
     assert Path(root).is_relative_to(desk.folder)
     assert RecordedDataset(root).provenance == RecordedDataset(dataset).provenance
+    assert list(seal_problems(Path(root))) == []
 
 
 def test_a_stranger_trains_on_it_by_name(published, desk, tiny_flags) -> None:
@@ -202,6 +204,7 @@ def test_generate_pushes_also_what_was_complete_before(hub, generated, tmp_path,
     settings = {**provenance.settings, "views": ["keyframes"], "repo_id": "someone/complete"}
     shutil.copytree(generated / "keyframes", tmp_path / "one")
     replace(provenance, settings=settings).write(tmp_path / "one")
+    write_seal(tmp_path / "one")
     flags = ("--view=keyframes", "--repo_id=someone/complete", f"--root={tmp_path / 'one'}", "--push_to_hub")
     done = desk.run(*words, *flags)
     assert done.returncode == 0, done.stderr
@@ -231,10 +234,13 @@ def test_a_push_that_cannot_be_is_one_clear_line(dataset, desk, repo_id, changes
 def test_only_one_whole_dataset_can_be_pushed(generated, dataset, desk, tmp_path) -> None:
     shutil.copytree(dataset, tmp_path / "edited")
     (tmp_path / "edited" / PROVENANCE_FILE).unlink()
+    shutil.copytree(dataset, tmp_path / "damaged")
+    (tmp_path / "damaged/data/chunk-000/file-000.parquet").write_bytes(b"PAR1")
     for root, message in (
         (tmp_path / "nowhere", "no LeRobot dataset at"),
         (generated, f"{generated / 'frames'} and {generated / 'keyframes'}"),
         (tmp_path / "edited", "does not say where it comes from"),
+        (tmp_path / "damaged", "data/chunk-000/file-000.parquet has changed since it was written"),
     ):
         done = desk.push(root)
         assert done.returncode == 1

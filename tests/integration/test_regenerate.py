@@ -70,6 +70,11 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
         ({"views": []}, "views is"),
         ({"cameras": 7}, "cameras is 7"),
         ({"command": "ls"}, "missing or unknown: command"),
+        ({"episodes": 10**9}, "episodes is 1000000000"),
+        ({"episodes": True}, "episodes is True"),
+        ({"first_seed": 10**30}, "first_seed is 1000"),
+        ({"intermediate": ["half"]}, "intermediate is"),
+        ({"repo_id": "../../elsewhere"}, "repo_id is"),
     ],
 )
 def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, message) -> None:
@@ -79,8 +84,40 @@ def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, messa
     assert not (tmp_path / "never").exists()
 
 
-@pytest.mark.parametrize("text", ["[]", "{}", "not json", '{"settings": 1, "versions": 2}'])
-def test_a_file_that_is_no_provenance_is_refused(tmp_path, text) -> None:
-    (tmp_path / "notes.json").write_text(text)
+@pytest.mark.parametrize(
+    "content",
+    [b"[]", b"{}", b"not json", b"", b"\xff\xfe{}", b"[" * 100_000, b'{"settings": 1, "versions": 2}'],
+    ids=["list", "nothing", "no JSON", "empty", "no UTF-8", "deep", "other"],
+)
+def test_a_file_that_is_no_provenance_is_refused(tmp_path, content) -> None:
+    (tmp_path / "notes.json").write_bytes(content)
     with pytest.raises(SchemaMismatch, match=r"notes\.json is not what schema version"):
         regenerate(RegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never"))
+
+
+@pytest.mark.parametrize("command", ["", "'unclosed", '"', "--root", "$(rm -rf /)"])
+def test_an_empty_or_unquoted_command_does_no_harm(
+    provenance, tmp_path, records_here, monkeypatch, command
+) -> None:
+    asked = []
+    monkeypatch.setattr(
+        "lerobot_env_bimanual.commands.generate.make_dataset", lambda *words: asked.append(words[0])
+    )
+    rewrite(provenance, lambda origin: origin.update(command=command))
+    with pytest.raises(DatasetError, match="no dataset at"):  # nothing was made, as nobody records here
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+    assert [settings.tasks for settings in asked] == [("lift_ball",)]
+
+
+def test_a_recipe_that_was_changed_in_its_dataset_is_refused_and_a_damaged_dataset_is_not(
+    generated, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr("lerobot_env_bimanual.commands.generate.make_dataset", lambda *_: None)
+    dataset = Path(shutil.copytree(generated / "keyframes", tmp_path / "small"))
+    config = RegenerateConfig(provenance=dataset / PROVENANCE_FILE, root=tmp_path / "never")
+    shutil.rmtree(dataset / "data")
+    with pytest.raises(DatasetError, match="no dataset at"):  # it went as far as to look at what was made
+        regenerate(config)
+    rewrite(dataset / PROVENANCE_FILE, lambda origin: origin["settings"].update(first_seed=5))
+    with pytest.raises(DatasetError, match="is not the file that was published with its dataset"):
+        regenerate(config)

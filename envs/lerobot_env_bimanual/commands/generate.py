@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,16 +42,15 @@ class GenerateConfig:
     # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
     # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
     executor: Literal["processes", "ray"] = "processes"
-    # Of the ray cluster; by default that of RAY_ADDRESS or of this machine, or else one is started for this run, as
+    # Of the ray cluster. Without it, that of RAY_ADDRESS or of this machine, or else one is started for this run, as
     # `local` always does.
     ray_address: str | None = None
     workers: int = 0  # shards recorded at the same time; 0 takes one per core, of the whole cluster with ray
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
-    repo_id: str | None = None  # LeRobot's name of the dataset; by default local/ and the folder's name
-    push_to_hub: bool = (
-        False  # upload the complete dataset to repo_id on the Hugging Face Hub; takes a single view
-    )
+    repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
+    # Upload the complete dataset to `repo_id` on the Hugging Face Hub; takes a single view.
+    push_to_hub: bool = False
 
 
 def generate(config: GenerateConfig) -> None:
@@ -60,7 +60,8 @@ def generate(config: GenerateConfig) -> None:
     that the expert does not solve are listed with their reason, and the next seed takes their place.
 
     The dataset grows in ROOT.partial and appears at ROOT in one move. After a crash or an interruption the same
-    command goes on where it stopped; shards that were damaged meanwhile are named and recorded again.
+    command goes on where it stopped; shards that were damaged meanwhile are named and recorded again. A dataset that
+    is there already is read once more: it is complete if every file is as it was published.
 
     Examples:
         lerobot-bimanual generate --task=lift_ball --episodes=50 --root=data/lift_ball
@@ -131,7 +132,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
         executor: who does the work.
 
     Raises:
-        BimanualError: the place is taken or cannot be written, or something cannot be recorded.
+        BimanualError: the place is taken, damaged or cannot be written, or something cannot be recorded.
     """
     from lerobot_env_bimanual.generation.build import build_dataset
     from lerobot_env_bimanual.generation.staging import Staging
@@ -142,8 +143,14 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
             staging.remove()
             print(f"{root} is already complete: {settings.total_episodes} episodes")
             return
-        with executor:
-            reports = build_dataset(settings, staging, executor)
+        try:
+            with executor:
+                reports = build_dataset(settings, staging, executor)
+        except KeyboardInterrupt:
+            print(
+                f"\nfinished shards are kept in {staging.folder}; the same command goes on", file=sys.stderr
+            )
+            raise
     skipped = [seed for report in reports for seed in report.skipped]
     minutes, cpu_minutes = (time.monotonic() - start_s) / 60, executor.cpu_seconds / 60
     megabytes = sum(path.stat().st_size for path in root.rglob("*") if path.is_file()) / 1e6

@@ -21,7 +21,8 @@ def regenerate(config: RegenerateConfig) -> None:
     """Make a dataset again from its provenance, a file of about a hundred bytes per episode.
 
     The file is `meta/bimanual.json`, which `generate` writes into every view; one view's file makes all views. The
-    installed simulation must have the versions that it names. Can be interrupted and repeated as `generate`.
+    installed simulation must have the versions that it names. Can be interrupted and repeated as `generate`. In the
+    folder of its dataset the file must be the one that was published; the rest of the dataset may be damaged or gone.
 
     Only the settings of the dataset are taken from the file. Its command is for people to read and is never run:
     somebody else's file does not choose what is uploaded where, or which machines work.
@@ -29,13 +30,21 @@ def regenerate(config: RegenerateConfig) -> None:
     Examples:
         lerobot-bimanual regenerate --provenance=lift_ball.json --root=data/lift_ball
     """
-    from lerobot_bimanual.dataset.provenance import Provenance
+    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
     from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
     from lerobot_env_bimanual.commands.generate import make_dataset
     from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
     provenance = Provenance.load(config.provenance)
+    dataset = config.provenance.absolute().parent.parent
+    is_in_place = config.provenance.absolute() == dataset / PROVENANCE_FILE
+    if is_in_place and (dataset / SEAL_FILE).exists() and not is_as_sealed(dataset, PROVENANCE_FILE):
+        raise DatasetError(
+            f"{config.provenance} is not the file that was published with its dataset, as {dataset / SEAL_FILE} shows: "
+            "restore it, or copy it elsewhere to make what it says now"
+        )
     if others := provenance.other_versions():
         found = ", ".join(f"{package} {installed}" for package, (_, installed) in others.items())
         wanted = " ".join(f"{package}=={recorded}" for package, (recorded, _) in others.items())

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from tqdm import tqdm
 
-from lerobot_env_bimanual.generation.checksums import DamagedShard
 from lerobot_env_bimanual.generation.executor import Executor, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.progress import Progress
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import DamagedShard
 from lerobot_env_bimanual.generation.staging import Staging, new_folder
 
 
@@ -29,8 +29,8 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
         DatasetError: something cannot be written, an expert fails too often, workers died, or shards are damaged
             again and again. What is finished stays for the next run.
     """
-    shards = _record(settings, staging, executor)
-    folders = [(staging.shard_folder(shard.name), report) for shard, report in shards]
+    finished = _record(settings, staging, executor)
+    folders = [(staging.shard_folder(shard.name), report) for shard, report in finished]
     command = settings.command(staging.root.name)
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
@@ -38,11 +38,12 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
             MergeJob(settings, view, command, folders, merged, temporary / f"cache of {view}")
             for view in settings.views
         ]
-        with tqdm(bar_format=f"merging {len(folders)} shards, {{elapsed}}") as bar:
+        shards = f"{len(folders)} shard{'s' if len(folders) > 1 else ''}"
+        with tqdm(bar_format=f"merging {shards}, {{elapsed}}") as bar:
             for _ in executor.merge(jobs):
                 bar.refresh()
         staging.publish(merged)
-    return [report for _, report in shards]
+    return [report for _, report in finished]
 
 
 def _record(

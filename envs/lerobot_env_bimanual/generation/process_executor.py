@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.sharedctypes import Synchronized
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from lerobot_bimanual.errors import DatasetError
@@ -14,27 +14,25 @@ from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import plain_write_errors
+from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import WorkFailed
 from lerobot_env_bimanual.workers import WorkerPool, worker_context
 
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch."""
 
-LOCK_PATIENCE_S = 1.0
-"""For a lock that is held for microseconds."""
-
 
 @dataclass(frozen=True)
-class _Tally:
-    """What all workers count together.
+class _News:
+    """What a worker tells while it works, or has just done.
 
     Attributes:
         successes: episodes recorded.
-        cpu_seconds: CPU time of finished work.
+        cpu_seconds: CPU time taken.
     """
 
-    successes: Synchronized[int]
-    cpu_seconds: Synchronized[float]
+    successes: int = 0
+    cpu_seconds: float = 0.0
 
 
 class ProcessExecutor(WorkerPool):
@@ -45,19 +43,28 @@ class ProcessExecutor(WorkerPool):
     """
 
     def __init__(self, workers: int):
-        context = worker_context()
-        self._tally = _Tally(context.Value("q", 0), context.Value("d", 0.0))
-        super().__init__(workers, _prepare, (self._tally,), PRELOADED)
+        use_scratch_folder()
+        # Not counters in shared memory: their locks outlive processes that are killed. A message is far below 4 kB, so
+        # it arrives whole or not at all.
+        self._news, self._outlet = worker_context().Pipe(duplex=False)
+        self._sum = _News()
+        super().__init__(workers, _prepare, (self._outlet,), PRELOADED)
 
     @property
     def successes(self) -> int:
-        """Episodes recorded so far; read without the lock, which a killed worker may have taken along."""
-        return self._tally.successes.get_obj().value
+        """Episodes recorded so far."""
+        return self._heard().successes
 
     @property
     def cpu_seconds(self) -> float:
-        """See `Executor`; read without the lock, too."""
-        return self._tally.cpu_seconds.get_obj().value
+        """See `Executor`."""
+        return self._heard().cpu_seconds
+
+    def _heard(self) -> _News:
+        while self._news.poll():
+            news = self._news.recv()
+            self._sum = _News(self._sum.successes + news.successes, self._sum.cpu_seconds + news.cpu_seconds)
+        return self._sum
 
     def record(
         self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
@@ -85,53 +92,43 @@ class _Worker:
     """What a worker process keeps from one work to the next.
 
     Args:
-        tally: of its parent.
+        outlet: where its parent hears of it.
     """
 
-    def __init__(self, tally: _Tally):
+    def __init__(self, outlet: Connection):
         from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
 
         quieten_libraries()
         self.shards = ShardRecorder()
-        self._tally = tally
+        self._outlet = outlet
 
-    def count_success(self) -> None:
-        _add(self._tally.successes, 1)
+    def tell_success(self) -> None:
+        self._outlet.send(_News(successes=1))
 
     @contextmanager
-    def cpu_time_counted(self) -> Iterator[None]:
+    def cpu_time_told(self) -> Iterator[None]:
         start_s = time.process_time()
         yield
-        _add(self._tally.cpu_seconds, time.process_time() - start_s)
-
-
-def _add(counter: Synchronized, amount: float) -> None:
-    """Count something that is only shown; given up if another worker died with the lock in its hand."""
-    lock = counter.get_lock()
-    if lock.acquire(timeout=LOCK_PATIENCE_S):
-        try:
-            counter.value += amount
-        finally:
-            lock.release()
+        self._outlet.send(_News(cpu_seconds=time.process_time() - start_s))
 
 
 _worker: _Worker | None = None
 
 
-def _prepare(tally: _Tally) -> None:
+def _prepare(outlet: Connection) -> None:
     global _worker
-    _worker = _Worker(tally)
+    _worker = _Worker(outlet)
 
 
 def _record(work: tuple[GenerationSettings, Shard, Path]) -> None:
     assert _worker is not None
-    with _worker.cpu_time_counted():
-        _worker.shards.record(*work, _worker.count_success)
+    with _worker.cpu_time_told():
+        _worker.shards.record(*work, _worker.tell_success)
 
 
 def _merge(job: MergeJob) -> None:
     from lerobot_env_bimanual.generation.merge import merge_shards
 
     assert _worker is not None
-    with _worker.cpu_time_counted(), plain_write_errors(job.root):
+    with _worker.cpu_time_told(), plain_write_errors(job.root):
         merge_shards(job)

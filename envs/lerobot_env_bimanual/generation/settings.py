@@ -14,13 +14,14 @@ from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE, SPLITS
 from lerobot_env_bimanual.tasks.registry import get_task
 
-LEAST = {
-    "episodes": 1,
-    "first_seed": 0,
-    "discretise": 0,
-    "episodes_per_shard": 1,
+LIMITS = {
+    "episodes": (1, 100_000),
+    "first_seed": (0, 2**48),
+    "discretise": (0, 1000),
+    "episodes_per_shard": (1, 10_000),
 }
-"""Options that are whole numbers, and the least that each may be."""
+"""Options that are whole numbers, with the least and the most that each may be: a slip of the finger should not fill
+memory and disk."""
 
 REPO_ID = re.compile(r"\w[\w. -]*(/\w[\w. -]*)?")
 
@@ -68,10 +69,10 @@ class GenerationSettings:
             pixels = getattr(self, option)
             if type(pixels) is not int or not MIN_IMAGE_SIDE <= pixels <= MAX_IMAGE_SIDE:
                 raise InvalidChoice(option, pixels, [f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels"])
-        for option, least in LEAST.items():
+        for option, (least, most) in LIMITS.items():
             value = getattr(self, option)
-            if type(value) is not int or value < least:
-                raise InvalidChoice(option, value, [f"an integer of at least {least}"])
+            if type(value) is not int or not least <= value <= most:
+                raise InvalidChoice(option, value, [f"an integer from {least} to {most}"])
         for option in ("tasks", "views", "cameras"):
             _check_names(option, getattr(self, option))
         for task in self.tasks:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+
+from tqdm import tqdm
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
@@ -14,9 +17,9 @@ from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.checksums import write_report
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import write_report
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 
 
@@ -27,6 +30,9 @@ def quieten_libraries() -> None:
     import pyarrow
     import torch
 
+    tqdm.set_lock(
+        threading.RLock()
+    )  # its own is a named semaphore, which would outlive a worker that is killed
     torch.set_num_threads(1)
     pyarrow.set_cpu_count(1)
     datasets.disable_progress_bars()

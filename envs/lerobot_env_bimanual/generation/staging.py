@@ -6,7 +6,8 @@
     tmp-.../         work in progress of some process
 
 Everything enters `shards` and the final place by one rename, so whatever has a name there is complete. A killed run
-leaves at most `tmp-` folders, which the next one removes.
+leaves at most `tmp-` folders, which the next one removes. What a folder is for, its shards know best: each has its own
+report and checksums, so a `settings.json` that is lost or damaged is written again from them.
 """
 
 from __future__ import annotations
@@ -15,49 +16,63 @@ import errno
 import fcntl
 import json
 import os
+import re
 import shutil
 import socket
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
-from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
-from lerobot_bimanual.dataset.schema import VIEWS
+from tqdm import tqdm
+
+from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.json_file import read_json
-from lerobot_env_bimanual.generation.checksums import read_report
+from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
+from lerobot_env_bimanual.generation.publication import is_published
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import DamagedShard, read_report, shard_origin
 
 ALMOST_FULL_BYTES = 2**20
 """A disk with less space is taken for full; image writers hide the reason of their failures."""
+
+REFUSALS = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.ENAMETOOLONG)
+"""Of the system, whatever space is left."""
+
+LOCK, STAMP, SHARDS, TEMPORARY = "lock", "settings.json", "shards", "tmp-"
+SHARD_NAME = re.compile(r"\d{6,}")
 
 
 class Staging:
     """The staging folder of one dataset, owned by one process while the `with` block runs.
 
     Args:
-        root: where the dataset will be.
+        root: where the dataset will be; of a link, the folder that it leads to.
         settings: what it will hold.
 
     Raises:
-        DatasetError: on entry, if the place is taken, not writable, used by another process, or holds an unfinished
-            dataset of other settings or versions.
+        DatasetError: on entry, if the place is taken, not writable, used by another process, holds an unfinished
+            dataset of other settings or versions, or something of somebody else; also if no dataset can ever appear
+            there.
     """
 
     def __init__(self, root: Path, settings: GenerationSettings):
-        self.root = root.absolute()
-        self.folder = self.root.with_name(self.root.name + ".partial")
+        self.root = Path(os.path.realpath(root))
+        self.folder = self.root.parent / f"{self.root.name}.partial"
         self._settings = settings
+        self._origin = Origin.here(settings)
         self._lock: int | None = None
 
     def __enter__(self) -> Self:
         """Take the lock, tidy up after killed runs, and check that the same dataset is meant."""
         with plain_write_errors(self.folder):
+            self._refuse_impossible_root()
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _take_lock(self.folder / "lock", self.root)
+            self._refuse_strays()
+            self._lock = _take_lock(self.folder / LOCK, self.root)
             try:
                 self._adopt()
             except BaseException:
@@ -70,21 +85,18 @@ class Staging:
         self._release()
 
     def is_published(self) -> bool:
-        """Whether the dataset is complete at its final place.
+        """Whether the dataset is complete at its final place, see `publication.is_published`.
 
         Raises:
-            DatasetError: something else is there.
+            DatasetError: something else is there, or a part of the dataset is missing or changed.
         """
-        if not self.root.exists() or (self.root.is_dir() and not any(self.root.iterdir())):
-            return False
-        places = (self.root, *(self.root / view for view in VIEWS))
-        provenance = next((found for place in places if (found := Provenance.read(place)) is not None), None)
-        if provenance is None:
-            raise DatasetError(
-                f"{self.root} exists and was not made by this command; choose another --root or remove it"
-            )
-        self._refuse_other(provenance.settings, self.root)
-        return True
+        with plain_write_errors(self.root):
+            try:
+                return is_published(self.root, self._origin)
+            except DatasetError:
+                if not any(self._shards.iterdir()):
+                    self.remove()  # nothing was begun here
+                raise
 
     def report(self, shard: Shard) -> ShardReport | None:
         """Report of a finished shard, `None` if it is not finished.
@@ -107,9 +119,7 @@ class Staging:
     def publish(self, folder: Path) -> None:
         """Move a finished dataset to its final place and remove the staging folder."""
         with plain_write_errors(self.root):
-            if self.root.is_dir():
-                self.root.rmdir()  # empty, as `is_published` made sure
-            folder.rename(self.root)
+            move_durably(folder, self.root)
             self.remove()
 
     def remove(self) -> None:
@@ -118,54 +128,70 @@ class Staging:
 
     @property
     def _shards(self) -> Path:
-        return self.folder / "shards"
+        return self.folder / SHARDS
+
+    def _refuse_impossible_root(self) -> None:
+        if os.path.ismount(self.root):
+            raise DatasetError(
+                f"{self.root} is where a disk is mounted, and a dataset cannot take the place of a disk: choose a "
+                f"folder in it, for example --root={self.root / 'dataset'}"
+            )
+        if self.folder.is_symlink():
+            raise DatasetError(
+                f"{self.folder} is a link, but a dataset has to grow on the disk on which it will be: remove the link"
+            )
+        if occupied := next((parent for parent in self.root.parents if parent.is_file()), None):
+            raise DatasetError(f"cannot make {self.root}: {occupied} is a file and not a folder")
+
+    def _refuse_strays(self) -> None:
+        """The folder is removed in the end, so what is somebody else's must not be in it."""
+        for path in (*self.folder.iterdir(), *(self._shards.iterdir() if self._shards.is_dir() else ())):
+            if path.parent == self._shards:
+                is_ours = SHARD_NAME.fullmatch(path.name) and path.is_dir()
+            elif path.name == SHARDS:
+                is_ours = path.is_dir()
+            else:
+                is_ours = path.name.startswith(TEMPORARY) or (path.name in (LOCK, STAMP) and path.is_file())
+            if not is_ours or path.is_symlink():
+                raise DatasetError(
+                    f"{path} was not made by this command: move it away, since {self.folder.name} is removed when the "
+                    "dataset is complete"
+                )
 
     def _adopt(self) -> None:
-        for leftover in self.folder.glob("tmp-*"):
-            shutil.rmtree(leftover)
+        for leftover in self.folder.glob(f"{TEMPORARY}*"):
+            shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
         self._shards.mkdir(exist_ok=True)
-        stamp = self.folder / "settings.json"
-        mine = {"settings": self._settings.to_dict(), "versions": installed_versions()}
-        if not stamp.is_file():
-            with new_folder(self.folder) as temporary:
-                (temporary / stamp.name).write_text(json.dumps(mine, indent=2) + "\n", encoding="utf-8")
-                (temporary / stamp.name).rename(stamp)
-            return
+        stamp, stamped, damage = self.folder / STAMP, None, ""
         try:
-            theirs = read_json(stamp)
-            settings, versions = theirs["settings"], theirs["versions"]
-        except (BimanualError, KeyError, TypeError) as error:
-            raise DatasetError(
-                f"{stamp} is damaged ({error}): remove {self.folder} to start again"
-            ) from error
-        self._refuse_other(settings, self.folder)
-        if versions != mine["versions"]:
-            raise DatasetError(
-                f"{self.folder} was begun with {versions}, but installed are {mine['versions']}: "
-                "install the same versions, or remove the folder to start again"
-            )
-
-    def _refuse_other(self, found: object, place: Path) -> None:
-        """Refuse a place that was begun with other settings than these."""
-        try:
-            differences = GenerationSettings.from_dict(found).differences(self._settings)
+            stamped = Origin.from_dict(read_json(stamp)) if stamp.exists() else None
         except BimanualError as error:
-            differences = [str(error)]
-        if differences:
-            raise DatasetError(
-                f"{place} holds a dataset of other settings: {'; '.join(differences)}. "
-                "Repeat the command that made it, choose another --root, or remove the folder"
+            damage = f"{stamp} is damaged ({error})"
+        if stamped == self._origin:
+            return
+        finished = [*self._origins_of_whole_shards()]
+        for found in finished or ([] if stamped is None else [stamped]):
+            self._origin.refuse_at(self.folder, found)
+        if stamped is not None:
+            damage = f"{stamp} does not agree with the shards beside it"
+        if damage:
+            tqdm.write(
+                f"{damage}; it is written again, and {len(finished)} whole shards of this dataset are kept"
             )
+        with new_folder(self.folder) as temporary:
+            text = json.dumps(self._origin.to_dict(), indent=2) + "\n"
+            (temporary / STAMP).write_text(text, encoding="utf-8")
+            move_durably(temporary / STAMP, stamp)
+
+    def _origins_of_whole_shards(self) -> Iterator[Origin]:
+        for folder in self._shards.iterdir():
+            with suppress(DamagedShard):  # named when its turn comes
+                yield shard_origin(folder)
 
     def _release(self) -> None:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-
-def view_folder(root: Path, settings: GenerationSettings, view: str) -> Path:
-    """Folder of one view of a dataset: `root` itself if it is the only one, otherwise `root/<view>`."""
-    return root if settings.views == (view,) else root / view
 
 
 @contextmanager
@@ -181,7 +207,7 @@ def new_folder(parent: Path) -> Iterator[Path]:
 def place_shard(folder: Path, target: Path) -> None:
     """Give a finished shard its name; a target that exists already is as good, and stays."""
     if not target.exists():
-        folder.rename(target)
+        move_durably(folder, target)
 
 
 @contextmanager
@@ -196,9 +222,9 @@ def plain_write_errors(place: Path) -> Iterator[None]:
     except BimanualError:
         raise
     except Exception as error:
-        existing = next(path for path in (place, *place.parents) if path.exists())
-        is_full = shutil.disk_usage(existing).free < ALMOST_FULL_BYTES
-        if is_full or (isinstance(error, OSError) and error.errno == errno.ENOSPC):
+        if isinstance(error, OSError) and error.errno in REFUSALS:
+            raise DatasetError(f"cannot write {place}: {error.strerror or error}") from error
+        if _is_full(place) or (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
             raise DatasetError(
                 f"no space left on the disk of {place}; free some and repeat the command"
             ) from error
@@ -207,10 +233,16 @@ def plain_write_errors(place: Path) -> Iterator[None]:
         raise
 
 
+def _is_full(place: Path) -> bool:
+    existing = next(path for path in (place, *place.parents) if os.path.lexists(path))
+    disk = shutil.disk_usage(existing)
+    return disk.total > 0 and disk.free < ALMOST_FULL_BYTES  # /proc and its kind have no size at all
+
+
 def _take_lock(path: Path, root: Path) -> int:
     """File descriptor of the exclusive lock at `path`, which tells whose it is."""
     while True:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

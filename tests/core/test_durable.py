@@ -1,0 +1,59 @@
+"""What has its final name is on the disk."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual.durable import move_durably
+
+
+@pytest.fixture
+def steps(monkeypatch) -> list[tuple[str, str]]:
+    """What is brought to the disk and renamed, in this order."""
+    done: list[tuple[str, str]] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def note_sync(descriptor: int) -> None:
+        done.append(("sync", Path(f"/proc/self/fd/{descriptor}").readlink().name))
+        fsync(descriptor)
+
+    def note_rename(path: Path, target: Path) -> Path:
+        done.append(("rename", target.name))
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(Path, "replace", note_rename)
+    return done
+
+
+def test_everything_in_a_folder_is_on_the_disk_before_it_is_renamed_and_the_name_after(
+    tmp_path, steps
+) -> None:
+    (tmp_path / "new/deep").mkdir(parents=True)
+    (tmp_path / "new/a").write_text("a")
+    (tmp_path / "new/deep/b").write_text("b")
+    (tmp_path / "places").mkdir()
+    move_durably(tmp_path / "new", tmp_path / "places/final")
+    assert set(steps[:4]) == {("sync", name) for name in ("a", "b", "deep", "new")}
+    assert steps[4:] == [("rename", "final"), ("sync", "places")]
+    assert (tmp_path / "places/final/deep/b").read_text() == "b"
+
+
+def test_a_file_is_moved_likewise_and_takes_the_place_of_an_older_one(tmp_path, steps) -> None:
+    (tmp_path / "new").write_text("new")
+    (tmp_path / "final").write_text("old")
+    move_durably(tmp_path / "new", tmp_path / "final")
+    assert steps == [("sync", "new"), ("rename", "final"), ("sync", tmp_path.name)]
+    assert (tmp_path / "final").read_text() == "new"
+
+
+def test_a_folder_takes_the_place_of_an_empty_one_only(tmp_path) -> None:
+    (tmp_path / "new").mkdir()
+    (tmp_path / "final").mkdir()
+    (tmp_path / "final/mine").touch()
+    with pytest.raises(OSError, match="not empty"):
+        move_durably(tmp_path / "new", tmp_path / "final")
+    (tmp_path / "final/mine").unlink()
+    move_durably(tmp_path / "new", tmp_path / "final")
+    assert not (tmp_path / "new").exists()
