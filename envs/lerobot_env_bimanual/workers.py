@@ -21,6 +21,7 @@ from typing import Any, Self
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed, end_of
 
 START_METHOD = "forkserver"
@@ -59,6 +60,7 @@ class WorkerPool:
         if workers < 0:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
+        use_scratch_folder()
         self._context = worker_context()
         self._context.set_forkserver_preload(["lerobot_env_bimanual.worker", *preload])
         self._limit = workers or os.cpu_count() or 1

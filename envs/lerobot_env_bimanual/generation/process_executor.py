@@ -14,7 +14,6 @@ from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import plain_write_errors
-from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import WorkFailed
 from lerobot_env_bimanual.workers import WorkerPool, worker_context
 
@@ -43,7 +42,6 @@ class ProcessExecutor(WorkerPool):
     """
 
     def __init__(self, workers: int):
-        use_scratch_folder()
         # Not counters in shared memory: their locks outlive processes that are killed. A message is far below 4 kB, so
         # it arrives whole or not at all.
         self._news, self._outlet = worker_context().Pipe(duplex=False)
