@@ -21,12 +21,12 @@ from lerobot_bimanual.dataset.video import EpisodeVideoEncoder
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.generation import shard as shard_module
-from lerobot_env_bimanual.generation.checksums import read_report
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merge import merge_shards
 from lerobot_env_bimanual.generation.plan import Shard, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard import ShardRecorder
+from lerobot_env_bimanual.generation.shard_report import read_report
 
 STAGES = ("physics and planning", "rendering", "encoding", "writing", "checking")
 PHYSICS, RENDERING, ENCODING, WRITING, CHECKING = STAGES

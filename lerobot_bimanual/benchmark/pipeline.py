@@ -4,7 +4,6 @@ Each command is shown as a user would type it. A marker file per command holds i
 that running the chain again does only what is missing.
 """
 
-import hashlib
 import json
 import os
 import shlex
@@ -18,6 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
 
@@ -176,9 +176,3 @@ def flag_words(flags: Mapping[str, object]) -> list[str]:
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:
     """Print a command in one piece, ready to be copied."""
     console.print(f"{prompt}{shlex.join(words)}", style="cyan", soft_wrap=True, highlight=False, markup=False)
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file's content, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -6,7 +6,7 @@ from datetime import date
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.benchmark.pipeline import Pipeline, sha256, show_command
+from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.results import (
     PLACES,
@@ -21,6 +21,7 @@ from lerobot_bimanual.benchmark.results import (
     success_rate,
     versions,
 )
+from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.statistics import SuccessRate

@@ -14,7 +14,7 @@ from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
 
-CARD_FILE = "README.md"
+CARD_FILE = Path("README.md")
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
 

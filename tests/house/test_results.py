@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.benchmark.leaderboard import render
-from lerobot_bimanual.benchmark.pipeline import sha256
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_of, flag_value
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
 
 ROOT = Path(__file__).parents[2]

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.pipeline import sha256
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import run
+from lerobot_bimanual.checksums import sha256
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 

@@ -20,9 +20,9 @@ from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, mak
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.checksums import write_report
 from lerobot_env_bimanual.generation.plan import ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import write_report
 
 pytestmark = pytest.mark.sim
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from tqdm import tqdm
 
-from lerobot_env_bimanual.generation.checksums import DamagedShard
 from lerobot_env_bimanual.generation.executor import Executor, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.progress import Progress
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import DamagedShard
 from lerobot_env_bimanual.generation.staging import Staging, new_folder
 
 

@@ -13,12 +13,13 @@ from lerobot.datasets.aggregate import aggregate_datasets
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
+from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.staging import view_folder
 
 
 def merge_shards(job: MergeJob) -> None:
-    """Merge the shards of a view into one dataset.
+    """Merge the shards of a view into one dataset, with its card and its seal.
 
     Every shard keeps its own files, so the time grows with the size of the dataset and not with its square.
     """
@@ -38,6 +39,7 @@ def merge_shards(job: MergeJob) -> None:
     _sort_keys(folder / "meta" / "stats.json")
     _provenance(job).write(folder)
     write_card(folder, job.settings.repo_id)
+    write_seal(folder)
 
 
 def _provenance(job: MergeJob) -> Provenance:

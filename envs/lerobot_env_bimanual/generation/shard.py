@@ -14,9 +14,9 @@ from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.generation.checksums import write_report
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import write_report
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 
 

@@ -27,9 +27,9 @@ from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.json_file import read_json
-from lerobot_env_bimanual.generation.checksums import read_report
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard_report import read_report
 
 ALMOST_FULL_BYTES = 2**20
 """A disk with less space is taken for full; image writers hide the reason of their failures."""

@@ -7,18 +7,17 @@ not agree with both in everything is not merged, wherever it comes from.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
 
+from lerobot_bimanual.checksums import sums_problems, write_sums
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed, installed_versions
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 REPORT_FILE = "report.json"
-SUMS_FILE = "SHA256SUMS"
 
 
 class DamagedShard(DatasetError):
@@ -32,8 +31,7 @@ def write_report(folder: Path, settings: GenerationSettings, report: ShardReport
     """Write report and checksums of a shard whose other files are all written."""
     content = {"settings": settings.to_dict(), "versions": installed_versions(), **asdict(report)}
     (folder / REPORT_FILE).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    sums = _sums(folder)
-    (folder / SUMS_FILE).write_text("".join(f"{sums[name]}  {name}\n" for name in sums), encoding="utf-8")
+    write_sums(folder)
 
 
 def read_report(folder: Path, settings: GenerationSettings, shard: Shard) -> ShardReport:
@@ -48,7 +46,8 @@ def read_report(folder: Path, settings: GenerationSettings, shard: Shard) -> Sha
         DamagedShard: a file is missing, new or changed, or the shard was recorded with other settings, versions or
             candidates.
     """
-    _check_files(folder)
+    if problem := next(sums_problems(folder), None):
+        raise DamagedShard(folder, problem)
     try:
         content = json.loads((folder / REPORT_FILE).read_text(encoding="utf-8"))
         report = ShardReport(
@@ -69,33 +68,3 @@ def read_report(folder: Path, settings: GenerationSettings, shard: Shard) -> Sha
     if tried != sorted(shard.candidates):
         raise DamagedShard(folder, f"it holds the candidates {tried}, not {sorted(shard.candidates)}")
     return report
-
-
-def _check_files(folder: Path) -> None:
-    try:
-        lines = (folder / SUMS_FILE).read_text(encoding="utf-8").splitlines()
-        expected = {name: digest for digest, name in (line.split("  ", 1) for line in lines)}
-    except (OSError, ValueError) as error:
-        raise DamagedShard(folder, f"{SUMS_FILE} cannot be read ({error})") from None
-    try:
-        found = _sums(folder)
-    except OSError as error:
-        raise DamagedShard(folder, f"a file cannot be read ({error})") from None
-    for name in sorted(expected.keys() | found.keys()):
-        if name not in found:
-            raise DamagedShard(folder, f"{name} is missing")
-        if name not in expected:
-            raise DamagedShard(folder, f"{name} does not belong to it")
-        if found[name] != expected[name]:
-            raise DamagedShard(folder, f"{name} has changed since it was written")
-
-
-def _sums(folder: Path) -> dict[str, str]:
-    """Hash of every file but the list of hashes, by its path in the folder, in order."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != SUMS_FILE)
-    return {path.relative_to(folder).as_posix(): _sha256(path) for path in files}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
