@@ -76,7 +76,9 @@ class ImageReader:
     @property
     def units(self) -> dict[str, object]:
         """Rows per second, and the unit in which each depth image is stored."""
-        depth = {key: image["info"].get("depth_unit") for key, image in self._images.items() if is_depth(image)}
+        depth = {
+            key: image["info"].get("depth_unit") for key, image in self._images.items() if is_depth(image)
+        }
         return {"fps": self._fps, **depth}
 
     def images(self, episode: int, key: str) -> Iterator[NDArray]:

@@ -122,7 +122,9 @@ class RecordedDataset:
         entry = self._index.slice(index, 1).to_pylist()[0]
         tasks = entry["tasks"]
         if not (isinstance(tasks, list) and len(tasks) == 1 and isinstance(tasks[0], str)):
-            raise DatasetError(f"the table of episodes gives episode {index} the tasks {tasks}, not one sentence")
+            raise DatasetError(
+                f"the table of episodes gives episode {index} the tasks {tasks}, not one sentence"
+            )
         path = data_file(self.root, self.info, entry)
         table = read_table(path, columns=[*COLUMN_TYPES], filters=[(EPISODE_INDEX, "=", index)])
         if table.num_rows != entry["length"] or not table.num_rows:
@@ -201,7 +203,9 @@ def frames_per_second(info: dict[str, Any]) -> int:
     """
     fps = info.get("fps")
     if type(fps) is not int or not 0 < fps <= 1000:
-        raise DatasetError(f"{INFO_FILE} gives the fps {fps!r}, but must give a whole number, here {schema.FPS}")
+        raise DatasetError(
+            f"{INFO_FILE} gives the fps {fps!r}, but must give a whole number, here {schema.FPS}"
+        )
     return fps
 
 
@@ -290,10 +294,18 @@ def read_table(path: Path, **options: Any) -> pa.Table:
 
 
 def _stored_file(
-    root: Path, info: dict[str, Any], option: str, place: str, entry: dict[str, Any], prefix: str, **names: str
+    root: Path,
+    info: dict[str, Any],
+    option: str,
+    place: str,
+    entry: dict[str, Any],
+    prefix: str,
+    **names: str,
 ) -> Path:
     if info.get(option) != place:
-        raise DatasetError(f"{INFO_FILE} gives the {option} {info.get(option)!r}, but LeRobot's tools write {place!r}")
+        raise DatasetError(
+            f"{INFO_FILE} gives the {option} {info.get(option)!r}, but LeRobot's tools write {place!r}"
+        )
     numbers = {part: entry.get(f"{prefix}/{part}") for part in ("chunk_index", "file_index")}
     if not all(type(number) is int and number >= 0 for number in numbers.values()):
         raise DatasetError(f"the table of episodes gives no file of {prefix}, but {numbers}")

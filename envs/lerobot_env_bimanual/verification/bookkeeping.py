@@ -64,7 +64,9 @@ class Bookkeeping:
     def entries(self) -> list[dict[str, Any]]:
         """The table of episodes without statistics."""
         table = episode_table(self._root)
-        return table.select([name for name in table.column_names if not name.startswith("stats/")]).to_pylist()
+        return table.select(
+            [name for name in table.column_names if not name.startswith("stats/")]
+        ).to_pylist()
 
     @cached_property
     def sentences(self) -> list[Any]:
@@ -84,7 +86,11 @@ class Bookkeeping:
             yield from first_of(episode.bookkeeping[key] != values, f"{key} is not that of its row")
         numbers = episode.bookkeeping[TASK_INDEX]
         known = (numbers >= 0) & (numbers < len(self.sentences))
-        said = [number for number in np.unique(numbers[known]) if self.sentences[number] != episode.meta.instruction]
+        said = [
+            number
+            for number in np.unique(numbers[known])
+            if self.sentences[number] != episode.meta.instruction
+        ]
         yield from first_of(
             ~known | np.isin(numbers, said), f"task_index does not lead to {episode.meta.instruction!r}"
         )
@@ -108,7 +114,9 @@ def check_entries(root: Path) -> Iterator[Fault]:
     videos = [key for key, feature in info["features"].items() if feature["dtype"] == "video"]
     wanted = {*ENTRY, *(f"videos/{key}/{part}" for key in videos for part in VIDEO_ENTRY)}
     if books.entries[0].keys() != wanted:
-        yield Fault(f"the columns of meta/episodes differ from LeRobot's by {sorted(books.entries[0].keys() ^ wanted)}")
+        yield Fault(
+            f"the columns of meta/episodes differ from LeRobot's by {sorted(books.entries[0].keys() ^ wanted)}"
+        )
         return
     row = 0
     ends_s: dict[tuple[Any, ...], float] = {}
@@ -142,7 +150,9 @@ def check_entry_files(root: Path) -> Iterator[Fault]:
         for entry in table.to_pylist():
             place = f"meta/episodes/chunk-{entry[names[0]]:03d}/file-{entry[names[1]]:03d}.parquet"
             if place != path.relative_to(root).as_posix():
-                yield Fault(f"{path.relative_to(root)} says that episode {entry[EPISODE_INDEX]} stands in {place}")
+                yield Fault(
+                    f"{path.relative_to(root)} says that episode {entry[EPISODE_INDEX]} stands in {place}"
+                )
                 break
     if numbers != list(range(len(numbers))):
         yield Fault(f"the files of meta/episodes hold the episodes in the order {numbers[:10]}")

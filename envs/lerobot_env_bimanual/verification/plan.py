@@ -58,7 +58,9 @@ def check_plan(root: Path) -> Iterator[Fault]:
             break
     skipped = [seed for report in reports for seed in report.skipped]
     if skipped != list(provenance.skipped):
-        yield Fault(f"{len(provenance.skipped)} seeds are listed as failed, of which the settings reach {len(skipped)}")
+        yield Fault(
+            f"{len(provenance.skipped)} seeds are listed as failed, of which the settings reach {len(skipped)}"
+        )
     settings = GenerationSettings.from_dict(provenance.settings)
     roots = [word.removeprefix(ROOT) for word in shlex.split(provenance.command) if word.startswith(ROOT)]
     wanted = settings.command(roots[0] if roots else "")

@@ -61,7 +61,7 @@ class ImageStatistics:
         self._scale = 1.0 if is_depth(dict(feature)) else 255.0
         self._rows = set(range(0, rows, STATISTICS_EVERY) if self._is_video else sample_indices(rows))
         self._images: list[NDArray] = []
-        self._running = _running_statistics()
+        self._running = _running_statistics(are_pixels=True)
 
     def add(self, row: int, image: NDArray) -> None:
         """Look at the image of a row, if the recipe does."""
@@ -80,8 +80,8 @@ class ImageStatistics:
         if not self._is_video:
             self._running.update(np.concatenate([_pixels(image) for image in self._images]))
         statistics = self._running.get_statistics()
-        count = statistics.pop("count") if self._is_video else np.array([len(self._images)])
-        return {"count": count} | {
+        pixels = statistics.pop("count")
+        return {"count": pixels if self._is_video else np.array([len(self._images)])} | {
             name: value.reshape(-1, 1, 1) / self._scale for name, value in statistics.items()
         }
 
@@ -107,14 +107,11 @@ class StatisticsTable:
             episode: its columns.
             images: statistics of all its images by key.
         """
-        from lerobot.datasets.compute_stats import compute_episode_stats
-
-        columns = {
-            key: column
+        computed = {
+            key: _feature_statistics(column)
             for key, column in (episode.columns | episode.bookkeeping).items()
             if column.dtype != object
         }
-        computed: dict[str, Statistics] = dict(compute_episode_stats(columns, self._features))
         computed |= {key: statistics.result() for key, statistics in images.items()}
         entry = self._table.slice(episode.index, 1).to_pylist()[0]
         stored = _by_feature({k.removeprefix(PREFIX): v for k, v in entry.items() if k.startswith(PREFIX)})
@@ -134,14 +131,16 @@ def check_dataset_statistics(root: Path) -> Iterator[Fault]:
         _by_feature({k.removeprefix(PREFIX): v for k, v in entry.items() if k.startswith(PREFIX)})
         for entry in episode_table(root).to_pylist()
     ]
-    for episode, offsets in zip(episodes, _offsets(root, episodes), strict=True):
+    for episode, offsets in zip(episodes, tuple(_offsets(root, episodes)), strict=True):
         for key, offset in offsets.items():
             episode[key] = {
                 name: value if name in ("std", "count") else value - offset
                 for name, value in episode[key].items()
             }
     computed = aggregate_stats([{k: dict(v) for k, v in episode.items()} for episode in episodes])
-    found = {key: {name: np.asarray(value) for name, value in values.items()} for key, values in stored.items()}
+    found = {
+        key: {name: np.asarray(value) for name, value in values.items()} for key, values in stored.items()
+    }
     yield from _differences(found, computed, features)
 
 
@@ -186,7 +185,9 @@ def _differences(
             if name not in found or name not in wanted:
                 yield Fault(f"{name} of {key} is {'missing' if name in wanted else 'no statistic'}")
             elif not _agree(name, found[name], wanted[name], scale, is_lossy):
-                yield Fault(f"{name} of {key} is {_short(found[name])}, but its rows have {_short(wanted[name])}")
+                yield Fault(
+                    f"{name} of {key} is {_short(found[name])}, but its rows have {_short(wanted[name])}"
+                )
 
 
 def _agree(name: str, found: NDArray, wanted: NDArray, scale: float, is_lossy: bool) -> bool:
@@ -210,19 +211,32 @@ def _pixels(image: NDArray) -> NDArray:
     return image.reshape(-1, image.shape[-1])
 
 
-def _running_statistics() -> Any:
+def _feature_statistics(column: NDArray) -> Statistics:
+    """Statistics of a vector (rows, n) or a scalar (rows,), as LeRobot's writer takes them."""
+    from lerobot.datasets.compute_stats import get_feature_stats
+
+    if len(column) < 2:
+        return get_feature_stats(column, axis=0, keepdims=column.ndim == 1)
+    running = _running_statistics(are_pixels=False)
+    running.update(column.reshape(len(column), -1))
+    return running.get_statistics()
+
+
+def _running_statistics(are_pixels: bool) -> Any:
     """LeRobot's running statistics with the same numbers, and without its loops over histograms' bins."""
     from lerobot.datasets.compute_stats import RunningQuantileStats
 
-    class OfWholeNumbers(RunningQuantileStats):
-        """Pixels are whole numbers: each of them is put into its bin once, with all its like."""
-
+    class Quick(RunningQuantileStats):
         def _update_histograms(self, batch: NDArray) -> None:
+            if not are_pixels:
+                return super()._update_histograms(batch)
+            # pixels are whole numbers: each of them is put into its bin once, with all its like
             for channel, (histogram, edges) in enumerate(zip(self._histograms, self._bin_edges, strict=True)):
                 counts = np.bincount(batch[:, channel].astype(np.intp))
                 values = np.flatnonzero(counts)
                 bins = np.searchsorted(edges, values.astype(batch.dtype), side="right") - 1
                 np.add.at(histogram, np.minimum(bins, len(histogram) - 1), counts[values])
+            return None
 
         def _adjust_histograms(self) -> None:
             for channel, (histogram, edges) in enumerate(zip(self._histograms, self._bin_edges, strict=True)):
@@ -235,4 +249,23 @@ def _running_statistics() -> Any:
                 np.add.at(counts, np.clip(bins, 0, len(histogram) - 1), histogram[filled])
                 self._histograms[channel], self._bin_edges[channel] = counts, moved
 
-    return OfWholeNumbers()
+        def _compute_quantiles(self) -> list[NDArray]:
+            targets = np.array(self._quantile_list) * self._count
+            found = np.zeros((len(targets), len(self._histograms)))
+            for channel, (histogram, edges) in enumerate(zip(self._histograms, self._bin_edges, strict=True)):
+                filled = np.flatnonzero(histogram)
+                sums = np.cumsum(histogram[filled])
+                for place, target in enumerate(targets):
+                    nth = int(np.searchsorted(sums, target))
+                    bin_index = filled[nth] if nth < len(filled) else len(histogram)
+                    if bin_index in (0, len(histogram)):
+                        found[place, channel] = edges[bin_index and -1]
+                        continue
+                    before = sums[nth - 1] if nth else 0.0
+                    fraction = (target - before) / (sums[nth] - before)
+                    found[place, channel] = edges[bin_index] + fraction * (
+                        edges[bin_index + 1] - edges[bin_index]
+                    )
+            return list(found)
+
+    return Quick()
