@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import (
     EPISODE_INDEX,
-    IMAGE_TYPES,
     INDEX,
     TASK_INDEX,
     RecordedEpisode,
