@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -339,7 +338,7 @@ def _to_numpy(table: pa.Table, key: str, path: Path) -> NDArray:
     if not pa.types.is_list(kind):
         return np.asarray(column.to_numpy(zero_copy_only=False))
     size, numbers = len(schema.VECTORS[key]), column.flatten()
-    if pc.any(pc.not_equal(pc.list_value_length(column), size)).as_py():
+    if (np.diff(column.offsets) != size).any():
         raise DatasetError(f"{key} in {path} has a row whose length is not {size}")
     if numbers.null_count:
         raise DatasetError(f"{key} in {path} has empty cells")

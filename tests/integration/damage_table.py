@@ -69,7 +69,7 @@ def table(d):
             "plan",
             d.provenance(
                 lambda p: p["skipped"].append(
-                    dict(task="lift_ball", variation=0, split="train", seed=9, reason="x")
+                    {"task": "lift_ball", "variation": 0, "split": "train", "seed": 9, "reason": "x"}
                 )
             ),
         ),

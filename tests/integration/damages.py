@@ -247,6 +247,6 @@ def negated(vector: list) -> list:
 def one_of_list(table: pa.Table, key: str = schema.STATE) -> pa.Table:
     """Takes a number from one row and gives it to the next: as many numbers as before."""
     values = table[key].to_pylist()
-    values[1], values[2] = values[1][:-1], [*values[2], 0.0]
+    values[-2], values[-1] = values[-2][:-1], [*values[-1], 0.0]
     place = table.column_names.index(key)
     return table.set_column(place, key, pa.array(values, pa.list_(pa.float32())))

@@ -24,6 +24,7 @@ from lerobot_bimanual.dataset.reader import (
     read_info,
     read_table,
 )
+from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.verification.fault import Fault, first_of
 
 TASKS_FILE = Path("meta", "tasks.parquet")
@@ -122,9 +123,6 @@ def check_entries(root: Path) -> Iterator[Fault]:
     ends_s: dict[tuple[Any, ...], float] = {}
     for entry in books.entries:
         place = f"the entry of episode {entry[EPISODE_INDEX]}"
-        if empty := [name for name, value in entry.items() if value is None]:
-            yield Fault(f"{place} is empty in {', '.join(empty)}")
-            return
         span = entry["dataset_from_index"], entry["dataset_to_index"]
         if span != (row, row + entry["length"]):
             yield Fault(f"{place} has the rows {span}, not {(row, row + entry['length'])}")
@@ -197,7 +195,10 @@ _NUMBERS = pa.schema([(EPISODE_INDEX, pa.int64()), (INDEX, pa.int64())])
 
 
 def _row_count(path: Path) -> int:
-    return pq.read_metadata(path).num_rows
+    try:
+        return pq.read_metadata(path).num_rows
+    except (pa.ArrowException, OSError) as error:
+        raise DatasetError(f"{path} is damaged: {error}") from error
 
 
 def _sentence(entry: dict[str, Any]) -> str:

@@ -193,7 +193,7 @@ def check_card(root: Path) -> Iterator[Fault]:
     provenance = Provenance.read(root)
     if provenance is None:
         return  # the check of the provenance says so
-    text = (root / CARD_FILE).read_text(encoding="utf-8")
+    text = (root / CARD_FILE).read_text(encoding="utf-8", errors="replace")
     form = re.match(r"---\n(.*?)\n---\n\n# ([^\n]*)\n", text, re.DOTALL)
     front = yaml.safe_load(form[1]) if form else None
     if form is None or not isinstance(front, dict):

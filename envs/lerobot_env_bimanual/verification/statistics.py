@@ -106,11 +106,9 @@ class StatisticsTable:
             episode: its columns.
             images: statistics of all its images by key.
         """
-        computed = {
-            key: _feature_statistics(column)
-            for key, column in (episode.columns | episode.bookkeeping).items()
-            if column.dtype != object
-        }
+        columns = (episode.columns | episode.bookkeeping).items()
+        with np.errstate(all="ignore"):  # numbers that are not finite are somebody else's finding
+            computed = {key: _feature_statistics(values) for key, values in columns if values.dtype != object}
         computed |= {key: statistics.result() for key, statistics in images.items()}
         entry = self._table.slice(episode.index, 1).to_pylist()[0]
         stored = _by_feature({k.removeprefix(PREFIX): v for k, v in entry.items() if k.startswith(PREFIX)})
@@ -138,7 +136,7 @@ def check_dataset_statistics(root: Path) -> Iterator[Fault]:
             }
     computed = aggregate_stats([{k: dict(v) for k, v in episode.items()} for episode in episodes])
     found = {
-        key: {name: np.asarray(value) for name, value in values.items()} for key, values in stored.items()
+        key: {name: _array(value) for name, value in values.items()} for key, values in stored.items()
     }
     yield from _differences(found, computed, features)
 
@@ -166,8 +164,15 @@ def _by_feature(flat: Mapping[str, Any]) -> dict[str, dict[str, NDArray]]:
     features: dict[str, dict[str, NDArray]] = {}
     for name, value in flat.items():
         key, _, statistic = name.rpartition("/")
-        features.setdefault(key, {})[statistic] = np.asarray(value)
+        features.setdefault(key, {})[statistic] = _array(value)
     return features
+
+
+def _array(value: Any) -> NDArray:
+    try:
+        return np.asarray(value)
+    except ValueError:  # rows of different lengths
+        return np.asarray(value, dtype=object)
 
 
 def _differences(
@@ -226,6 +231,12 @@ def _running_statistics(are_pixels: bool) -> Any:
     from lerobot.datasets.compute_stats import RunningQuantileStats
 
     class Quick(RunningQuantileStats):
+        _histograms: Any
+        _bin_edges: Any
+        _min: Any
+        _max: Any
+        _quantile_list: Any
+
         def _update_histograms(self, batch: NDArray) -> None:
             if not are_pixels:
                 return super()._update_histograms(batch)
