@@ -63,11 +63,18 @@ class Bookkeeping:
 
     @cached_property
     def entries(self) -> list[dict[str, Any]]:
-        """The table of episodes without statistics."""
+        """The table of episodes without statistics, every cell of which is there.
+
+        Raises:
+            DatasetError: it is damaged, or a cell is empty.
+        """
         table = episode_table(self._root)
-        return table.select(
-            [name for name in table.column_names if not name.startswith("stats/")]
-        ).to_pylist()
+        names = [name for name in table.column_names if not name.startswith("stats/")]
+        if empty := [name for name in names if table[name].null_count]:
+            raise DatasetError(f"the table of episodes is empty in some cells of {', '.join(empty)}")
+        if missing := [name for name in ENTRY if name not in names]:
+            raise DatasetError(f"the table of episodes lacks {', '.join(missing)}")
+        return table.select(names).to_pylist()
 
     @cached_property
     def sentences(self) -> list[Any]:

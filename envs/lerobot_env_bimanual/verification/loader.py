@@ -72,7 +72,8 @@ class LeRobotLoader:
         from lerobot.datasets.feature_utils import get_hf_features_from_features
         from lerobot.datasets.io_utils import hf_transform_to_torch
 
-        path = data_file(self._root, read_info(self._root), self._meta.episodes[episode])
+        entries: Any = self._meta.episodes
+        path = data_file(self._root, read_info(self._root), entries[episode])
         if path == self._loaded:
             return
         features = get_hf_features_from_features(self._meta.features)

@@ -135,9 +135,7 @@ def check_dataset_statistics(root: Path) -> Iterator[Fault]:
                 for name, value in episode[key].items()
             }
     computed = aggregate_stats([{k: dict(v) for k, v in episode.items()} for episode in episodes])
-    found = {
-        key: {name: _array(value) for name, value in values.items()} for key, values in stored.items()
-    }
+    found = {key: {name: _array(value) for name, value in values.items()} for key, values in stored.items()}
     yield from _differences(found, computed, features)
 
 
@@ -238,15 +236,14 @@ def _running_statistics(are_pixels: bool) -> Any:
         _quantile_list: Any
 
         def _update_histograms(self, batch: NDArray) -> None:
-            if not are_pixels:
-                return super()._update_histograms(batch)
-            # pixels are whole numbers: each of them is put into its bin once, with all its like
             for channel, (histogram, edges) in enumerate(zip(self._histograms, self._bin_edges, strict=True)):
-                counts = np.bincount(batch[:, channel].astype(np.intp))
-                values = np.flatnonzero(counts)
-                bins = np.searchsorted(edges, values.astype(batch.dtype), side="right") - 1
-                np.add.at(histogram, np.minimum(bins, len(histogram) - 1), counts[values])
-            return None
+                values, counts = batch[:, channel], np.ones(len(batch))
+                if are_pixels:  # whole numbers: each of them is put into its bin once, with all its like
+                    counts = np.bincount(values.astype(np.intp))
+                    values = np.flatnonzero(counts).astype(batch.dtype)
+                    counts = counts[counts > 0]
+                bins = np.searchsorted(edges, values, side="right") - 1
+                np.add.at(histogram, np.clip(bins, 0, len(histogram) - 1), counts)
 
         def _adjust_histograms(self) -> None:
             for channel, (histogram, edges) in enumerate(zip(self._histograms, self._bin_edges, strict=True)):
