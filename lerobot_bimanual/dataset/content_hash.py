@@ -1,8 +1,10 @@
 """One hash for what a dataset says, whichever way its files are cut.
 
-The hash covers every vector and scalar of the schema, the instruction, and every decoded image, in the order of
-the episodes. File layout, shards, order of columns, compression of tables and packing of videos do not enter, nor
-does LeRobot's own bookkeeping. Two datasets with the same hash train the same policy.
+The hash covers what LeRobot's loader gives a policy, in the order of the episodes: every vector and scalar, LeRobot's
+own columns (time, row, episode), the sentence, every decoded image, rows per second and the unit of depth. File
+layout, shards, order of columns, compression of tables and packing of videos do not enter. Neither do the numbers of
+files, rows and sentences and the statistics: they follow from the rest, and `verify` recomputes them. So two datasets
+with the same hash that both pass `verify` train the same policy.
 """
 
 import hashlib
@@ -13,7 +15,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
+from lerobot_bimanual.dataset.reader import TASK_INDEX, RecordedDataset, RecordedEpisode
+
+
+class EpisodeHash:
+    """The hash of one episode, whose images come row by row or key by key.
+
+    Args:
+        episode: its columns.
+        units: what the numbers are measured in, see `ImageReader.units`.
+    """
+
+    def __init__(self, episode: RecordedEpisode, units: Mapping[str, object]):
+        self._digest = hashlib.sha256(f"{episode.meta.instruction}\n{sorted(units.items())}\n".encode())
+        bookkeeping = {key: column for key, column in episode.bookkeeping.items() if key != TASK_INDEX}
+        for key, column in sorted((episode.columns | bookkeeping).items()):
+            _add(self._digest, key, column)
+        self._images: dict[str, hashlib._Hash] = {}
+
+    def add_image(self, key: str, image: NDArray) -> None:
+        """Add the next image of a key."""
+        _add(self._images.setdefault(key, hashlib.sha256()), key, image)
+
+    def hexdigest(self) -> str:
+        """SHA-256 of all that was added."""
+        digest = self._digest.copy()
+        for _, images in sorted(self._images.items()):
+            digest.update(images.digest())
+        return digest.hexdigest()
 
 
 def content_hash(root: str | Path) -> str:
@@ -24,24 +53,25 @@ def content_hash(root: str | Path) -> str:
     """
     dataset, reader = RecordedDataset(root), ImageReader(root)
     return combined_hash(
-        episode_hash(episode, {key: reader.images(episode.index, key) for key in reader.shapes})
+        episode_hash(episode, {key: reader.images(episode.index, key) for key in reader.shapes}, reader.units)
         for episode in dataset.episodes()
     )
 
 
-def episode_hash(episode: RecordedEpisode, images: Mapping[str, Iterable[NDArray]]) -> str:
+def episode_hash(
+    episode: RecordedEpisode, images: Mapping[str, Iterable[NDArray]], units: Mapping[str, object]
+) -> str:
     """SHA-256 of one episode.
 
     Args:
         episode: its columns.
         images: key -> decoded images in the order of the rows.
+        units: as for `EpisodeHash`.
     """
-    digest = hashlib.sha256(f"{episode.meta.instruction}\n".encode())
-    for key, column in sorted(episode.columns.items()):
-        _add(digest, key, column)
-    for key, stream in sorted(images.items()):
+    digest = EpisodeHash(episode, units)
+    for key, stream in images.items():
         for image in stream:
-            _add(digest, key, image)
+            digest.add_image(key, image)
     return digest.hexdigest()
 
 

@@ -13,7 +13,7 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import combined_hash, content_hash, episode_hash
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.dataset.reader import TASK_INDEX, RecordedDataset
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.errors import DatasetError
 
@@ -56,18 +56,26 @@ def test_every_column_every_image_and_the_order_count(datasets) -> None:
     dataset, reader = RecordedDataset(datasets["keyframes"]), ImageReader(datasets["keyframes"])
     episode = dataset.episode(0)
     images = {key: list(reader.images(0, key)) for key in reader.shapes}
-    hashes = [episode_hash(episode, images)]
+    units = reader.units
+    hashes = [episode_hash(episode, images, units)]
     for key, column in episode.columns.items():
         other = column.copy()
         last = other[-1]
         other[-1] = f"{last}x" if other.dtype == object else ~last if other.dtype == bool else last + 1
-        hashes.append(episode_hash(replace(episode, columns=episode.columns | {key: other}), images))
+        hashes.append(episode_hash(replace(episode, columns=episode.columns | {key: other}), images, units))
+    for key, column in episode.bookkeeping.items():
+        if key != TASK_INDEX:  # the number of a sentence depends on the sentences before it
+            other = episode.bookkeeping | {key: column + 1}
+            hashes.append(episode_hash(replace(episode, bookkeeping=other), images, units))
+    told = replace(episode.meta, instruction="drop the ball")
+    hashes.append(episode_hash(replace(episode, meta=told), images, units))
+    hashes += [episode_hash(episode, images, units | {unit: "other"}) for unit in units]
     for key in images:
         changed = {name: [image.copy() for image in stream] for name, stream in images.items()}
         changed[key][-1].flat[-1] += 1
-        hashes.append(episode_hash(episode, changed))
-        hashes.append(episode_hash(episode, images | {key: images[key][:-1]}))
-        hashes.append(episode_hash(episode, images | {key: images[key][::-1]}))
+        hashes.append(episode_hash(episode, changed, units))
+        hashes.append(episode_hash(episode, images | {key: images[key][:-1]}, units))
+        hashes.append(episode_hash(episode, images | {key: images[key][::-1]}, units))
     assert len(set(hashes)) == len(hashes)
     assert combined_hash(hashes[:2]) != combined_hash(hashes[1::-1])
 

@@ -8,12 +8,21 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
-from lerobot_bimanual.dataset.reader import RecordedDataset, check_features, find_view
+from lerobot_bimanual.dataset.reader import (
+    BOOKKEEPING,
+    DATA_PATH,
+    VIDEO_PATH,
+    RecordedDataset,
+    check_features,
+    find_view,
+)
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
 
@@ -32,6 +41,7 @@ def test_all_columns_come_back_bit_for_bit(datasets, make_episode, view: schema.
         assert recorded.meta == episode.meta
         rows = rows_of_view(episode, view, (0.5,))
         assert len(recorded) == len(rows)
+        assert recorded.bookkeeping["frame_index"].tolist() == list(range(len(rows)))
         for key, column in recorded.columns.items():
             written = np.array([np.squeeze(row_columns(episode, row, view)[key]) for row in rows])
             assert np.array_equal(column, written), key
@@ -70,6 +80,62 @@ def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
         RecordedDataset(tmp_path)
     with pytest.raises(DatasetError, match="no dataset at"):
         find_view(tmp_path)
+
+
+def test_places_of_files_are_lerobots() -> None:
+    from lerobot.datasets.utils import DEFAULT_DATA_PATH, DEFAULT_VIDEO_PATH
+    from lerobot.utils.constants import DEFAULT_FEATURES
+
+    assert (DATA_PATH, VIDEO_PATH) == (DEFAULT_DATA_PATH, DEFAULT_VIDEO_PATH)
+    assert {key: feature["dtype"] for key, feature in DEFAULT_FEATURES.items()} == BOOKKEEPING
+
+
+@pytest.mark.parametrize(
+    "place", ["../{chunk_index}{file_index}", "{x}", "{chunk_index.__class__}", "/etc/hosts", 3]
+)
+def test_tables_are_read_from_no_other_place(datasets, tmp_path, place) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(datasets["frames"], root)
+    file = root / "meta/info.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"data_path": place}))
+    with pytest.raises(DatasetError, match="data_path"):
+        RecordedDataset(root).episode(0)
+
+
+@pytest.mark.parametrize(
+    "feature",
+    [
+        {},
+        "image",
+        {"dtype": "float32"},
+        {"dtype": "image", "shape": [8, 8]},
+        {"dtype": "image", "shape": [0, 8, 3]},
+    ],
+)
+def test_a_feature_without_type_or_shape_is_an_error(datasets, tmp_path, feature) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(datasets["frames"], root)
+    file = root / "meta/info.json"
+    info = json.loads(file.read_text())
+    info["features"]["observation.images.front"] = feature
+    file.write_text(json.dumps(info))
+    for reader in (RecordedDataset, ImageReader):
+        with pytest.raises(DatasetError, match=r"type, shape and info of observation\.images\.front"):
+            reader(root)
+
+
+@pytest.mark.parametrize("key", ["tick", "task_name", "observation.state", "timestamp"])
+def test_an_empty_cell_is_an_error_that_names_the_column(datasets, tmp_path, key: str) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(datasets["keyframes"], root)
+    file = root / "data/chunk-000/file-000.parquet"
+    table = pq.read_table(file)
+    values = table[key].to_pylist()
+    values[1] = None
+    place, field = table.column_names.index(key), table.schema.field(key)
+    pq.write_table(table.set_column(place, field, pa.array(values, field.type)), file)
+    with pytest.raises(DatasetError, match=f"{re.escape(key)} in .* has empty cells"):
+        RecordedDataset(root).episode(0)
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", '{"features": []}', "{", ""])

@@ -153,7 +153,7 @@ def test_an_installed_task_is_listed_certified_and_generated(
     root = tmp_path / "dataset"
     size = ("--episodes=2", "--view=keyframes", "--image_size=32")
     succeed(python_with_a_task, *verbs, "generate", *flags, *size, f"--root={root}")
-    succeed(python_with_a_task, *verbs, "verify", f"--root={root}", "--render=1", "--workers=1")
+    succeed(python_with_a_task, *verbs, "verify", f"--root={root}", "--render=2", "--workers=1")
 
 
 def test_an_installed_task_has_a_gymnasium_id(python_with_a_task: Path) -> None:

@@ -11,14 +11,24 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from lerobot.utils.constants import DEFAULT_FEATURES
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.content_hash import content_hash
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.dataset.reader import BOOKKEEPING, COLUMN_TYPES
+from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
-from lerobot_env_bimanual.verification.verifier import Verifier, verify_metadata
+from lerobot_env_bimanual.verification.bookkeeping import ENTRY, VIDEO_ENTRY
+from lerobot_env_bimanual.verification.fault import faults_of as checked
+from lerobot_env_bimanual.verification.metadata import NAMED_FILES, check_description, check_schema
+from lerobot_env_bimanual.verification.rendering import ALL_ROWS
+from lerobot_env_bimanual.verification.simulation import COMPARED, Player
+from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier, verify_metadata
 
 pytestmark = pytest.mark.sim
 
@@ -46,22 +56,24 @@ def edit(root: Path, key: str, change: Callable[[list, np.ndarray], object]) -> 
 
 
 def faults_of(root: Path, simulate: bool = False, episode: int = 1) -> dict[str, str]:
-    """Failed checks of an episode, with all they say."""
-    report = Verifier(root, {episode}, simulate).verify(episode)
+    """Failed checks of an episode but its statistics, with all they say."""
+    player = Player()
+    report = Verifier(root, Thoroughness(simulate, ALL_ROWS), player).verify(episode)
+    player.close()
     return {
         check: "; ".join(f"{fault.row}: {fault.text}" for fault in faults)
         for check, faults in report.faults.items()
-        if faults
+        if faults and check != "statistics"
     }
 
 
 def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys) -> None:
-    assert verify(VerifyConfig(root=generated, render=1, workers=1)) == 0
+    assert verify(VerifyConfig(root=generated, render="2", workers=1)) == 0
     printed = capsys.readouterr().out
     assert "not replayed" not in printed
     for view in schema.VIEWS:
         assert f"content hash: {content_hash(generated / view)}" in printed
-    for check in ("replay", "keypose replay", "observations", "rendered RGB", "rendered depth"):
+    for check in ("replay", "replayed actions", "rendered RGB", "rendered depth", "LeRobot's loader"):
         assert check in printed
 
 
@@ -194,7 +206,7 @@ def test_labels_of_the_next_stage_are_found(copy) -> None:
     )
     root = copy("keyframes")
     edit(root, schema.NEXT_KEYPOSE, shift_by_a_stage)
-    assert "replay" in faults_of(root, simulate=True)
+    assert "replayed keyposes" in faults_of(root, simulate=True)
 
 
 def test_a_label_that_changes_within_a_stage_is_found(copy) -> None:
@@ -235,7 +247,8 @@ def test_two_cameras_exchanged_throughout_are_found_by_the_simulation(copy) -> N
     root = copy("keyframes")
     edit(root, schema.CAMERA_EXTRINSICS, swap_cameras(0, 1, slice(None)))
     assert faults_of(root, simulate=True) == {
-        "observations": f"0: {schema.CAMERA_EXTRINSICS} is not what the simulation says"
+        "replayed observations": f"0: {schema.CAMERA_EXTRINSICS} is not what the simulation says "
+        "(and 6 more rows)"
     }
 
 
@@ -261,7 +274,9 @@ def test_a_changed_action_is_found_at_its_row(copy) -> None:
         actions[rows[30]][0] += 0.01
 
     edit(root, schema.ACTION, nudge)
-    assert faults_of(root, simulate=True)["replay"] == "30: the simulation is in another state after tick 30"
+    assert faults_of(root, simulate=True) == {
+        "replayed actions": "30: action is not what the simulation says"
+    }
 
 
 def test_a_row_out_of_order_and_one_of_another_episode_are_found(copy) -> None:
@@ -306,8 +321,9 @@ def test_what_the_metadata_claim_is_compared_with_what_is_there(copy) -> None:
     table = pq.read_table(root / FIRST_FILE)
     pq.write_table(table.drop_columns([schema.SEED]), root / FIRST_FILE)
     found = metadata_faults(root)
-    assert found.keys() == {"totals", "provenance", "table columns"}
-    assert "total_frames is 20, but the table of episodes has 21" in found["totals"]
+    expected = {"seal", "description", "provenance", "plan", "table columns", "card"}
+    assert found.keys() == expected | {"statistics of the dataset"}  # which need the plan of shards
+    assert "total_frames is 20, not 21" in found["description"]
     assert "lists 4 episodes, but there are 3" in found["provenance"]
     assert "seed=0) is there 2 times" in found["provenance"]
     assert "['seed']" in found["table columns"]
@@ -316,9 +332,72 @@ def test_what_the_metadata_claim_is_compared_with_what_is_there(copy) -> None:
 def test_the_verb_fails_and_says_where(copy, capsys) -> None:
     root = copy("keyframes")
     edit(root, schema.KEYFRAME, lambda flags, rows: flags.__setitem__(rows[0], True))
-    rewrite(root / PROVENANCE_FILE, lambda origin: origin["versions"].update(mujoco="1.2.3"))
-    assert verify(VerifyConfig(root=root, workers=1)) == 1
+    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
     printed = capsys.readouterr().out
     assert "keyframes: episode 1, row 0: keyframe is set, but no keypose was completed" in printed
-    assert "not replayed: generated with mujoco 1.2.3 (installed: 3." in printed
-    assert "observations" not in printed
+    assert "seal: " in printed
+
+
+def test_not_replayed_is_not_passed(copy, capsys) -> None:
+    root = copy("keyframes")
+    rewrite(root / PROVENANCE_FILE, lambda origin: origin["versions"].update(mujoco="1.2.3"))
+    write_card(root, "local/small")
+    write_seal(root)
+    assert verify(VerifyConfig(root=root, workers=1)) == 3
+    printed = capsys.readouterr().out
+    assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: 3." in printed
+    assert "replayed actions" not in printed
+
+
+def test_a_dataset_that_cannot_be_opened_is_a_finding_and_the_other_view_is_still_checked(
+    generated, tmp_path, capsys
+) -> None:
+    root = Path(shutil.copytree(generated, tmp_path / "copy"))
+    (root / "frames/meta/info.json").write_text("[]")
+    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
+    printed = capsys.readouterr().out
+    assert "readable: " in printed
+    assert printed.count("content hash: ") == 1
+
+
+@pytest.mark.parametrize("rows", ["-1", "some", "1.5", ""])
+def test_rows_that_are_no_number_are_refused(generated, rows: str) -> None:
+    with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
+        verify(VerifyConfig(root=generated, render=rows))
+
+
+# -- nothing is left out ------------------------------------------------------------------------------------
+
+
+def test_every_column_is_compared_with_the_simulation_or_kept_by_lerobot() -> None:
+    assert COMPARED.keys() == schema.VECTORS.keys() | schema.SCALARS.keys()
+    assert BOOKKEEPING.keys() == DEFAULT_FEATURES.keys()
+    assert COLUMN_TYPES.keys() == COMPARED.keys() | BOOKKEEPING.keys()
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_every_field_that_is_changed_is_found(copy, view: schema.View) -> None:
+    """A feature, a field or a column that LeRobot or we add fails here until something checks it."""
+    root = copy(view)
+    file = root / "meta/info.json"
+    text = file.read_text()
+    described = json.loads(text)
+    for name in described.keys() - {"features"}:
+        rewrite(file, lambda info, name=name: info.update({name: "other"}))
+        assert checked(check_description, root), name
+        file.write_text(text)
+    for key in described["features"]:
+        rewrite(file, lambda info, key=key: info["features"][key].update(info={"other": 1}))
+        assert checked(check_schema, root), key
+        file.write_text(text)
+    videos = [key for key, feature in described["features"].items() if feature["dtype"] == "video"]
+    names = pq.read_schema(root / "meta/episodes/chunk-000/file-000.parquet").names
+    assert {name for name in names if not name.startswith("stats/")} == {
+        *ENTRY,
+        *(f"videos/{key}/{part}" for key in videos for part in VIDEO_ENTRY),
+    }
+    numeric = {key for key, feature in described["features"].items() if feature["dtype"] != "string"}
+    assert {name.split("/")[1] for name in names if name.startswith("stats/")} == numeric
+    files = {path.relative_to(root).as_posix() for path in root.glob("*") if path.is_file()}
+    files |= {path.relative_to(root).as_posix() for path in root.glob("meta/*") if path.is_file()}
+    assert files == {path if isinstance(path, str) else path.as_posix() for path in NAMED_FILES}

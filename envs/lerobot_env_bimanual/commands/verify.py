@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.replay import parse_episodes
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Verifier
+    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness, Verifier
+
+PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
+"""Exit codes; 2 is a command line that cannot be understood."""
 
 MAX_LINES_PER_CHECK = 10
-PRELOADED = ("lerobot.datasets.depth_utils",)
-"""What decodes depth: seconds of LeRobot and torch."""
+LOADED_AFTER = (
+    "files",
+    "description",
+    "schema",
+    "table columns",
+    "sentences",
+    "table of episodes",
+    "files of episodes",
+)
+"""Checks of the dataset without which LeRobot's loader is not asked: it might ask the Hub for what is missing."""
+
+PRELOADED = ("lerobot.datasets.dataset_reader",)
+"""What decodes depth and loads rows: seconds of LeRobot and torch."""
 
 
 @dataclass
@@ -27,29 +42,39 @@ class VerifyConfig:
 
     root: Path = field(kw_only=True)  # folder of a dataset that `generate` made; all its views are checked
     episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
-    render: int = 3  # episodes, drawn at random, whose images are rendered again and compared
-    seed: int = 0  # of that draw
+    render: str = (
+        "3"  # rows of every episode whose images are rendered again and compared: a number, or `all`
+    )
+    seed: int = 0  # of the draw of those rows
     workers: int = 0  # processes; 0 takes one per core
 
 
 def verify(config: VerifyConfig) -> int:
-    """Check tables, labels, calibration, images and replay of a dataset.
+    """Check files, tables, labels, statistics, calibration, images and replay of a dataset.
 
-    Every image is decoded, every episode is played again. Prints how many episodes passed each check, what is wrong
-    and where, and one hash per view for all its content. Exits with 1 if anything is wrong. Under another version
-    of the simulation the checks that need it are left out.
+    Every file is hashed, every image decoded, every episode played again; images of a few random rows of every episode
+    are rendered again. Prints how many episodes passed each check, what is wrong and where, and one hash per view for
+    all its content.
+
+    Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
+    not replayed, because the dataset names other versions of the simulation than are installed, or none.
 
     Examples:
         lerobot-bimanual verify --root=data/lift_ball
-        lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=20
+        lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=all
     """
     from lerobot_bimanual.dataset.reader import find_view, views_below
 
+    rows = _parse_rows(config.render)
     roots = views_below(config.root) or [find_view(config.root)]
-    views = [_verify_view(root, config) for root in roots]
+    with tempfile.TemporaryDirectory(prefix="verify_") as cache:
+        views = [_look_at(root, config, rows, Path(cache)) for root in roots]
+        _verify_episodes(views, config.workers)
     for view in views:
         view.print()
-    return 1 if any(view.is_wrong for view in views) else 0
+    if any(view.is_wrong for view in views):
+        return FAULTS
+    return NOT_REPLAYED if any(view.remark for view in views) else PASSED
 
 
 @dataclass
@@ -59,16 +84,20 @@ class _ViewReport:
     Attributes:
         root: its folder.
         metadata: faults of the dataset as a whole, by check.
-        episodes: reports of its episodes.
-        is_whole: whether these are all episodes.
-        remark: what was not checked, and why; may be empty.
+        remark: what is not checked, and why; may be empty.
+        indices: episodes that are checked.
+        is_whole: whether these are all.
+        thoroughness: how they are checked.
+        episodes: reports of them.
     """
 
     root: Path
     metadata: Mapping[str, tuple[Fault, ...]]
-    episodes: Sequence[EpisodeReport] = ()
-    is_whole: bool = False
-    remark: str = ""
+    remark: str
+    indices: Sequence[int]
+    is_whole: bool
+    thoroughness: Thoroughness
+    episodes: list[EpisodeReport] = field(default_factory=list)
 
     @property
     def is_wrong(self) -> bool:
@@ -107,8 +136,9 @@ class _ViewReport:
                 print(f"{check}: {line}")
             if len(lines) > MAX_LINES_PER_CHECK:
                 print(f"{check}: {len(lines) - MAX_LINES_PER_CHECK} more")
-        if self.is_whole:
-            print(f"content hash: {combined_hash(episode.content_hash for episode in self.episodes)}")
+        hashes = [episode.content_hash for episode in self.episodes]
+        if self.is_whole and all(hashes):
+            print(f"content hash: {combined_hash(hashes)}")
 
 
 def _line(episode: int | None, fault: Fault) -> str:
@@ -118,61 +148,89 @@ def _line(episode: int | None, fault: Fault) -> str:
     return place + fault.text
 
 
-def _verify_view(root: Path, config: VerifyConfig) -> _ViewReport:
-    import numpy as np
-
+def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewReport:
+    """Check a view as a whole, and plan what is done with its episodes: nothing if none can be found."""
     from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.verifier import verify_metadata
-    from lerobot_env_bimanual.workers import WorkerPool
+    from lerobot_env_bimanual.verification.verifier import READABLE, Thoroughness, verify_metadata
 
+    metadata = verify_metadata(root)
     try:
         dataset = RecordedDataset(root)
-    except SchemaMismatch as error:
-        return _ViewReport(root, {"schema": (Fault(str(error)),)})
-    remark = _why_not_simulated(dataset.provenance)
+    except BimanualError as error:
+        metadata = {**metadata, READABLE: (Fault(str(error)),)}
+        return _ViewReport(root, metadata, "", [], False, Thoroughness(False, 0))
     indices = parse_episodes(config.episodes, len(dataset))
-    count = min(config.render, len(indices))
-    rendered = frozenset(np.random.default_rng(config.seed).choice(indices, count, replace=False).tolist())
-    with WorkerPool(config.workers, _prepare, (root, rendered, not remark), PRELOADED) as pool:
-        reports = list(pool.map(_verify, indices, dataset.view, "episode", failed=_unverified))
-    is_whole = indices == list(range(len(dataset)))
-    return _ViewReport(root, verify_metadata(root), reports, is_whole, remark)
+    remark = _why_not_replayed(dataset.provenance)
+    is_sound = not any(metadata[check] for check in LOADED_AFTER)
+    thoroughness = Thoroughness(not remark, rows, config.seed, cache if is_sound else None)
+    return _ViewReport(root, metadata, remark, indices, indices == list(range(len(dataset))), thoroughness)
 
 
-def _why_not_simulated(provenance: Provenance | None) -> str:
+def _why_not_replayed(provenance: Provenance | None) -> str:
     """Empty if this installation can play the dataset's episodes."""
     if provenance is None:
-        return "not replayed: the dataset does not say with which versions it was generated"
+        return "not replayed, so not passed: the dataset does not say with which versions it was generated"
     if others := provenance.other_versions():
         listing = ", ".join(
             f"{package} {versions[0]} (installed: {versions[1]})" for package, versions in others.items()
         )
-        return f"not replayed: generated with {listing}"
+        return f"not replayed, so not passed: generated with {listing}"
     return ""
 
 
-_verifier: Verifier | None = None
+def _parse_rows(text: str) -> int:
+    from lerobot_env_bimanual.verification.rendering import ALL_ROWS
+
+    if text == "all":
+        return ALL_ROWS
+    if not text.isdecimal():
+        raise BimanualError(
+            f"render is {text!r}, but must be a number of rows per episode, such as 3, or 'all'"
+        )
+    return int(text)
 
 
-def _prepare(root: Path, rendered: frozenset[int], simulate: bool) -> None:
+def _verify_episodes(views: Sequence[_ViewReport], workers: int) -> None:
+    """Check the episodes of all views, both views of an episode in one go, which plays it once."""
+    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.verifier import READABLE, EpisodeReport
+    from lerobot_env_bimanual.workers import WorkerPool
+
+    plans = [(view.root, view.thoroughness, frozenset(view.indices)) for view in views]
+    indices = list(dict.fromkeys(index for view in views for index in view.indices))
+    if not indices:
+        return
+
+    def unverified(index: int, reason: str) -> list[EpisodeReport | None]:
+        """The reports of an episode whose checks came to no end."""
+        report = EpisodeReport(index, "", {READABLE: (Fault(reason),)})
+        return [report if index in view.indices else None for view in views]
+
+    with WorkerPool(workers, _prepare, (plans,), PRELOADED) as pool:
+        for reports in pool.map(_verify, indices, "verifying", "episode", failed=unverified):
+            for view, report in zip(views, reports, strict=True):
+                if report is not None:
+                    view.episodes.append(report)
+
+
+_verifiers: list[tuple[Verifier, frozenset[int]]] = []
+
+
+def _prepare(plans: Sequence[tuple[Path, Thoroughness, frozenset[int]]]) -> None:
     import av.logging
+    import datasets
+    import pyarrow
 
+    from lerobot_env_bimanual.verification.simulation import Player
     from lerobot_env_bimanual.verification.verifier import Verifier
 
-    global _verifier
     av.logging.set_libav_level(av.logging.PANIC)  # what is broken comes back as a fault
-    _verifier = Verifier(root, rendered, simulate)
+    datasets.disable_progress_bars()
+    pyarrow.set_cpu_count(1)
+    player = Player()
+    _verifiers[:] = [(Verifier(root, thoroughness, player), indices) for root, thoroughness, indices in plans]
 
 
-def _verify(index: int) -> EpisodeReport:
-    assert _verifier is not None
-    return _verifier.verify(index)
-
-
-def _unverified(index: int, reason: str) -> EpisodeReport:
-    """The report of an episode whose checks came to no end."""
-    from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport
-
-    return EpisodeReport(index, "", {"checked": (Fault(reason),)})
+def _verify(index: int) -> list[EpisodeReport | None]:
+    return [verifier.verify(index) if index in indices else None for verifier, indices in _verifiers]

@@ -14,12 +14,18 @@ from lerobot_bimanual.dataset.provenance import EpisodeKey
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_matrix
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, POSITION, QUATERNION
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS, POSITION, QUATERNION
+from lerobot_env_bimanual.episode.actions import ActionReader
+from lerobot_env_bimanual.options import SPLITS
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.verification.fault import Fault, first_of
 
 RIGID = 1e-5
 """Largest change, m and rad, of a camera against what carries it: float32 keeps 1e-6 of it."""
+
+UNIT = 1e-6
+"""Largest difference of a quaternion's length from 1 in float32."""
 
 REACHED = 1e-4
 """Largest distance, m and rad, between a keypose and the joint targets that end its motion."""
@@ -38,7 +44,7 @@ def check_rows(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[F
 
 
 def check_key(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
-    """Task, variation, split and seed are the same in every row, and those that the dataset lists."""
+    """Task, variation, split and seed are the same in every row, exist, and are those that the dataset lists."""
     for key in (schema.TASK_NAME, schema.VARIATION, schema.SPLIT, schema.SEED):
         column = episode.columns[key]
         yield from first_of(column != column[0], f"{key} changes within the episode")
@@ -47,6 +53,15 @@ def check_key(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fa
     found = EpisodeKey(meta.task, meta.variation, meta.split, meta.seed)
     if episode.index < len(listed) and listed[episode.index] != found:
         yield Fault(f"holds {found}, but the dataset lists {listed[episode.index]}")
+    if meta.split not in SPLITS or meta.seed < 0:
+        yield Fault(f"there is no seed {meta.seed} of the split {meta.split!r}")
+    spec = get_task(meta.task).spec
+    spec.variation_index(meta.variation)
+    sentences = spec.instructions_for(spec.variations[meta.variation])
+    if meta.instruction not in sentences:
+        yield Fault(
+            f"is told {meta.instruction!r}, but its task says one of {', '.join(map(repr, sentences))}"
+        )
 
 
 def check_keyframes(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
@@ -60,6 +75,30 @@ def check_keyframes(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fa
     yield from first_of(expected & ~flags, "keyframe is not set, but a keypose was completed")
 
 
+def check_actions(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """Joint targets are within the joints' limits and grippers within 0..1, so that playing them clips nothing."""
+    actions, limits = episode.columns[schema.ACTION], ActionReader("joint", PANDA_PAIR)
+    outside = (actions < limits.lower) | (actions > limits.upper)
+    for element in np.flatnonzero(outside.any(axis=0)):
+        name, low, high = schema.JOINT_NAMES[element], limits.lower[element], limits.upper[element]
+        yield from first_of(outside[:, element], f"{name} is commanded beyond {low:.4g} to {high:.4g}")
+
+
+def check_forms(_: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
+    """Equal poses have equal numbers: quaternions have unit length and w >= 0, flags of keyposes are 0 or 1."""
+    labels = episode.columns[schema.NEXT_KEYPOSE].reshape(len(episode), len(ARMS), ARM_KEYPOSE_DIM)
+    hands = episode.columns[schema.EE_POSE].reshape(len(episode), len(ARMS), -1)
+    for key, poses in ((schema.NEXT_KEYPOSE, labels), (schema.EE_POSE, hands)):
+        quaternions = poses[..., QUATERNION].astype(np.float64)
+        is_unit = np.abs(np.linalg.norm(quaternions, axis=-1) - 1) <= UNIT
+        is_canonical = (is_unit & (quaternions[..., 0] >= 0)).all(axis=1)
+        yield from first_of(~is_canonical, f"{key} has a quaternion that is not of unit length with w >= 0")
+    flags = labels[..., [GRIPPER_OPEN, IGNORE_COLLISIONS]]
+    yield from first_of(
+        ~np.isin(flags, (0, 1)).all(axis=(1, 2)), "next_keypose has a flag that is not 0 or 1"
+    )
+
+
 def check_labels(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
     """`next_keypose` is one keypose per stage, namely the one at which the stage's motion ends.
 
@@ -68,7 +107,7 @@ def check_labels(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator
     """
     labels, steps = episode.columns[schema.NEXT_KEYPOSE], episode.columns[schema.KEYPOSE_STEP].copy()
     if dataset.view == "keyframes":
-        steps[-1] = steps[-2]  # the last row repeats the last label, completed
+        steps[-1:] = steps[-2:-1]  # the last row repeats the last label, completed
     stays = np.diff(steps, append=np.nan) == 0
     changed = np.zeros(len(episode), bool)
     changed[1:] = stays[:-1] & (labels[1:] != labels[:-1]).any(axis=1)
@@ -103,6 +142,8 @@ COLUMN_CHECKS: dict[str, Callable[[RecordedDataset, RecordedEpisode], Iterator[F
     "rows": check_rows,
     "episode key": check_key,
     "keyframes": check_keyframes,
+    "actions": check_actions,
+    "forms": check_forms,
     "labels": check_labels,
     "calibration": check_calibration,
 }

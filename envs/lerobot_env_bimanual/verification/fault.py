@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from lerobot_bimanual.errors import BimanualError
 
 
 @dataclass(frozen=True)
@@ -33,3 +35,21 @@ def first_of(wrong_rows: ArrayLike, text: str) -> Iterator[Fault]:
     if len(rows):
         more = f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
         yield Fault(text + more, int(rows[0]))
+
+
+def faults_of[**Arguments](
+    check: Callable[Arguments, Iterator[Fault]], *args: Arguments.args, **kwargs: Arguments.kwargs
+) -> tuple[Fault, ...]:
+    """All that a check finds; if it breaks, that is a finding too, and nobody else's.
+
+    Damaged files make libraries raise nearly anything. What a check cannot look at has not passed, and all other
+    checks and episodes have their say.
+    """
+    found: list[Fault] = []
+    try:
+        found.extend(check(*args, **kwargs))
+    except BimanualError as error:
+        found.append(Fault(str(error)))
+    except Exception as error:
+        found.append(Fault(f"cannot be checked: {type(error).__name__}: {error}"))
+    return tuple(found)

@@ -1,8 +1,9 @@
-"""Checks of an episode's images that need no simulation; every image is decoded once."""
+"""Checks of an episode's images that need no simulation; every image is decoded once, whoever looks at it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,43 +30,50 @@ class ImageInspection:
         self._episode = episode
         self._rows = rows
         self._faults: dict[str, list[Fault]] = {COMPLETE: [], DEPTH_RANGE: []}
+        self._broken: set[str] = set()
 
-    def streams(self) -> dict[str, Iterator[NDArray]]:
-        """The images of every key, under observation; one that cannot be decoded ends its stream."""
-        return {key: self._watched(key) for key in self._reader.shapes}
+    def images(self) -> Iterator[tuple[str, int, NDArray]]:
+        """(key, row, image) of all images, key by key; one that cannot be decoded is the end of its key."""
+        for key in self._reader.shapes:
+            stream = self._reader.images(self._episode, key)
+            for row in count():
+                image = self._next(key, row, stream)
+                if image is None:
+                    break
+                yield key, row, image
 
     def faults(self) -> dict[str, tuple[Fault, ...]]:
-        """What was seen in the streams that were read."""
+        """What was seen in the images that were read."""
         return {check: tuple(faults) for check, faults in self._faults.items()}
 
     @property
-    def is_broken(self) -> bool:
-        """Whether images are missing, so that there is nothing to compare with new ones."""
-        return bool(self._faults[COMPLETE])
+    def whole(self) -> list[str]:
+        """Keys with an image of the right form for every row."""
+        return [key for key in self._reader.shapes if key not in self._broken]
 
-    def _watched(self, key: str) -> Iterator[NDArray]:
-        is_depth = self._reader.is_depth(key)
-        count = 0
+    def _next(self, key: str, row: int, stream: Iterator[NDArray]) -> NDArray | None:
+        """The image of a row, if it is there and has the right form."""
         try:
-            for image in self._reader.images(self._episode, key):
-                self._check_shape(key, count, image)
-                if is_depth:
-                    self._check_range(key, count, image)
-                yield image
-                count += 1
+            image = next(stream, None)
         except DatasetError as error:
-            self._faults[COMPLETE].append(Fault(str(error), count))
-            return
-        if count != self._rows:
-            self._faults[COMPLETE].append(
-                Fault(f"{key} has {count} images, but the episode {self._rows} rows")
-            )
+            self._miss(key, Fault(str(error), row))
+            return None
+        if image is None or row >= self._rows:
+            if image is not None or row < self._rows:
+                images = f"{row} images" if image is None else "more images"
+                self._miss(key, Fault(f"{key} has {images}, but the episode {self._rows} rows"))
+            return None
+        form, expected = ((*image.shape, 1)[:3], image.dtype), self._reader.shapes[key]
+        if form != (expected, np.uint16 if self._reader.is_depth(key) else np.uint8):
+            self._miss(key, Fault(f"{key} has the form {form[1]} {form[0]}, not {expected}", row))
+            return None
+        if self._reader.is_depth(key):
+            self._check_range(key, row, image)
+        return image
 
-    def _check_shape(self, key: str, row: int, image: NDArray) -> None:
-        expected = self._reader.shapes[key]
-        found = (*image.shape, 1)[:3]
-        if found != expected:
-            self._faults[COMPLETE].append(Fault(f"{key} has the shape {found}, not {expected}", row))
+    def _miss(self, key: str, fault: Fault) -> None:
+        self._faults[COMPLETE].append(fault)
+        self._broken.add(key)
 
     def _check_range(self, key: str, row: int, depth_mm: NDArray) -> None:
         low, high = round(DEPTH_MIN_M * MM_PER_M), round(DEPTH_MAX_M * MM_PER_M)

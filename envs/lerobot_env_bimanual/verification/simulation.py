@@ -1,156 +1,143 @@
-"""Checks of an episode against the simulation: it is played again, and what was stored is compared."""
+"""Checks of an episode against the simulation: its expert plays it again, and every column is compared."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
-from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.observations import PIXELS, env_key, observe_images
-from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.replay import ReplayMode, Visitor
-from lerobot_env_bimanual.verification.fault import Fault
-from lerobot_env_bimanual.verification.replayer import Replayer
-from lerobot_env_bimanual.verification.video import VideoComparison
-from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+from lerobot_bimanual.episode import Episode, EpisodeMeta
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.expert.recorder import Recorder
+from lerobot_env_bimanual.verification.fault import Fault, first_of
 
-STATES, KEYPOSES, OBSERVATIONS = "replay", "keypose replay", "observations"
-RGB, DEPTH = "rendered RGB", "rendered depth"
-
-OBSERVED = (
-    schema.STATE,
-    schema.EE_POSE,
-    schema.GRIPPER_FINGERS,
-    schema.CAMERA_EXTRINSICS,
-    schema.CAMERA_INTRINSICS,
+REPLAY, KEYPOSES, ACTIONS, OBSERVATIONS = (
+    "replay",
+    "replayed keyposes",
+    "replayed actions",
+    "replayed observations",
 )
-"""Vectors that the simulated state alone decides."""
+
+COMPARED: dict[str, str] = {
+    schema.STATE_HASH: REPLAY,
+    schema.TASK_NAME: REPLAY,
+    schema.SPLIT: REPLAY,
+    schema.VARIATION: REPLAY,
+    schema.SEED: REPLAY,
+    schema.TICK: REPLAY,
+    schema.NEXT_KEYPOSE: KEYPOSES,
+    schema.KEYFRAME: KEYPOSES,
+    schema.ACTION: ACTIONS,
+    schema.STATE: OBSERVATIONS,
+    schema.EE_POSE: OBSERVATIONS,
+    schema.GRIPPER_FINGERS: OBSERVATIONS,
+    schema.KEYPOSE_STEP: OBSERVATIONS,
+    schema.CAMERA_EXTRINSICS: OBSERVATIONS,
+    schema.CAMERA_INTRINSICS: OBSERVATIONS,
+}
+"""Column -> check that compares it bit for bit; all of the schema's."""
 
 
-class SimulationChecks:
-    """Plays episodes of one view again; keeps environment and renderer for the next one.
+class Player:
+    """Plays episodes of datasets again, as they were recorded; keeps the last one, and its world for the next.
 
-    Args:
-        dataset: the view.
-        reader: its images.
+    An episode is recorded once more, from its seed, by the expert. Where its keyposes, joint actions and states are
+    those of the dataset, the dataset's keyposes and joint actions lead to the dataset's states: the simulation is given
+    the same numbers. So one play answers for both kinds of replay, and for both views of an episode.
     """
 
-    def __init__(self, dataset: RecordedDataset, reader: ImageReader):
-        height, width, _ = next(iter(reader.shapes.values()))
-        self.is_video = dataset.view == "frames"
-        modes: tuple[ReplayMode, ...] = ("joint", "keypose") if self.is_video else ("keypose",)
-        self._replayers = [Replayer(dataset.root, mode, (height, width)) for mode in modes]
-        self._reader = reader
-        self._options = EnvOptions(cameras=",".join(dataset.cameras), image_size=f"{height}x{width}")
-        self._renderer: Renderer | None = None
-        self._rendered_env: BimanualEnv | None = None
+    def __init__(self):
+        self._recorder: Recorder | None = None
+        self._world: tuple[Any, ...] = ()
+        self._last: tuple[tuple[Any, ...], Episode] | None = None
 
-    def run(self, episode: RecordedEpisode, render: bool) -> dict[str, tuple[Fault, ...]]:
-        """Faults of one episode by check; with `render` its images are compared too."""
-        comparison = _Comparison(self, episode, render)
-        first, *others = self._replayers
-        faults = {STATES: self._play(first, episode, comparison.visit)}
-        for replayer in others:
-            faults[KEYPOSES] = self._play(replayer, episode)
-        return faults | comparison.faults()
+    def play(self, dataset: RecordedDataset, meta: EpisodeMeta, image_size: tuple[int, int]) -> Episode:
+        """The episode, recorded again; its images can be asked for until another one is played.
 
-    def _play(
-        self, replayer: Replayer, episode: RecordedEpisode, visit: Visitor | None = None
-    ) -> tuple[Fault, ...]:
-        try:
-            _, result = replayer.replay(episode.index, visit)
-        except BimanualError as error:
-            return (Fault(f"cannot be played: {error}"),)
-        if result.divergence is not None:
-            row = _row_of(episode).get(result.divergence)
-            return (Fault(f"the simulation is in {result.comparison}", row),)
-        return () if result.success else (Fault(f"is not solved: {result.failure or 'conditions unmet'}"),)
+        Args:
+            dataset: whose cameras and rounding of keyposes are taken.
+            meta: which episode.
+            image_size: (height, width) of new images in pixels.
 
-    def new_images(self, env: BimanualEnv) -> dict[str, NDArray]:
-        """Images of the present state as the dataset would store them: key -> RGB, or depth in whole mm."""
-        options = self._options
-        if self._renderer is None or self._rendered_env is not env:
-            if self._renderer is not None:
-                self._renderer.close()
-            self._renderer = Renderer(env.scene, options.camera_names, *options.size)
-            self._rendered_env = env
-        observation = observe_images(options, self._renderer.render())
-        images = {}
-        for camera in options.camera_names:
-            images[schema.image_key(camera)] = observation[PIXELS][camera]
-            depth_mm = observation[env_key(schema.depth_key(camera))][0]
-            images[schema.depth_key(camera)] = np.rint(depth_mm).astype(np.uint16)
-        return images
+        Raises:
+            BimanualError: it cannot be played, or is not solved.
+        """
+        voxels = _setting(dataset, "discretise", 0)
+        world = meta.task, meta.split, dataset.cameras, image_size, voxels
+        which = *world, meta.variation, meta.seed
+        if self._last is None or self._last[0] != which:
+            outcome, episode = self._recorder_of(world).record(meta.seed, meta.variation)
+            if episode is None:
+                raise DatasetError(
+                    f"the expert does not solve it: {outcome.failure}, at {outcome.last_move!r}"
+                )
+            self._last = which, episode
+        return self._last[1]
 
-    def stored_images(self, episode: int) -> Iterator[dict[str, NDArray]]:
-        """The stored images row by row."""
-        streams = {key: self._reader.images(episode, key) for key in self._reader.shapes}
-        while True:
-            try:
-                yield {key: next(stream) for key, stream in streams.items()}
-            except StopIteration:
-                return
+    def close(self) -> None:
+        """Free the world and its images."""
+        if self._recorder is not None:
+            self._recorder.close()
+        self._recorder = self._last = None
 
-    def image_faults(
-        self, stored: dict[str, NDArray], new: dict[str, NDArray], row: int
-    ) -> Iterator[tuple[str, Fault]]:
-        """(check, fault) of every image of a row that is not exactly the new one; of videos, depth alone."""
-        for key, image in stored.items():
-            if self._reader.is_depth(key):
-                error_mm = np.abs(image.astype(np.int32) - new[key]).max()
-                if error_mm > 0:
-                    yield DEPTH, Fault(f"{key} is wrong by up to {error_mm} mm", row)
-            elif not self.is_video and not np.array_equal(image, new[key]):
-                pixels = (image != new[key]).any(axis=-1).sum()
-                yield RGB, Fault(f"{key} differs from a new image in {pixels} pixels", row)
-
-    def video_comparisons(self) -> dict[str, VideoComparison]:
-        """A new comparison for every video of colours, by key."""
-        keys = [key for key in self._reader.shapes if self.is_video and not self._reader.is_depth(key)]
-        return {key: VideoComparison(key) for key in keys}
+    def _recorder_of(self, world: tuple[Any, ...]) -> Recorder:
+        if self._recorder is None or self._world != world:
+            self.close()
+            task, split, cameras, image_size, voxels = world
+            codec = KeyposeCodec(voxels=voxels) if voxels else None
+            self._recorder = Recorder(task, split, cameras, image_size, codec)
+            self._world = world
+        self._last = None  # its images are lost now
+        return self._recorder
 
 
-class _Comparison:
-    """What an episode's rows show, beside what the simulation shows at the same ticks."""
+def compare_columns(
+    dataset: RecordedDataset, stored: RecordedEpisode, played: Episode
+) -> dict[str, tuple[Fault, ...]]:
+    """Faults of the columns of an episode by check.
 
-    def __init__(self, checks: SimulationChecks, episode: RecordedEpisode, render: bool):
-        self._checks = checks
-        self._episode = episode
-        self._rows = _row_of(episode)
-        self._images = checks.stored_images(episode.index) if render else None
-        self._videos = checks.video_comparisons() if render else {}
-        names = (OBSERVATIONS, RGB, DEPTH) if render else (OBSERVATIONS,)
-        self._found: dict[str, list[Fault]] = {name: [] for name in names}
-
-    def faults(self) -> dict[str, tuple[Fault, ...]]:
-        """What differs, by check, after the last tick; of each check the first fault only."""
-        if self._videos:  # first, as it explains what is wrong with single frames
-            self._found[RGB][:0] = [fault for video in self._videos.values() for fault in video.faults()]
-        return {name: tuple(found[:1]) for name, found in self._found.items()}
-
-    def visit(self, env: BimanualEnv) -> None:
-        """Compare the row of the present tick, if there is one."""
-        row = self._rows.get(env.progress.ticks)
-        if row is None:
-            return
-        observation = env.observe()
-        for key in OBSERVED:
-            if not np.array_equal(observation[env_key(key)], self._episode.columns[key][row]):
-                self._found[OBSERVATIONS].append(Fault(f"{key} is not what the simulation says", row))
-        if self._images is not None:
-            stored, new = next(self._images), self._checks.new_images(env)
-            for check, fault in self._checks.image_faults(stored, new, row):
-                self._found[check].append(fault)
-            for key, video in self._videos.items():
-                self._found[RGB].extend(video.frame_faults(stored[key], new[key], row))
+    Args:
+        dataset: whose rows are chosen as its settings say.
+        stored: an episode of it.
+        played: the same episode, played again.
+    """
+    found: dict[str, list[Fault]] = {check: [] for check in COMPARED.values()}
+    if stored.meta.instruction != played.meta.instruction:
+        found[REPLAY].append(
+            Fault(f"is told {stored.meta.instruction!r}, but its seed says {played.meta.instruction!r}")
+        )
+    ticks = stored.columns[schema.TICK]
+    intermediate = tuple(_setting(dataset, "intermediate", ()))
+    expected = np.array(rows_of_view(played, dataset.view, intermediate))
+    if not np.array_equal(ticks, expected):
+        found[REPLAY].append(Fault(f"holds the ticks {_short(ticks)}, but the replay {_short(expected)}"))
+    rows = [row for row, tick in enumerate(ticks) if tick in expected]
+    wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
+    for key, check in COMPARED.items():
+        found[check].extend(_first_difference(key, stored, rows, [columns[key] for columns in wanted]))
+    return {check: tuple(faults) for check, faults in found.items()}
 
 
-def _row_of(episode: RecordedEpisode) -> dict[int, int]:
-    """Control tick -> row."""
-    return {int(tick): row for row, tick in enumerate(episode.columns[schema.TICK])}
+def _setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:
+    return otherwise if dataset.provenance is None else dataset.provenance.settings.get(name, otherwise)
+
+
+def _first_difference(
+    key: str, stored: RecordedEpisode, rows: list[int], wanted: list[Any]
+) -> Iterator[Fault]:
+    """The first row in which a column differs from the replay's."""
+    if rows:
+        expected = np.stack([np.squeeze(value) for value in wanted])
+        found = stored.columns[key][rows]
+        differs = np.zeros(len(stored), bool)
+        differs[rows] = (found != expected).reshape(len(rows), -1).any(axis=1)
+        yield from first_of(differs, f"{key} is not what the simulation says")
+
+
+def _short(ticks: np.ndarray) -> str:
+    return np.array2string(ticks, threshold=12, edgeitems=5, separator=" ")

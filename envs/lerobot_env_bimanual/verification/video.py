@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +17,18 @@ Measured over twelve episodes of five tasks and all cameras: at least 23.6 dB at
 4:2:0 halves. Over an episode of each task, the video of another camera has frames below 12 dB.
 """
 
-OWN = "the new image"
-RIVALS = ("the tick before", "the tick after", "exchanged red and blue")
+BEFORE, AFTER, SWAPPED = "the tick before", "the tick after", "exchanged red and blue"
 RIVAL_SHARE = 0.5
-"""What a whole video must be less like than its own images: the error against it may not be below this share.
+"""What a video must be less like than its own images: the error against it may not be below this share.
 
-No bound for single frames can tell these: neighbouring ticks reach 33 dB. Over an episode the squared error against
+No bound for the likeness can tell these: neighbouring ticks reach 33 dB. Over an episode the squared error against
 the tick before or after is 4.3 to 21 times the error against the own images, and 36 to 292 times with red and blue
 exchanged; for a video one tick late it is 0.05 to 0.23 times (six episodes of three tasks, all cameras, 128 pixels).
 """
 
 
 class VideoComparison:
-    """The frames of one video beside new images of the same ticks, shown one after the other.
+    """Frames of one video beside new images, of their own and of neighbouring ticks.
 
     Args:
         key: of the video, for messages.
@@ -37,30 +36,38 @@ class VideoComparison:
 
     def __init__(self, key: str):
         self._key = key
-        self._last: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
-        self._errors = dict.fromkeys((OWN, *RIVALS), 0.0)
+        self._own = 0.0
+        self._rivals: dict[str, float] = {}
 
     def frame_faults(self, stored: NDArray[np.uint8], new: NDArray[np.uint8], row: int) -> Iterator[Fault]:
         """What is wrong with one frame by itself."""
-        frame, image = stored.astype(np.float32), new.astype(np.float32)
-        own = _squared_error(frame, image)
-        likeness_db = psnr_db(own / frame.size)
+        error = _squared_error(stored, new)
+        likeness_db = psnr_db(error / stored.size)
         if likeness_db < MIN_PSNR_DB:
             yield Fault(
                 f"{self._key} is unlike a new image: {likeness_db:.1f} dB, least {MIN_PSNR_DB} dB", row
             )
-        if self._last is not None:
-            last_frame, last_image = self._last
-            self._errors[OWN] += own
-            self._errors["the tick before"] += _squared_error(frame, last_image)
-            self._errors["the tick after"] += _squared_error(last_frame, image)
-            self._errors["exchanged red and blue"] += _squared_error(frame, image[..., ::-1])
-        self._last = frame, image
+
+    def add(
+        self, stored: NDArray[np.uint8], new: NDArray[np.uint8], neighbours: Mapping[str, NDArray[np.uint8]]
+    ) -> None:
+        """Take a frame into account for the verdict on the video as a whole.
+
+        Args:
+            stored: the frame.
+            new: image of its tick.
+            neighbours: images of the ticks `BEFORE` and `AFTER`, as far as there are any.
+        """
+        self._own += _squared_error(stored, new)
+        for rival, image in {**neighbours, SWAPPED: new[..., ::-1]}.items():
+            self._rivals[rival] = self._rivals.get(rival, 0.0) + _squared_error(stored, image)
 
     def faults(self) -> Iterator[Fault]:
         """What is wrong with the video as a whole, after its last frame."""
-        rival = min(RIVALS, key=self._errors.__getitem__)
-        if self._errors[rival] < RIVAL_SHARE * self._errors[OWN]:
+        if not self._rivals:
+            return
+        rival = min(self._rivals, key=self._rivals.__getitem__)
+        if self._rivals[rival] < RIVAL_SHARE * self._own:
             yield Fault(f"{self._key} shows {rival}: it is more like that than like new images")
 
 
@@ -69,6 +76,6 @@ def psnr_db(mean_squared_error: float) -> float:
     return float("inf") if mean_squared_error == 0 else float(10 * np.log10(255**2 / mean_squared_error))
 
 
-def _squared_error(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
-    difference = a - b
+def _squared_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    difference = a.astype(np.float32) - b.astype(np.float32)
     return float(np.vdot(difference, difference))

@@ -1,0 +1,119 @@
+"""Every known damage of a dataset is found, by the check that is meant for it and by the seal; what is not is harmless."""
+
+import importlib.util
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pyarrow.parquet as pq
+import pytest
+
+from lerobot_bimanual.dataset.seal import seal_problems, write_seal
+from lerobot_env_bimanual.verification.simulation import Player
+from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier, verify_metadata
+
+pytestmark = pytest.mark.sim
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    import sys
+
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+damages = load("damages")
+damage_table = load("damage_table")
+DAMAGES = damage_table.table(damages)
+OF_EPISODES = (
+    "readable",
+    "rows",
+    "episode key",
+    "keyframes",
+    "actions",
+    "forms",
+    "labels",
+    "calibration",
+    "bookkeeping",
+    "statistics",
+    "images complete",
+)
+
+
+def cases() -> Iterator[object]:
+    """Every damage in every view; slow where an episode has to be looked at, or another view was."""
+    for damage in DAMAGES:
+        for view in damage.views:
+            is_quick = damage.check not in (*damages.SIMULATED, *OF_EPISODES) and view == damage.views[-1]
+            marks = [] if is_quick else [pytest.mark.slow]
+            yield pytest.param(damage, view, id=f"{view}: {damage.name}", marks=marks)
+
+
+@pytest.fixture(scope="module")
+def player() -> Iterator[Player]:
+    player = Player()
+    yield player
+    player.close()
+
+
+@pytest.fixture
+def copy(generated, tmp_path) -> Callable[[str], Path]:
+    return lambda view: Path(shutil.copytree(generated / view, tmp_path / view))
+
+
+def findings(root: Path, check: str, player: Player) -> dict[str, str]:
+    """Failed checks of the dataset and, unless the check is among them, of episode 1."""
+    found = verify_metadata(root)
+    if not found.get(check):
+        simulate = check in damages.SIMULATED
+        verifier = Verifier(root, Thoroughness(simulate, 3 if simulate else 0), player)
+        found |= verifier.verify(1).faults
+    return {name: "; ".join(fault.text for fault in faults) for name, faults in found.items() if faults}
+
+
+@pytest.mark.parametrize(("damage", "view"), cases())
+def test_a_damage_is_found_by_its_check_even_where_the_seal_was_made_again(
+    damage, view, copy, player
+) -> None:
+    root = copy(view)
+    damage.change(root)
+    assert list(seal_problems(root)), "the seal alone does not find it"
+    write_seal(root)
+    found = findings(root, damage.check, player)
+    assert damage.check in found
+    assert "seal" not in found
+    assert "cannot be checked" not in found[damage.check]
+
+
+def test_names_of_damages_are_names() -> None:
+    names = [damage.name for damage in DAMAGES]
+    assert len(set(names)) == len(names) >= 54 + 40
+
+
+HARMLESS = {
+    "picture replaced": damages.content("meta/first_episode.jpg", b"none"),
+    "reason of a skipped seed": lambda root: None,
+    "version of LeRobot in the provenance": damages.provenance(
+        damages.setting(("versions", "lerobot"), "9.9")
+    ),
+    "columns in another order": damages.rows(lambda table: table.select(table.column_names[::-1])),
+    "rows compressed otherwise": lambda root: pq.write_table(
+        pq.read_table(root / damages.FIRST), root / damages.FIRST, compression="zstd"
+    ),
+    "statistics off by rounding": damages.entry("stats/action/mean", lambda v: [x + 1e-8 for x in v]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", damage_table.HARMLESS)
+def test_what_no_check_finds_is_listed_with_a_reason(name, copy, player) -> None:
+    root = copy("keyframes")
+    HARMLESS[name](root)
+    write_seal(root)
+    assert findings(root, "replay", player).keys() <= {"card"}, damage_table.HARMLESS[name]
