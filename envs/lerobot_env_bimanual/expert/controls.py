@@ -26,9 +26,11 @@ from lerobot_bimanual.keypose import (
     Keypose,
 )
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.solo.ways import Way, find_ways
 
 RANDOM_KEYPOSES = 25
 
@@ -48,8 +50,8 @@ def make_control(
         "expert": expert(codec),
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
-        "freeze_left": expert(codec, frozen=Arm.LEFT),
-        "freeze_right": expert(codec, frozen=Arm.RIGHT),
+        "solo_left": solo(Arm.LEFT),
+        "solo_right": solo(Arm.RIGHT),
         "blind": blind(blind_keyposes),
     }
     return players[name]
@@ -69,7 +71,7 @@ def random(rng: np.random.Generator) -> Player:
         targets = (
             BimanualKeypose(_random_keypose(rng), _random_keypose(rng)) for _ in range(RANDOM_KEYPOSES)
         )
-        yield from _leniently(env, targets, rng)
+        yield from _leniently(env, _numbered(targets), rng)
 
     return play
 
@@ -79,9 +81,37 @@ def blind(keyposes: Sequence[ArrayLike]) -> Player:
 
     def play(env: BimanualEnv) -> Iterator[Move]:
         targets = (BimanualKeypose.from_vector(keypose) for keypose in keyposes)
-        yield from _leniently(env, targets, np.random.default_rng(0))
+        yield from _leniently(env, _numbered(targets), np.random.default_rng(0))
 
     return play
+
+
+def solo(arm: Arm) -> Player:
+    """One arm alone, as well as we know how; the other one stays where it is."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        way = _way(env, arm)
+        if way is not None:
+            yield from _leniently(env, _named(env, way), np.random.default_rng(0))
+
+    return play
+
+
+def _way(env: BimanualEnv, arm: Arm) -> Way | None:
+    """The first way of a task that the arm can go through from here, or else the first one."""
+    find = find_ways(env.task)
+    if find is None:
+        return None
+    ways = list(find(env.scene, env.progress.variation, arm))
+    rehearsal = Rehearsal(env.scene)
+    return next((way for way in ways if rehearsal.infeasibility(way) is None), ways[0] if ways else None)
+
+
+def _named(env: BimanualEnv, way: Way) -> Iterator[tuple[str, BimanualKeypose]]:
+    target = home_keypose(env.scene)
+    for stage in way(env.scene):
+        target = stage.keypose(target)
+        yield stage.name, target
 
 
 def mean_keyposes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
@@ -116,16 +146,20 @@ def _random_keypose(rng: np.random.Generator) -> Keypose:
     return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
 
 
+def _numbered(targets: Iterable[BimanualKeypose]) -> Iterator[tuple[str, BimanualKeypose]]:
+    return ((f"keypose {number}", target) for number, target in enumerate(targets))
+
+
 def _leniently(
-    env: BimanualEnv, targets: Iterable[BimanualKeypose], rng: np.random.Generator
+    env: BimanualEnv, targets: Iterable[tuple[str, BimanualKeypose]], rng: np.random.Generator
 ) -> Iterator[Move]:
     planner = KeyposePlanner(env.scene)
     reached = home_keypose(env.scene)
-    for number, target in enumerate(targets):
+    for name, target in targets:
         target = _reachable_part(planner, target, reached, rng)
         if target is not None:
             reached = target
-            yield Move(f"keypose {number}", target.to_vector())
+            yield Move(name, target.to_vector())
 
 
 def _reachable_part(
