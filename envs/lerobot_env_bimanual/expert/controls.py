@@ -33,6 +33,8 @@ from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.solo.ways import Way, find_ways
 
 RANDOM_KEYPOSES = 25
+SOLO_TRIES = 4
+"""Ways that a single arm tries in a copy of the episode."""
 
 
 def make_control(
@@ -87,24 +89,41 @@ def blind(keyposes: Sequence[ArrayLike]) -> Player:
 
 
 def solo(arm: Arm) -> Player:
-    """One arm alone, as well as we know how; the other one stays where it is."""
+    """One arm alone, as well as we know how; the other one stays where it is, its hand open.
+
+    It is given more than any policy has: it sees the state, and tries the ways that can be rehearsed in a copy of the
+    episode before it plays one of them.
+    """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        way = _way(env, arm)
-        if way is not None:
-            yield from _leniently(env, _named(env, way), np.random.default_rng(0))
+        yield from _play_way(env, _best_way(env, arm))
 
     return play
 
 
-def _way(env: BimanualEnv, arm: Arm) -> Way | None:
-    """The first way of a task that the arm can go through from here, or else the first one."""
-    find = find_ways(env.task)
-    if find is None:
-        return None
-    ways = list(find(env.scene, env.progress.variation, arm))
+def _best_way(env: BimanualEnv, arm: Arm) -> Way:
+    """The first way that succeeds in a copy of the episode; the first one if none of `SOLO_TRIES` does."""
+    ways = list(find_ways(env.task)(env.scene, env.progress.variation, arm))
     rehearsal = Rehearsal(env.scene)
-    return next((way for way in ways if rehearsal.infeasibility(way) is None), ways[0] if ways else None)
+    feasible = [way for way in ways if rehearsal.infeasibility(way) is None]
+    tried = [*feasible, *(way for way in ways if way not in feasible)][:SOLO_TRIES]
+    return next((way for way in tried if _succeeds(env, way)), tried[0])
+
+
+def _succeeds(env: BimanualEnv, way: Way) -> bool:
+    """Whether a way solves the episode from here, which stays where it is."""
+    state = env.save_state()
+    for move in _play_way(env, way):
+        _, _, terminated, truncated, _ = env.step(move.action)
+        if terminated or truncated:
+            break
+    succeeded = env.progress.succeeded
+    env.restore_state(state)
+    return succeeded
+
+
+def _play_way(env: BimanualEnv, way: Way) -> Iterator[Move]:
+    return _leniently(env, _named(env, way), np.random.default_rng(0))
 
 
 def _named(env: BimanualEnv, way: Way) -> Iterator[tuple[str, BimanualKeypose]]:
