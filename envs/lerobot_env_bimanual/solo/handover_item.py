@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from lerobot_bimanual.arms import Arm
-from lerobot_env_bimanual.solo._picking import Grip, grips
+from lerobot_env_bimanual.solo._picking import Grip, base_of, grips
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
@@ -18,7 +18,7 @@ LIFT_M = 0.12
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """From above if the arm reaches so far, otherwise with a tilted hand."""
-    for grip in grips(scene.pose(TARGET)):
+    for grip in grips(scene.pose(TARGET), base_of(scene, arm)):
         yield partial(pick_up, arm=arm, item=TARGET, grip=grip, behind_m=BEHIND_M)
 
 

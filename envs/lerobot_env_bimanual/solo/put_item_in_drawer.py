@@ -8,7 +8,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.solo._picking import Grip, grips
+from lerobot_env_bimanual.solo._picking import Grip, base_of, grips
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
@@ -30,7 +30,7 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """The hand on the bar may be rolled and pitched, and on the item turned and pitched, as the arm likes it best."""
     level = variation.words["level"]
     for straight, pull_m, pitch, side, grip in product(
-        (True, False), (PULL_M, 0.17), BAR_PITCHES_RAD, (1, -1), grips(scene.pose(ITEM.name), ITEM_PITCHES_RAD)
+        (True, False), (PULL_M, 0.17), BAR_PITCHES_RAD, (1, -1), grips(scene.pose(ITEM.name), base_of(scene, arm), ITEM_PITCHES_RAD)
     ):
         yield partial(
             _in_turn,
