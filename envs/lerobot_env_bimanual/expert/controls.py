@@ -1,13 +1,14 @@
 """Controls that must fail: without them an expert's success rate means nothing.
 
-Each is played through the same environment as the experts and the policies. `blind` and `random` are played
-leniently: an arm whose keypose cannot be reached stays where it is, and the rest goes on.
+Each is played through the same environment as the experts and the policies, and leniently: an arm whose keypose cannot
+be reached stays where it is, and the rest goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,12 +29,13 @@ from lerobot_bimanual.keypose import (
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.expert.control_names import ControlName
+from lerobot_env_bimanual.expert.reading import Script, readings
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.solo.ways import Way, find_ways
 
 RANDOM_KEYPOSES = 25
-SOLO_TRIES = 4
+SOLO_TRIES = 3
 """Ways that a single arm tries in a copy of the episode."""
 
 
@@ -44,8 +46,8 @@ def make_control(
 
     Args:
         name: who plays.
-        seed: seeds the `random` control's generator; the episode's own generator stays untouched.
-        codec: rounds the keyposes of the expert, with or without a frozen arm.
+        seed: seeds the generators of `random` and `language_blind`; the episode's own stays untouched.
+        codec: rounds the keyposes of the expert.
         blind_keyposes: (18,) each, what `blind` plays in every scene; see `mean_keyposes`.
     """
     players: dict[ControlName, Player] = {
@@ -55,6 +57,7 @@ def make_control(
         "solo_left": solo(Arm.LEFT),
         "solo_right": solo(Arm.RIGHT),
         "blind": blind(blind_keyposes),
+        "language_blind": language_blind(np.random.default_rng(seed)),
     }
     return players[name]
 
@@ -88,6 +91,16 @@ def blind(keyposes: Sequence[ArrayLike]) -> Player:
     return play
 
 
+def language_blind(rng: np.random.Generator) -> Player:
+    """The right keyposes for one of the instructions that the scene allows, drawn without reading which it is."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        scripts = readings(env.task_definition, env.scene)
+        yield from _play_script(env, scripts[rng.integers(len(scripts))])
+
+    return play
+
+
 def solo(arm: Arm) -> Player:
     """One arm alone, as well as we know how; the other one stays where it is, its hand open.
 
@@ -96,24 +109,30 @@ def solo(arm: Arm) -> Player:
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        yield from _play_way(env, _best_way(env, arm))
+        way = _best_way(env, arm)
+        if way is not None:
+            yield from _play_script(env, way)
 
     return play
 
 
-def _best_way(env: BimanualEnv, arm: Arm) -> Way:
-    """The first way that succeeds in a copy of the episode; the first one if none of `SOLO_TRIES` does."""
-    ways = list(find_ways(env.task)(env.scene, env.progress.variation, arm))
+def _best_way(env: BimanualEnv, arm: Arm) -> Way | None:
+    """Of the ways that can be rehearsed the first to succeed in a copy of the episode; if none does, the first way."""
+    find = find_ways(env.task)
+    if find is None:
+        return None
     rehearsal = Rehearsal(env.scene)
-    feasible = [way for way in ways if rehearsal.infeasibility(way) is None]
-    tried = [*feasible, *(way for way in ways if way not in feasible)][:SOLO_TRIES]
-    return next((way for way in tried if _succeeds(env, way)), tried[0])
+    ways = list(find(env.scene, env.progress.variation, arm))
+    feasible = list(islice((way for way in ways if rehearsal.infeasibility(way) is None), SOLO_TRIES))
+    if len(feasible) < 2:
+        return (feasible or ways)[0]
+    return next((way for way in feasible if _succeeds(env, way)), feasible[0])
 
 
 def _succeeds(env: BimanualEnv, way: Way) -> bool:
-    """Whether a way solves the episode from here, which stays where it is."""
+    """Whether a way solves the episode from where it stands, and where it is left."""
     state = env.save_state()
-    for move in _play_way(env, way):
+    for move in _play_script(env, way):
         _, _, terminated, truncated, _ = env.step(move.action)
         if terminated or truncated:
             break
@@ -122,13 +141,14 @@ def _succeeds(env: BimanualEnv, way: Way) -> bool:
     return succeeded
 
 
-def _play_way(env: BimanualEnv, way: Way) -> Iterator[Move]:
-    return _leniently(env, _named(env, way), np.random.default_rng(0))
+def _play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:
+    """The stages of a script, leniently."""
+    return _leniently(env, _named(env, script), np.random.default_rng(0))
 
 
-def _named(env: BimanualEnv, way: Way) -> Iterator[tuple[str, BimanualKeypose]]:
+def _named(env: BimanualEnv, script: Script) -> Iterator[tuple[str, BimanualKeypose]]:
     target = home_keypose(env.scene)
-    for stage in way(env.scene):
+    for stage in script(env.scene):
         target = stage.keypose(target)
         yield stage.name, target
 

@@ -33,11 +33,17 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     distance_m = np.linalg.norm(b - a)
     if distance_m < PALM_SPAN_M:
         for pitch, side in product(np.deg2rad((5.0, 0.0)), (1, -1)):
-            yield partial(_lay, arm=arm, at=middle + PALM_M * side * across, heading=side * across, pitch=pitch)
+            yield partial(
+                _lay, arm=arm, at=middle + PALM_M * side * across, heading=side * across, pitch=pitch
+            )
     elif distance_m < WRIST_SPAN_M:
         for ahead_m, side in product((0.12, 0.14), (1, -1)):
             yield partial(
-                _lay, arm=arm, at=middle + ahead_m * side * between, heading=side * between, pitch=NOSE_DOWN_RAD
+                _lay,
+                arm=arm,
+                at=middle + ahead_m * side * between,
+                heading=side * between,
+                pitch=NOSE_DOWN_RAD,
             )
     yield partial(_in_turn, arm=arm)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -25,9 +26,8 @@ RAISE_M = 0.25
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """Pressed at its equator, or lower, by a hand of either slope."""
-    for height_m in HEIGHTS_M:
-        for slope_deg in (90.0, 60.0):
-            yield partial(_against_base, arm=arm, height_m=height_m, slope_rad=np.deg2rad(slope_deg))
+    for height_m, slope_deg in product(HEIGHTS_M, (90.0, 60.0)):
+        yield partial(_against_base, arm=arm, height_m=height_m, slope_rad=np.deg2rad(slope_deg))
 
 
 def _against_base(scene: SceneView, arm: Arm, height_m: float, slope_rad: float) -> Iterator[Stage]:
@@ -41,7 +41,7 @@ def _against_base(scene: SceneView, arm: Arm, height_m: float, slope_rad: float)
         x, y, _ = base - distance_m * inward
         return Pose.looking((x, y, z_m), approach, np.cross(up, inward))
 
-    behind = np.linalg.norm((base - ball)[:2]) + BALL.radius_m + BEHIND_M
+    behind = float(np.linalg.norm((base - ball)[:2])) + BALL.radius_m + BEHIND_M
     pressed = COLUMN_M + 2 * BALL.radius_m - PRESS_M
     yield alone(arm, "above", hand(behind, ABOVE_Z_M), is_open=False, planned=True)
     yield alone(arm, "behind", hand(behind, height_m))

@@ -47,7 +47,9 @@ def _touch_from_below(
     along = resting.rotation[:, 1] * (1, 1, 0)
     along = along if along @ tray.rotation[:, 1] > 0 else -along
     flat = Pose.upright((0, 0, 0), np.arctan2(-along[0], along[1]))
-    side = np.sign(tray.rotation[:, 0] @ out)  # the hand holds the board's side at this sign of its x axis
+    side = (
+        1.0 if tray.rotation[:, 0] @ out > 0 else -1.0
+    )  # the hand holds the board's side at this sign of its x axis
     middle = tips - flat.apply((-side * beyond_m, aside_m, 0)) - (0, 0, TRAY.size_m[2] / 2)
     yield alone(arm, "beside", grasp.advanced(-BESIDE_M), is_open=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds="tray")

@@ -35,7 +35,9 @@ def _over_the_edge(
     frame = Pose(laptop.position, (laptop @ turn).quat_wxyz)
     half = expert.LAPTOP.base_size_m[quarter % 2 == 0] / 2
     holder_half = expert.HOLDER.size_m[quarter % 2 == 0] / 2
-    gap = holder_half - half + frame.inverse().apply(holder.position)[1] * -1  # of the holder beyond the -y edge
+    gap = (
+        holder_half - half + frame.inverse().apply(holder.position)[1] * -1
+    )  # of the holder beyond the -y edge
     push_m = gap + OVERHANG_M
     toward, along = frame.rotation[:, 1], frame.rotation[:, 0]
 

@@ -10,7 +10,6 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
-from lerobot_env_bimanual.tasks.push_box import BOX
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 START_Y_M = -0.165
@@ -18,6 +17,8 @@ PUSH_Z_M = 0.815
 ABOVE_Z_M = 0.985
 END_M = 0.13
 TURN_M_PER_RAD = 0.6
+FIRST_M = {Arm.LEFT: -0.05, Arm.RIGHT: 0.05}
+"""From the box's middle towards either end."""
 STRIKE_M = 0.12
 """How far beyond the box's place each push is commanded."""
 ROUNDS = 11
@@ -27,9 +28,8 @@ REACH_M = 0.128
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
-    """Where it is pushed at first: the arm is stronger near its base."""
-    for first_m in (0.0, -0.05, 0.05):
-        yield partial(_strike, arm=arm, first_m=first_m)
+    """Nearer to the arm at first, where it is stronger."""
+    yield partial(_strike, arm=arm, first_m=FIRST_M[arm])
 
 
 def _strike(scene: SceneView, arm: Arm, first_m: float) -> Iterator[Stage]:

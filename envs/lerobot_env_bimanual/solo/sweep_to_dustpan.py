@@ -8,7 +8,6 @@ import numpy as np
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation

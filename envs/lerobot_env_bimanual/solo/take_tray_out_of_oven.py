@@ -41,7 +41,9 @@ def _in_turn(
     def handle(door: float):
         return oven @ expert._hand(OVEN.handle(door, handle_y_m), expert.PITCH_SHARE * door, bar_swapped)
 
-    yield alone(arm, "before the bar", handle(0).advanced(-expert.BEFORE_HANDLE_M), is_open=True, planned=True)
+    yield alone(
+        arm, "before the bar", handle(0).advanced(-expert.BEFORE_HANDLE_M), is_open=True, planned=True
+    )
     yield alone(arm, "grasp the bar", handle(0), is_open=False)
     for door in door_rad[:-1]:
         yield alone(arm, "open", handle(door))
