@@ -20,6 +20,10 @@ EXACT, ROUNDED = "expert", "expert_discretised"
 CERTIFICATES = (EXACT, ROUNDED, *(name for name in CONTROLS if name != EXACT))
 """Names of the files, without `.json`."""
 
+PLAYERS = (EXACT, ROUNDED, "blind", "random", "noop")
+ONE_ARM = {"left": "solo_left", "right": "solo_right"}
+LANGUAGE_BLIND = "language_blind"
+
 NOT_MEASURED = "–"
 
 type Row = Mapping[str, Any]
@@ -69,7 +73,7 @@ class Certified:
 
 
 def success_table(certified: Certified) -> str:
-    """Experts and controls, successes of trials per task."""
+    """Experts and controls, successes of trials per task; of the two single arms the better one."""
     headings = (
         "task",
         "expert",
@@ -77,15 +81,31 @@ def success_table(certified: Certified) -> str:
         "blind",
         "random",
         "no-op",
-        "left arm frozen",
-        "right arm frozen",
+        "one arm",
+        "unread (chance)",
     )
     rows = []
     for task in certified.tasks:
-        rates = [certified.rate(name, task) for name in CERTIFICATES]
-        cells = [NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}" for rate in rates]
-        rows.append((f"`{task}`", *cells))
+        cells = [_cell(certified.rate(name, task)) for name in PLAYERS]
+        rows.append((f"`{task}`", *cells, _one_arm(certified, task), _unread(certified, task)))
     return markdown_table(headings, rows)
+
+
+def _one_arm(certified: Certified, task: str) -> str:
+    measured = {arm: rate for arm, name in ONE_ARM.items() if (rate := certified.rate(name, task))}
+    if not measured:
+        return NOT_MEASURED
+    arm = max(measured, key=lambda arm: measured[arm].successes / measured[arm].trials)
+    return f"{_cell(measured[arm])}{f' {arm}' if measured[arm].successes else ''}"
+
+
+def _unread(certified: Certified, task: str) -> str:
+    rate = certified.rate(LANGUAGE_BLIND, task)
+    return _cell(rate) if rate is None else f"{_cell(rate)} ({1 / len(get_task(task).spec.variations):.0%})"
+
+
+def _cell(rate: SuccessRate | None) -> str:
+    return NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}"
 
 
 def evidence_table(certified: Certified) -> str:

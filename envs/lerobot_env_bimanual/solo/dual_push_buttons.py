@@ -32,9 +32,9 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     across = np.array((-between[1], between[0], 0.0))
     distance_m = np.linalg.norm(b - a)
     if distance_m < PALM_SPAN_M:
-        for pitch, side in product(np.deg2rad((5.0, 0.0)), (1, -1)):
+        for pitch_rad, side in product(np.deg2rad((5.0, 0.0)), (1, -1)):
             yield partial(
-                _lay, arm=arm, at=middle + PALM_M * side * across, heading=side * across, pitch=pitch
+                _lay, arm=arm, at=middle + PALM_M * side * across, heading=side * across, pitch_rad=pitch_rad
             )
     elif distance_m < WRIST_SPAN_M:
         for ahead_m, side in product((0.12, 0.14), (1, -1)):
@@ -43,14 +43,16 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
                 arm=arm,
                 at=middle + ahead_m * side * between,
                 heading=side * between,
-                pitch=NOSE_DOWN_RAD,
+                pitch_rad=NOSE_DOWN_RAD,
             )
     yield partial(_in_turn, arm=arm)
 
 
-def _lay(scene: SceneView, arm: Arm, at: np.ndarray, heading: np.ndarray, pitch: float) -> Iterator[Stage]:
+def _lay(
+    scene: SceneView, arm: Arm, at: np.ndarray, heading: np.ndarray, pitch_rad: float
+) -> Iterator[Stage]:
     """Above, down with the flat side."""
-    approach = np.cos(pitch) * heading - (0, 0, np.sin(pitch))
+    approach = np.cos(pitch_rad) * heading - (0, 0, np.sin(pitch_rad))
     lying = Pose.looking((*at[:2], LYING_Z_M), approach, np.cross((0, 0, 1), heading))
     yield alone(arm, "above", lying.translated((0, 0, RAISED_M)), is_open=False, planned=True)
     for lower_m in (0.0, 0.01, 0.02):

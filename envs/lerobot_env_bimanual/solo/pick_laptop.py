@@ -22,34 +22,33 @@ FINGER_M = 0.0095
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """Over any of the four edges, pushed by a hand of either roll, gripped at either roll and several tilts."""
-    for tilt, quarter, roll, side in product((10.0, 30.0), range(4), (1, -1), (1, -1)):
-        yield partial(_over_the_edge, arm=arm, quarter=quarter, tilt=np.deg2rad(tilt), roll=roll, side=side)
+    for tilt_rad, quarter, roll, side in product(np.deg2rad((10.0, 30.0)), range(4), (1, -1), (1, -1)):
+        yield partial(_over_the_edge, arm=arm, quarter=quarter, tilt_rad=tilt_rad, roll=roll, side=side)
 
 
 def _over_the_edge(
-    scene: SceneView, arm: Arm, quarter: int, tilt: float, roll: int, side: int
+    scene: SceneView, arm: Arm, quarter: int, tilt_rad: float, roll: int, side: int
 ) -> Iterator[Stage]:
     """Behind, down, push, up, round, grasp the edge, lift, raise."""
     holder, laptop = scene.pose("holder"), scene.pose("laptop")
     turn = Pose.upright((0, 0, 0), quarter * np.pi / 2)  # its -y is where the laptop goes
     frame = Pose(laptop.position, (laptop @ turn).quat_wxyz)
-    half = expert.LAPTOP.base_size_m[quarter % 2 == 0] / 2
-    holder_half = expert.HOLDER.size_m[quarter % 2 == 0] / 2
-    gap = (
-        holder_half - half + frame.inverse().apply(holder.position)[1] * -1
-    )  # of the holder beyond the -y edge
-    push_m = gap + OVERHANG_M
+    half_m = expert.LAPTOP.base_size_m[quarter % 2 == 0] / 2
+    holder_half_m = expert.HOLDER.size_m[quarter % 2 == 0] / 2
+    # Of the holder, beyond the edge over which the laptop goes.
+    gap_m = holder_half_m - half_m - frame.inverse().apply(holder.position)[1]
+    push_m = gap_m + OVERHANG_M
     toward, along = frame.rotation[:, 1], frame.rotation[:, 0]
 
     def pushing(y_m: float, height_m: float) -> Pose:
         x, y, _ = frame.apply((0, y_m, 0))
         return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=side * along)
 
-    start = half + FINGER_M + BESIDE_M
+    start = half_m + FINGER_M + BESIDE_M
     yield alone(arm, "behind", pushing(start, expert.ABOVE_Z_M), is_open=False, planned=True)
     yield alone(arm, "down", pushing(start, expert.PUSH_Z_M))
-    yield alone(arm, "push", pushing(half + FINGER_M - push_m, expert.PUSH_Z_M))
-    yield alone(arm, "up", pushing(half + FINGER_M - push_m + 0.02, expert.ABOVE_Z_M + HOVER_M))
+    yield alone(arm, "push", pushing(half_m + FINGER_M - push_m, expert.PUSH_Z_M))
+    yield alone(arm, "up", pushing(half_m + FINGER_M - push_m + 0.02, expert.ABOVE_Z_M + HOVER_M))
     now = scene.pose("laptop")
     nominal = Pose(frame.position - push_m * toward, frame.quat_wxyz)
     if now.distance_to(laptop)[0] > push_m / 2:  # in a rehearsal nothing is pushed
@@ -57,11 +56,11 @@ def _over_the_edge(
 
     def gripping(y_m: float, height_m: float) -> Pose:
         x, y, _ = nominal.apply((0, y_m, 0))
-        approach = np.cos(tilt) * nominal.rotation[:, 1] - (0, 0, np.sin(tilt))
+        approach = np.cos(tilt_rad) * nominal.rotation[:, 1] - (0, 0, np.sin(tilt_rad))
         return Pose.looking((x, y, height_m), approach=approach, opening=(0, 0, -roll))
 
-    before = gripping(-half - 0.10, expert.GRASP_Z_M + 0.01)
-    grasp = gripping(-half + expert.INSIDE_EDGE_M, expert.GRASP_Z_M)
+    before = gripping(-half_m - 0.10, expert.GRASP_Z_M + 0.01)
+    grasp = gripping(-half_m + expert.INSIDE_EDGE_M, expert.GRASP_Z_M)
     yield alone(arm, "before the edge", before, is_open=True, planned=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds="laptop")
     yield alone(arm, "lift", grasp.translated((0, 0, expert.LIFT_M)))

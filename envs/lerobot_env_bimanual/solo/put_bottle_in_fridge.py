@@ -35,7 +35,7 @@ def _in_turn(scene: SceneView, arm: Arm, bring_rad: float, pull_rad: float, door
 
     def pull(door: float):
         handle = fridge.apply(FRIDGE.handle(door, expert.HANDLE_Z_M - TABLE_HEIGHT_M))
-        return expert._hand(handle, pull_rad + expert.TURN_SHARE * door)
+        return expert.hand(handle, pull_rad + expert.TURN_SHARE * door)
 
     yield alone(arm, "before the bar", pull(0).advanced(-expert.BEFORE_HANDLE_M), is_open=True, planned=True)
     yield alone(arm, "grasp the bar", pull(0), is_open=False)
@@ -43,13 +43,13 @@ def _in_turn(scene: SceneView, arm: Arm, bring_rad: float, pull_rad: float, door
         yield alone(arm, "open", pull(door))
     yield alone(arm, "open", pull(door_rad[-1]), is_open=True)
     yield alone(arm, "back", pull(door_rad[-1]).advanced(-expert.AWAY_M))
-    grasp = expert._hand((*bottle[:2], expert.GRASP_Z_M), bring_rad)
-    via = expert._hand(expert.VIA_M, bring_rad)
+    grasp = expert.hand((*bottle[:2], expert.GRASP_Z_M), bring_rad)
+    via = expert.hand(expert.VIA_M, bring_rad)
     depth, aside = expert.RELEASE_M
-    release = expert._hand(
+    release = expert.hand(
         (*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], expert.RELEASE_Z_M), bring_rad
     )
-    before = release.translated(-expert.BEFORE_FRIDGE_M * expert._heading(bring_rad))
+    before = release.translated(-expert.BEFORE_FRIDGE_M * expert.heading(bring_rad))
     yield alone(arm, "over the bottle", grasp.translated((0, 0, expert.ABOVE_BOTTLE_M)), planned=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds="bottle")
     yield alone(arm, "lift", grasp.translated((0, 0, expert.LIFT_M)))

@@ -30,7 +30,7 @@ ITEM_PITCHES_RAD = np.deg2rad((90.0, 60.0))
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """The hand on the bar may be rolled and pitched, and on the item turned and pitched, as the arm likes it best."""
     level = variation.words["level"]
-    for straight, pitch, side, grip in product(
+    for straight, pitch_rad, side, grip in product(
         (True, False),
         BAR_PITCHES_RAD,
         (1, -1),
@@ -41,21 +41,21 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
             arm=arm,
             level=level,
             straight=straight,
-            pitch=pitch,
+            pitch_rad=pitch_rad,
             side=side,
             grip=grip,
         )
 
 
 def _in_turn(
-    scene: SceneView, arm: Arm, level: str, straight: bool, pitch: float, side: int, grip: Grip
+    scene: SceneView, arm: Arm, level: str, straight: bool, pitch_rad: float, side: int, grip: Grip
 ) -> Iterator[Stage]:
     """Grasp the bar, pull, let go, withdraw, over the item, grasp, over the drawer, drop."""
     cabinet, up = scene.pose("cabinet"), np.array((0.0, 0.0, 1.0))
     out = cabinet.rotation[:, 1]
     handle = cabinet.apply(CABINET.handle(level))
-    approach = -np.cos(pitch) * out - np.sin(pitch) * up
-    bar = Pose.looking(handle, approach, opening=side * (np.cos(pitch) * up - np.sin(pitch) * out))
+    approach = -np.cos(pitch_rad) * out - np.sin(pitch_rad) * up
+    bar = Pose.looking(handle, approach, opening=side * (np.cos(pitch_rad) * up - np.sin(pitch_rad) * out))
     yield alone(arm, "before the bar", bar.advanced(-BEFORE_HANDLE_M), is_open=True, planned=True)
     yield alone(arm, "grasp the bar", bar, is_open=False)
     pulled = bar.translated(PULL_M * out)

@@ -19,19 +19,21 @@ BROOM, PAN = expert.BROOM, expert.PAN
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """The hand comes from above on the broom's stick, or leans towards it."""
-    for side, lean in product((1, -1), (0.0, 20.0, 40.0)):
-        yield partial(_sweep, arm=arm, side=side, lean=np.deg2rad(lean))
+    for side, lean_rad in product((1, -1), np.deg2rad((0.0, 20.0, 40.0))):
+        yield partial(_sweep, arm=arm, side=side, lean_rad=lean_rad)
 
 
-def _sweep(scene: SceneView, arm: Arm, side: int, lean: float) -> Iterator[Stage]:
+def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
     """Take the broom out of its stand, behind the dirt, sweep."""
     x, y, _ = scene.pose(BROOM.name).position
     pan = scene.pose(PAN.name)
     away = np.sign(0.27 - scene.arm_pair.base_poses[arm.ordinal].position[0]) * np.array((1.0, 0.0, 0.0))
 
     def hand(position, heading) -> Pose:
-        approach = np.sin(lean) * heading - (0, 0, np.cos(lean))
-        return Pose.looking(position, approach, side * (np.cos(lean) * heading + (0, 0, np.sin(lean))))
+        approach = np.sin(lean_rad) * heading - (0, 0, np.cos(lean_rad))
+        return Pose.looking(
+            position, approach, side * (np.cos(lean_rad) * heading + (0, 0, np.sin(lean_rad)))
+        )
 
     grasp = hand((x, y, expert.GRIP_Z_M), away)
     yield alone(arm, "above", grasp.advanced(-expert.ABOVE_M), is_open=True, planned=True)

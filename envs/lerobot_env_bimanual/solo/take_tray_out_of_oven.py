@@ -39,7 +39,7 @@ def _in_turn(
     oven = scene.pose("oven")
 
     def handle(door: float):
-        return oven @ expert._hand(OVEN.handle(door, handle_y_m), expert.PITCH_SHARE * door, bar_swapped)
+        return oven @ expert.hand(OVEN.handle(door, handle_y_m), expert.PITCH_SHARE * door, bar_swapped)
 
     yield alone(
         arm, "before the bar", handle(0).advanced(-expert.BEFORE_HANDLE_M), is_open=True, planned=True
@@ -49,7 +49,7 @@ def _in_turn(
         yield alone(arm, "open", handle(door))
     yield alone(arm, "open", handle(door_rad[-1]), is_open=True)
     yield alone(arm, "back", handle(door_rad[-1]).advanced(-expert.BACK_M))
-    grasp = oven @ expert._hand(
+    grasp = oven @ expert.hand(
         (expert.TRAY_EDGE_M + expert.INSERT_M, 0, expert.TRAY_M[2]), fingers_swapped=tray_swapped
     )
     yield alone(arm, "before the tray", grasp.advanced(-expert.BEFORE_TRAY_M))
