@@ -15,8 +15,10 @@ certify() {
 
 certify expert --variation=each --seeds="$seeds" --replay=joint
 certify expert_discretised --variation=each --seeds="$seeds" --discretise=100
-certify freeze_left --task=two_armed --control=freeze_left --seeds="$few"
-certify freeze_right --task=two_armed --control=freeze_right --seeds="$few"
+certify solo_left --control=solo_left --seeds="$few"
+certify solo_right --control=solo_right --seeds="$few"
+certify language_blind --control=language_blind --variation=each --seeds="$few" \
+    --task=dual_push_buttons,put_item_in_drawer,handover_item
 certify blind --control=blind --variation=each --seeds="$few"
 certify random --control=random --seeds="$few"
 certify noop --control=noop --seeds="$few"

@@ -13,8 +13,9 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign
 from lerobot_env_bimanual.expert.campaign import Campaign, not_played
+from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
-from lerobot_env_bimanual.expert.criteria import complaints, rates
+from lerobot_env_bimanual.expert.criteria import MAX_RATES, complaints, rates
 from lerobot_env_bimanual.expert.evidence import Evidence, EvidenceRecorder
 from lerobot_env_bimanual.expert.outcome import Job, MoveReport, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
@@ -98,9 +99,16 @@ def test_controls_must_fail():
     assert "random succeeds" in complaints("random", 0, episodes(1, 49))[0]
     assert complaints("blind", 0, episodes(10, 40)) == []
     assert "blind succeeds in 11 of 50" in complaints("blind", 0, episodes(11, 39))[0]
-    assert "freeze_left succeeds" in complaints("freeze_left", 0, episodes(1, 49))[0]
-    one_arm_may_do = [replace(outcome, task="sweep_to_dustpan") for outcome in episodes(50, 0)]
-    assert complaints("freeze_left", 0, one_arm_may_do) == []
+
+
+def test_what_is_measured_without_a_limit_is_still_not_to_be_unstable():
+    for control in ("solo_left", "solo_right", "language_blind"):
+        assert complaints(control, 0, episodes(50, 0)) == []
+        assert "unstable" in complaints(control, 0, [replace(SOLVED, unstable=True)])[0]
+
+
+def test_every_control_has_its_limit():
+    assert {"expert", *MAX_RATES} == set(CONTROLS)
 
 
 def test_rates_are_per_task_and_variation():

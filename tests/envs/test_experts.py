@@ -6,7 +6,6 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
@@ -90,14 +89,6 @@ def test_holding_still_ends_with_the_time(env_of):
     assert outcome.ticks == env.task_definition.spec.horizon_ticks
 
 
-@pytest.mark.sim
-@pytest.mark.parametrize("control", ["freeze_left", "freeze_right"])
-@pytest.mark.parametrize("name", NEED_BOTH_ARMS)
-def test_one_arm_alone_fails(env_of, name, control):
-    outcome = run_episode(env_of(name), SEEDS[0], make_control(control, seed=0))
-    assert not outcome.success, outcome
-
-
 def test_the_paper_names_five_tasks_that_need_both_arms():
     assert NEED_BOTH_ARMS == [
         "dual_push_buttons",
@@ -121,18 +112,6 @@ def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it
             yield replace(move, presses=None)
 
     assert not run_episode(env, SEEDS[0], silent).keyposes[1].arrived
-
-
-def test_a_frozen_arm_keeps_its_keypose_and_its_open_hand(env_of):
-    env = env_of("push_box")
-    env.reset(seed=SEEDS[0])
-    home = env.scene.tcp(Arm.LEFT)
-    moves = [BimanualKeypose.from_vector(move.action) for move in expert(frozen=Arm.LEFT)(env)]
-    assert len(moves) == 3
-    for move in moves:
-        assert move.left.pose.distance_to(home) == pytest.approx((0, 0), abs=1e-3)
-        assert move.left.gripper_open
-        assert not move.right.gripper_open
 
 
 @pytest.mark.sim

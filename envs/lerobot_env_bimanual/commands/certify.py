@@ -46,13 +46,16 @@ def certify(config: CertifyConfig) -> int:
     seed, last move and unmet conditions, and whatever else is not good enough. Exits with 1 if anything is: an
     expert below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, a replay through other
     states, keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
-    keyposes of 30 training episodes of the variation, whatever the scene.
+    keyposes of 30 training episodes of the variation, whatever the scene. The controls solo_left and solo_right are one arm
+    alone, as well as we know how, and language_blind follows one of the instructions that the scene allows, at random;
+    their successes are measured and not complained of.
 
     Examples:
         lerobot-bimanual certify --task=lift_ball --seeds=0:300 --output=certificate.json
         lerobot-bimanual certify --variation=each --replay=joint
         lerobot-bimanual certify --discretise=100
         lerobot-bimanual certify --control=blind --seeds=0:40
+        lerobot-bimanual certify --control=solo_right --task=lift_tray --seeds=0:20
     """
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.expert.campaign import Campaign

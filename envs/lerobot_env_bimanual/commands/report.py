@@ -16,8 +16,10 @@ World `{world}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each
 
 Successes of episodes. *Rounded* keyposes lie on a grid of {voxels} voxels per axis and on bins of 5 degrees, like those
 a policy predicts. *Blind* plays the mean keyposes of 30 training episodes of the variation, whatever the scene; *random*
-plays keyposes from the whole workspace; *frozen* is the expert with one arm at home, on the tasks of which the paper
-says that one arm cannot do them.
+plays keyposes from the whole workspace. *One arm* is the better of the two arms alone, the other one resting at home with
+its hand open: a script that knows the scene's state, written to beat the task, which may choose among its ways by trying
+them in a copy of the episode. *Unread* plays the right keyposes for one of the instructions that the scene allows, drawn
+at random; chance is one in the number of variations.
 
 {success}
 

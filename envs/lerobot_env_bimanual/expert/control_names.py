@@ -2,5 +2,5 @@
 
 from typing import Literal, get_args
 
-ControlName = Literal["expert", "blind", "random", "noop", "freeze_left", "freeze_right"]
+ControlName = Literal["expert", "blind", "random", "noop", "solo_left", "solo_right", "language_blind"]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)

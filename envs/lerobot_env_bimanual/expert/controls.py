@@ -1,13 +1,14 @@
 """Controls that must fail: without them an expert's success rate means nothing.
 
-Each is played through the same environment as the experts and the policies. `blind` and `random` are played
-leniently: an arm whose keypose cannot be reached stays where it is, and the rest goes on.
+Each is played through the same environment as the experts and the policies, and leniently: an arm whose keypose cannot
+be reached stays where it is, and the rest goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +27,16 @@ from lerobot_bimanual.keypose import (
     Keypose,
 )
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.expert.control_names import ControlName
+from lerobot_env_bimanual.expert.reading import Script, readings
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.solo.ways import Way, find_ways
 
 RANDOM_KEYPOSES = 25
+SOLO_TRIES = 3
+"""Ways that a single arm tries in a copy of the episode."""
 
 
 def make_control(
@@ -40,17 +46,18 @@ def make_control(
 
     Args:
         name: who plays.
-        seed: seeds the `random` control's generator; the episode's own generator stays untouched.
-        codec: rounds the keyposes of the expert, with or without a frozen arm.
+        seed: seeds the generators of `random` and `language_blind`; the episode's own stays untouched.
+        codec: rounds the keyposes of the expert.
         blind_keyposes: (18,) each, what `blind` plays in every scene; see `mean_keyposes`.
     """
     players: dict[ControlName, Player] = {
         "expert": expert(codec),
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
-        "freeze_left": expert(codec, frozen=Arm.LEFT),
-        "freeze_right": expert(codec, frozen=Arm.RIGHT),
+        "solo_left": solo(Arm.LEFT),
+        "solo_right": solo(Arm.RIGHT),
         "blind": blind(blind_keyposes),
+        "language_blind": language_blind(np.random.default_rng(seed)),
     }
     return players[name]
 
@@ -69,7 +76,7 @@ def random(rng: np.random.Generator) -> Player:
         targets = (
             BimanualKeypose(_random_keypose(rng), _random_keypose(rng)) for _ in range(RANDOM_KEYPOSES)
         )
-        yield from _leniently(env, targets, rng)
+        yield from _leniently(env, _numbered(targets), rng)
 
     return play
 
@@ -79,9 +86,71 @@ def blind(keyposes: Sequence[ArrayLike]) -> Player:
 
     def play(env: BimanualEnv) -> Iterator[Move]:
         targets = (BimanualKeypose.from_vector(keypose) for keypose in keyposes)
-        yield from _leniently(env, targets, np.random.default_rng(0))
+        yield from _leniently(env, _numbered(targets), np.random.default_rng(0))
 
     return play
+
+
+def language_blind(rng: np.random.Generator) -> Player:
+    """The right keyposes for one of the instructions that the scene allows, drawn without reading which it is."""
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        scripts = readings(env.task_definition, env.scene)
+        yield from _play_script(env, scripts[rng.integers(len(scripts))])
+
+    return play
+
+
+def solo(arm: Arm) -> Player:
+    """One arm alone, as well as we know how; the other one stays where it is, its hand open.
+
+    It is given more than any policy has: it sees the state, and tries the ways that can be rehearsed in a copy of the
+    episode before it plays one of them.
+    """
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        way = _best_way(env, arm)
+        if way is not None:
+            yield from _play_script(env, way)
+
+    return play
+
+
+def _best_way(env: BimanualEnv, arm: Arm) -> Way | None:
+    """Of the ways that can be rehearsed the first to succeed in a copy of the episode; if none does, the first way."""
+    find = find_ways(env.task)
+    if find is None:
+        return None
+    rehearsal = Rehearsal(env.scene)
+    ways = list(find(env.scene, env.progress.variation, arm))
+    feasible = list(islice((way for way in ways if rehearsal.infeasibility(way) is None), SOLO_TRIES))
+    if len(feasible) < 2:
+        return (feasible or ways)[0]
+    return next((way for way in feasible if _succeeds(env, way)), feasible[0])
+
+
+def _succeeds(env: BimanualEnv, way: Way) -> bool:
+    """Whether a way solves the episode from where it stands, and where it is left."""
+    state = env.save_state()
+    for move in _play_script(env, way):
+        _, _, terminated, truncated, _ = env.step(move.action)
+        if terminated or truncated:
+            break
+    succeeded = env.progress.succeeded
+    env.restore_state(state)
+    return succeeded
+
+
+def _play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:
+    """The stages of a script, leniently."""
+    return _leniently(env, _named(env, script), np.random.default_rng(0))
+
+
+def _named(env: BimanualEnv, script: Script) -> Iterator[tuple[str, BimanualKeypose]]:
+    target = home_keypose(env.scene)
+    for stage in script(env.scene):
+        target = stage.keypose(target)
+        yield stage.name, target
 
 
 def mean_keyposes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
@@ -116,16 +185,20 @@ def _random_keypose(rng: np.random.Generator) -> Keypose:
     return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
 
 
+def _numbered(targets: Iterable[BimanualKeypose]) -> Iterator[tuple[str, BimanualKeypose]]:
+    return ((f"keypose {number}", target) for number, target in enumerate(targets))
+
+
 def _leniently(
-    env: BimanualEnv, targets: Iterable[BimanualKeypose], rng: np.random.Generator
+    env: BimanualEnv, targets: Iterable[tuple[str, BimanualKeypose]], rng: np.random.Generator
 ) -> Iterator[Move]:
     planner = KeyposePlanner(env.scene)
     reached = home_keypose(env.scene)
-    for number, target in enumerate(targets):
+    for name, target in targets:
         target = _reachable_part(planner, target, reached, rng)
         if target is not None:
             reached = target
-            yield Move(f"keypose {number}", target.to_vector())
+            yield Move(name, target.to_vector())
 
 
 def _reachable_part(

@@ -7,11 +7,18 @@ from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Outcome
-from lerobot_env_bimanual.tasks.registry import get_task
 
 MIN_EXPERT_RATE = 0.99
 MIN_DISCRETISED_RATE = 0.97
-MAX_BLIND_RATE = 0.20
+MAX_RATES = {
+    "noop": 0.0,
+    "random": 0.0,
+    "blind": 0.20,
+    "solo_left": 1.0,
+    "solo_right": 1.0,
+    "language_blind": 1.0,
+}
+"""Of a control; with 1 it is measured and not limited."""
 MIN_KEYFRAMES_FOUND = 0.95
 
 
@@ -28,8 +35,9 @@ def complaints(control: str, discretise: int, outcomes: Sequence[Outcome]) -> li
 
     The expert must succeed in 99 % of the episodes of every variation, 97 % with rounded keyposes, arrive at every
     keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes. Holding still and random
-    keyposes must never succeed, a frozen arm never where the paper says that it takes two, and mean keyposes in at
-    most 20 % of a task's episodes. Nothing may be unstable, and every episode must have been played.
+    keyposes must never succeed, and mean keyposes in at most 20 % of a task's episodes. How far one arm gets, and
+    whoever does not read, is measured and not limited. Nothing may be unstable, and every
+    episode must have been played.
     """
     if control == "expert":
         found = [*_too_rare(outcomes, MIN_DISCRETISED_RATE if discretise else MIN_EXPERT_RATE)]
@@ -72,9 +80,7 @@ def _too_frequent(control: str, outcomes: Sequence[Outcome]) -> Iterator[str]:
     for outcome in outcomes:
         successes[outcome.task].append(outcome.success)
     for task, successful in successes.items():
-        most = MAX_BLIND_RATE if control == "blind" else 0.0
-        if control.startswith("freeze") and not get_task(task).spec.needs_both_arms:
-            continue
+        most = MAX_RATES[control]
         if sum(successful) > most * len(successful):
             yield f"{task}: {control} succeeds in {sum(successful)} of {len(successful)} episodes"
 

@@ -6,13 +6,13 @@ Everything acts through `BimanualEnv.step`, so an expert has no power that a pol
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -64,21 +64,17 @@ def run_expert(
     return run_episode(env, seed, expert(codec), on_move, variation)
 
 
-def expert(codec: KeyposeCodec | None = None, frozen: Arm | None = None) -> Player:
+def expert(codec: KeyposeCodec | None = None) -> Player:
     """The task's script as a player.
 
     Args:
         codec: round every keypose to its voxels and bins.
-        frozen: an arm that stays at home with its hand open, whatever the script wants of it.
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
         target = home_keypose(env.scene)
-        home = target
         for stage in env.task_definition.script(env.scene, env.progress.variation):
             target = stage.keypose(target)
-            if frozen is not None:
-                target = replace(target, **{frozen.value: home[frozen]})
             commanded = target if codec is None else codec.discretise(target)
             yield Move(stage.name, commanded.to_vector(), stage.presses)
 

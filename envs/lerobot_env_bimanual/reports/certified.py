@@ -22,13 +22,9 @@ EXACT, ROUNDED = "expert", "expert_discretised"
 CERTIFICATES = (EXACT, ROUNDED, *(name for name in CONTROLS if name != EXACT))
 """Names of the files, without `.json`."""
 
-HEADINGS = {
-    ROUNDED: "rounded",
-    "noop": "no-op",
-    "freeze_left": "left arm frozen",
-    "freeze_right": "right arm frozen",
-}
-"""Of certificates whose names do not say it."""
+PLAYERS = (EXACT, ROUNDED, "blind", "random", "noop")
+ONE_ARM = {"left": "solo_left", "right": "solo_right"}
+LANGUAGE_BLIND = "language_blind"
 
 NOT_MEASURED = "–"
 
@@ -105,8 +101,9 @@ class Certified:
         return sorted(self.certificates[EXACT].worlds, key=lambda name: get_task(name).spec.id)
 
     def rows(self, name: str, task: str) -> list[Row]:
-        """The rates of a task's variations in one certificate."""
-        return [row for row in self.certificates[name].rates if row["task"] == task]
+        """The rates of a task's variations in one certificate; none if there is no such certificate."""
+        certificate = self.certificates.get(name)
+        return [] if certificate is None else [row for row in certificate.rates if row["task"] == task]
 
     def episodes(self, name: str, task: str) -> list[StoredEpisode]:
         """The episodes of a task in one certificate."""
@@ -121,15 +118,39 @@ class Certified:
 
 
 def success_table(certified: Certified) -> str:
-    """Experts and controls, successes of trials per task."""
-    names = [*certified.certificates]
-    headings = ("task", *(HEADINGS.get(name, name.replace("_", " ")) for name in names))
+    """Experts and controls, successes of trials per task; of the two single arms the better one."""
+    headings = (
+        "task",
+        "expert",
+        "rounded",
+        "blind",
+        "random",
+        "no-op",
+        "one arm",
+        "unread (chance)",
+    )
     rows = []
     for task in certified.tasks:
-        rates = [certified.rate(name, task) for name in names]
-        cells = [NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}" for rate in rates]
-        rows.append((f"`{task}`", *cells))
+        cells = [_cell(certified.rate(name, task)) for name in PLAYERS]
+        rows.append((f"`{task}`", *cells, _one_arm(certified, task), _unread(certified, task)))
     return markdown_table(headings, rows)
+
+
+def _one_arm(certified: Certified, task: str) -> str:
+    measured = {arm: rate for arm, name in ONE_ARM.items() if (rate := certified.rate(name, task))}
+    if not measured:
+        return NOT_MEASURED
+    arm = max(measured, key=lambda arm: measured[arm].successes / measured[arm].trials)
+    return f"{_cell(measured[arm])}{f' {arm}' if measured[arm].successes else ''}"
+
+
+def _unread(certified: Certified, task: str) -> str:
+    rate = certified.rate(LANGUAGE_BLIND, task)
+    return _cell(rate) if rate is None else f"{_cell(rate)} ({1 / len(get_task(task).spec.variations):.0%})"
+
+
+def _cell(rate: SuccessRate | None) -> str:
+    return NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}"
 
 
 def evidence_table(certified: Certified) -> str:

@@ -1,7 +1,8 @@
 """Hand over the item of the named colour.
 
-Bimanual because all items lie on the left arm's side and one has to end in the right hand, in the air: the left
-arm picks it up and presents it, the right arm takes hold of it while the left one still holds it.
+The paper asks that the right item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks
+it up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was
+handed over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
 
 Departures from the original: the right hand must hold the right item between its fingers, at 0.80 m or higher,
 with no part of the left arm touching any item, as the paper's text says; the original asks for the item near

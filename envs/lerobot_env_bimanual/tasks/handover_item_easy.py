@@ -1,7 +1,8 @@
 """Hand over the item.
 
-Bimanual because the item starts on the left arm's side and has to end in the right hand, in the air: the left
-arm picks it up and presents it, the right arm takes hold of it while the left one still holds it.
+The paper asks that the item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks it
+up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was handed
+over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
 
 Departures from the original: the right hand must hold the item between its fingers, at 0.80 m or higher, with
 no part of the left arm touching it; the original asks for the item near the right fingers and not near the left

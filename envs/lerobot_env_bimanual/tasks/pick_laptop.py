@@ -1,7 +1,7 @@
 """Pick up the laptop.
 
-Bimanual because a laptop that lies flat on a block offers no gripper a hold: the left hand has to push it over
-the block's edge before the right hand can reach under it.
+The paper says that one arm can do it, too. A laptop that lies flat on a block offers no gripper a hold: the left hand
+pushes it over the block's edge, and the right hand reaches under it. One arm does both in turn (docs/tasks.md).
 
 Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height of the lid alone. Laptop and block slide on

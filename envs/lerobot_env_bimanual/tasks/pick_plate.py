@@ -1,7 +1,8 @@
 """Pick up the plate.
 
-Bimanual because a plate that lies flat offers no gripper a hold: the left hand has to press on one side of the
-rim, until the other side rises high enough for the right hand to pinch it, and to keep pressing meanwhile.
+The paper asks that the plate be securely grasped and lifted, and calls it difficult, not impossible, for one arm. The left
+hand presses on one side of the rim, until the other side rises high enough for the right hand to pinch it. The rim
+slopes, so that a steep hand alone can pinch it where it lies (docs/tasks.md).
 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half

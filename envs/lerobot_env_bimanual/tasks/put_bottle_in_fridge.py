@@ -1,7 +1,8 @@
 """Put the bottle in the fridge.
 
-Bimanual because of its timing: the right hand opens the door and keeps clear of it while the left hand brings the
-bottle, which it has picked up meanwhile.
+The paper counts it among the tasks that one arm cannot do, for reachability. The right hand opens the door and keeps clear
+of it while the left hand brings the bottle, which it has picked up meanwhile. The door stays open by itself, and the left
+arm reaches both: alone it does one after the other (docs/tasks.md).
 
 Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
@@ -105,17 +106,17 @@ class PutBottleInFridge(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Fold, approach, grasp both, open the door, make way, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
-        grasp = _hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)
-        via = _hand(VIA_M, BRING_YAW_RAD)
+        grasp = hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)
+        via = hand(VIA_M, BRING_YAW_RAD)
         depth, aside = RELEASE_M
-        release = _hand((*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], RELEASE_Z_M), BRING_YAW_RAD)
-        before_fridge = release.translated(-BEFORE_FRIDGE_M * _heading(BRING_YAW_RAD))
+        release = hand((*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], RELEASE_Z_M), BRING_YAW_RAD)
+        before_fridge = release.translated(-BEFORE_FRIDGE_M * heading(BRING_YAW_RAD))
 
         def pull(door_rad: float) -> Pose:
             handle = fridge.apply(FRIDGE.handle(door_rad, HANDLE_Z_M - TABLE_HEIGHT_M))
-            return _hand(handle, PULL_YAW_RAD + TURN_SHARE * door_rad)
+            return hand(handle, PULL_YAW_RAD + TURN_SHARE * door_rad)
 
-        yield Stage("fold", left=_hand(FOLD_M, BRING_YAW_RAD), planned=True)
+        yield Stage("fold", left=hand(FOLD_M, BRING_YAW_RAD), planned=True)
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
         closed, opened = pull(0), pull(DOOR_RAD[-1])
         yield Stage("approach", above, closed.advanced(-BEFORE_HANDLE_M), planned=True)
@@ -130,11 +131,12 @@ class PutBottleInFridge(Task):
         yield Stage("withdraw", left=before_fridge)
 
 
-def _heading(yaw_rad: float) -> np.ndarray:
+def heading(yaw_rad: float) -> np.ndarray:
+    """(3,) horizontal unit vector."""
     return np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
 
 
-def _hand(position: ArrayLike, yaw_rad: float) -> Pose:
+def hand(position: ArrayLike, yaw_rad: float) -> Pose:
     """A hand that points `PITCH_RAD` down in the direction of `yaw_rad`, its fingers side by side."""
-    approach = np.cos(PITCH_RAD) * _heading(yaw_rad) - (0, 0, np.sin(PITCH_RAD))
-    return Pose.looking(position, approach, opening=_heading(yaw_rad + np.pi / 2))
+    approach = np.cos(PITCH_RAD) * heading(yaw_rad) - (0, 0, np.sin(PITCH_RAD))
+    return Pose.looking(position, approach, opening=heading(yaw_rad + np.pi / 2))

@@ -1,7 +1,8 @@
 """Put the item in the bottom, middle or top drawer.
 
-Bimanual because of its timing: the left hand pulls the drawer open while the right hand picks the item up from
-the cabinet's top, and holds it over the drawer as soon as that is open.
+The paper asks that the item be placed inside the drawer. The left hand pulls it open while the right hand picks the item
+up from the cabinet's top, and holds it over the drawer as soon as that is open: two arms save time, which the left one
+alone can spare (docs/tasks.md).
 
 Departures from the original: the item must lie inside the drawer with no arm touching it; the original is
 satisfied as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a

@@ -1,7 +1,7 @@
 """Straighten the rope.
 
-Bimanual because the rope gives way: whoever pulls one end drags the other one along, so both ends have to be held
-and pulled apart at the same time to come to lie on their plates.
+The paper asks for both ends in their areas. Both are held and pulled apart at the same time. The rope lies still where it
+is left, so that one arm alone can lay down one end after the other (docs/tasks.md).
 
 Departures from the original: the middle of each end must lie in the original's area over its plate; there it is
 enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm thick and its ends are knots of

@@ -1,8 +1,8 @@
 """Sweep the dirt into the dustpan.
 
-Bimanual because one hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is
-asked for, as in the paper and the original, and the pan is heavy enough to stay where it is: a left arm that
-sweeps well succeeds without the right one (10 of 10).
+One hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is asked for, as in the paper
+and the original, and the pan is heavy enough to stay where it is: a left arm that sweeps well succeeds without the
+right one (docs/tasks.md).
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the

@@ -1,7 +1,7 @@
 """Take the tray out of the oven.
 
-Bimanual because of its order: the right hand opens the door and makes way before the left hand reaches in and
-takes the tray.
+The paper says that one arm can do it, too. The right hand opens the door and makes way before the left hand reaches in and
+takes the tray; one arm does both in turn (docs/tasks.md).
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand
 hold it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released.
@@ -106,10 +106,10 @@ class TakeTrayOutOfOven(Task):
 
         def handle(door_rad: float) -> Pose:
             pitch_rad = PITCH_SHARE * door_rad
-            return oven @ _hand(OVEN.handle(door_rad, HANDLE_Y_M), pitch_rad)
+            return oven @ hand(OVEN.handle(door_rad, HANDLE_Y_M), pitch_rad)
 
-        wait = oven @ _hand((OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), fingers_swapped=True)
-        grasp = oven @ _hand((TRAY_EDGE_M + INSERT_M, 0, TRAY_M[2]), fingers_swapped=True)
+        wait = oven @ hand((OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), fingers_swapped=True)
+        grasp = oven @ hand((TRAY_EDGE_M + INSERT_M, 0, TRAY_M[2]), fingers_swapped=True)
         yield Stage("approach", wait, handle(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp handle", right=handle(0), right_open=False)
         for door_rad in DOOR_RAD[:-1]:
@@ -127,7 +127,7 @@ class TakeTrayOutOfOven(Task):
         yield Stage("raise", left=out.translated((0, 0, TABLE_HEIGHT_M + RAISE_TO_M - out.position[2])))
 
 
-def _hand(position, pitch_rad: float = 0.0, fingers_swapped: bool = False) -> Pose:
+def hand(position, pitch_rad: float = 0.0, fingers_swapped: bool = False) -> Pose:
     """A hand that points into the oven and up by `pitch_rad`, its fingers one above the other; oven's frame.
 
     Of the two such rolls each arm takes the one that keeps its wrist further from the joint limits.
