@@ -43,7 +43,7 @@ def excerpt(content: Content) -> Content:
     for row in rates:
         if coupling := couplings[row["task"], row["variation"]]:
             row["coupling"] = coupling
-    worlds = {task: content["worlds"][task] for task in TASKS}
+    worlds = {task: world for task, world in content["worlds"].items() if task in TASKS}
     fewer = {"seeds": seeds, "worlds": worlds, "complaints": campaign.complaints, "rates": rates}
     return json.loads(json.dumps(content | fewer | {"episodes": episodes}))
 
