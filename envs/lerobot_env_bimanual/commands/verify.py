@@ -21,6 +21,9 @@ PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
 """Exit codes; 2 is a command line that cannot be understood."""
 
 MAX_LINES_PER_CHECK = 10
+CLOSE_EPISODES = 20
+"""Drawn at random: also read through LeRobot's loader, and with statistics of all images. Of every other episode those of
+two streams of images are computed again; whole they would cost as much as all that is decoded."""
 LOADED_AFTER = (
     "files",
     "description",
@@ -42,9 +45,8 @@ class VerifyConfig:
 
     root: Path = field(kw_only=True)  # folder of a dataset that `generate` made; all its views are checked
     episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
-    render: str = (
-        "3"  # rows of every episode whose images are rendered again and compared: a number, or `all`
-    )
+    # Rows of every episode whose images are rendered again and compared: a number, or `all`.
+    render: str = "2"
     seed: int = 0  # of the draw of those rows
     workers: int = 0  # processes; 0 takes one per core
 
@@ -53,7 +55,7 @@ def verify(config: VerifyConfig) -> int:
     """Check files, tables, labels, statistics, calibration, images and replay of a dataset.
 
     Every file is hashed, every image decoded, every episode played again; images of a few random rows of every episode
-    are rendered again. Prints how many episodes passed each check, what is wrong and where, and one hash per view for
+    are rendered again, and a few episodes are also read through LeRobot's loader. Prints how many episodes passed each check, what is wrong and where, and one hash per view for
     all its content.
 
     Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
@@ -150,6 +152,8 @@ def _line(episode: int | None, fault: Fault) -> str:
 
 def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewReport:
     """Check a view as a whole, and plan what is done with its episodes: nothing if none can be found."""
+    import numpy as np
+
     from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_env_bimanual.verification.fault import Fault
     from lerobot_env_bimanual.verification.verifier import READABLE, Thoroughness, verify_metadata
@@ -163,7 +167,10 @@ def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewR
     indices = parse_episodes(config.episodes, len(dataset))
     remark = _why_not_replayed(dataset.provenance)
     is_sound = not any(metadata[check] for check in LOADED_AFTER)
-    thoroughness = Thoroughness(not remark, rows, config.seed, cache if is_sound else None)
+    drawn = np.random.default_rng(config.seed).permutation(indices)[:CLOSE_EPISODES]
+    thoroughness = Thoroughness(
+        not remark, rows, config.seed, cache if is_sound else None, frozenset(drawn.tolist())
+    )
     return _ViewReport(root, metadata, remark, indices, indices == list(range(len(dataset))), thoroughness)
 
 

@@ -5,7 +5,7 @@ The table of episodes has those of every episode, `meta/stats.json` those of all
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -99,12 +99,15 @@ class StatisticsTable:
         self._features = read_info(root)["features"]
         self._table = episode_table(root)
 
-    def check(self, episode: RecordedEpisode, images: Mapping[str, ImageStatistics]) -> Iterator[Fault]:
+    def check(
+        self, episode: RecordedEpisode, images: Mapping[str, ImageStatistics], unseen: Collection[str]
+    ) -> Iterator[Fault]:
         """The statistics of one episode are those of its rows.
 
         Args:
             episode: its columns.
-            images: statistics of all its images by key.
+            images: statistics of its images by key.
+            unseen: keys of images that nobody looked at.
         """
         columns = (episode.columns | episode.bookkeeping).items()
         with np.errstate(all="ignore"):  # numbers that are not finite are somebody else's finding
@@ -112,7 +115,8 @@ class StatisticsTable:
         computed |= {key: statistics.result() for key, statistics in images.items()}
         entry = self._table.slice(episode.index, 1).to_pylist()[0]
         stored = _by_feature({k.removeprefix(PREFIX): v for k, v in entry.items() if k.startswith(PREFIX)})
-        yield from _differences(stored, computed, self._features)
+        seen = {key: statistics for key, statistics in stored.items() if key not in unseen}
+        yield from _differences(seen, computed, self._features)
 
 
 def check_dataset_statistics(root: Path) -> Iterator[Fault]:

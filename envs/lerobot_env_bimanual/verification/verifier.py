@@ -6,11 +6,12 @@ columns, about its images, and about what the simulation, LeRobot's statistics a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.content_hash import EpisodeHash
@@ -32,7 +33,10 @@ READABLE = "readable"
 
 BOOKKEEPING, STATISTICS, LOADER, IMAGES = "bookkeeping", "statistics", "LeRobot's loader", "images"
 LOADED_ROWS = 2
-"""Rows of every episode that are read through LeRobot's loader."""
+"""Rows that are read through LeRobot's loader, of an episode that is looked at closely."""
+
+QUICK_STATISTICS = 2
+"""Streams of images whose statistics are computed again of every other episode, drawn at random."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +48,26 @@ class Thoroughness:
         rendered_rows: rows of every episode whose images are compared with new ones, `ALL_ROWS` for all of them.
         seed: of the draw of rows.
         cache: folder for LeRobot's loader; none if the dataset's metadata are too damaged for it.
+        closely: episodes that are also read through LeRobot's loader, and the statistics of all of whose images are
+            computed again; None for every one.
     """
 
     simulate: bool
     rendered_rows: int
     seed: int = 0
     cache: Path | None = None
+    closely: frozenset[int] | None = None
+
+    def is_close(self, episode: int) -> bool:
+        """Whether an episode is looked at closely."""
+        return self.closely is None or episode in self.closely
+
+    def streams(self, episode: int, keys: Sequence[str]) -> list[str]:
+        """Keys of the images whose statistics are computed again."""
+        if self.is_close(episode):
+            return [*keys]
+        rng = np.random.default_rng([self.seed, episode])
+        return [keys[place] for place in rng.permutation(len(keys))[:QUICK_STATISTICS]]
 
 
 @dataclass(frozen=True)
@@ -130,12 +148,18 @@ class Verifier:
         inspection = ImageInspection(self._reader, episode.index, len(episode))
         digest = EpisodeHash(episode, self._reader.units)
         features = read_info(self._root)["features"]
-        statistics = {key: ImageStatistics(features[key], len(episode)) for key in self._reader.shapes}
+        keys = [*self._reader.shapes]
+        statistics = {
+            key: ImageStatistics(features[key], len(episode))
+            for key in self._thoroughness.streams(episode.index, keys)
+        }
         rendered = self._render(episode, played)
-        loaded = {row: {} for row in draw_rows(episode, LOADED_ROWS, self._thoroughness.seed)}
+        loaded_rows = LOADED_ROWS if self._loads(episode.index) else 0
+        loaded = {row: {} for row in draw_rows(episode, loaded_rows, self._thoroughness.seed)}
         for key, row, image in inspection.images():
             digest.add_image(key, image)
-            statistics[key].add(row, image)
+            if key in statistics:
+                statistics[key].add(row, image)
             if rendered is not None:
                 rendered.see(key, row, image)
             if row in loaded:
@@ -143,11 +167,12 @@ class Verifier:
         faults |= inspection.faults()
         if rendered is not None:
             faults |= rendered.faults()
-        whole = {key: statistics[key] for key in inspection.whole}
-        faults[STATISTICS] = faults_of(self._statistics.check, episode, whole)
-        if self._thoroughness.cache is not None:
+        whole = {key: statistics[key] for key in inspection.whole if key in statistics}
+        unseen = [key for key in keys if key not in statistics]
+        faults[STATISTICS] = faults_of(self._statistics.check, episode, whole, unseen)
+        if loaded:
             faults[LOADER] = faults_of(self._check_loader, episode, loaded)
-        if len(whole) == len(statistics):
+        if len(inspection.whole) == len(keys):
             hashes.append(digest.hexdigest())
         yield from ()
 
@@ -158,6 +183,9 @@ class Verifier:
             return None
         rows = draw_rows(episode, count, self._thoroughness.seed, in_pairs=is_video)
         return RenderedRows(episode, played, rows, is_video)
+
+    def _loads(self, episode: int) -> bool:
+        return self._thoroughness.cache is not None and self._thoroughness.is_close(episode)
 
     def _check_loader(
         self, episode: RecordedEpisode, images: Mapping[int, Mapping[str, NDArray]]
