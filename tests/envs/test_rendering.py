@@ -294,3 +294,20 @@ def test_environments_play_and_render_in_several_threads_at_once():
         env.close()
     for images, expected in zip(at_once, one_after_the_other, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(images, expected, strict=True))
+
+
+LEAVE_OPEN = """
+import weakref
+class Early: pass
+early = Early()
+weakref.finalize(early, int)  # now finalizers run after whatever a driver does at exit
+from lerobot_env_bimanual.env import BimanualEnv
+BimanualEnv("lift_ball", image_size=16).reset(seed=0)
+env = BimanualEnv("lift_ball", image_size=16)
+env.reset(seed=0)
+"""
+
+
+def test_a_program_that_closes_nothing_ends_without_a_word():
+    ended = subprocess.run([sys.executable, "-c", LEAVE_OPEN], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -29,7 +29,7 @@ def small(tmp_path: Path) -> Callable[..., RenderConfig]:
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(WorkerPool, "map", lambda _, function, items, *__: map(function, items))
+    monkeypatch.setattr(WorkerPool, "map", lambda _, function, items, *__, **___: map(function, items))
 
 
 @pytest.mark.sim

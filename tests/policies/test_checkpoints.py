@@ -128,7 +128,10 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     ),
     "inputs of no shape": (config(input_features={"observation.state": 5}), "input_features"),
     "not a number": (write(CONFIG, b'{"type": "peract2", "heads": NaN}'), "NaN is no number"),
-    "infinite": (write(CONFIG, b'{"type": "peract2", "optimizer_lr": 1e999}'), "optimizer_lr is inf"),
+    "infinite": (
+        write(CONFIG, b'{"type": "peract2", "optimizer_lr": 1e999}'),
+        "1e999 is larger than any number",
+    ),
     "a key twice": (write(CONFIG, b'{"type": "peract2", "type": "act"}'), "stands there twice"),
     "no JSON": (write(CONFIG, b"{"), "must be JSON"),
     "a list": (write(CONFIG, b"[]"), "must hold an object"),

@@ -257,9 +257,9 @@ def test_a_dataset_without_depth_or_label_is_refused_by_name(peract_checkpoint, 
     assert "no dataset at" in refusal(capsys, peract_checkpoint, tmp_path / "nowhere")
 
 
-def test_without_rerun_the_extra_is_named(dataset, tmp_path, capsys, monkeypatch):
+def test_without_rerun_the_extra_is_named(peract_checkpoint, dataset, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert "lerobot[viz]" in refusal(capsys, tmp_path, dataset, "--rerun")
+    assert "lerobot[viz]" in refusal(capsys, peract_checkpoint, dataset, "--rerun")
 
 
 def test_rerun_gets_a_file(peract_checkpoint, dataset, tmp_path):

@@ -1,5 +1,6 @@
 """RGB-D images of a scene."""
 
+import atexit
 import contextlib
 import os
 import threading
@@ -102,6 +103,7 @@ class Renderer:
         """Free the OpenGL context; the next `render` makes a new one."""
         if self._context is not None:
             self._context.free()
+            atexit.unregister(self._context.free)
             self._context = None
 
     def __enter__(self) -> "Renderer":
@@ -137,8 +139,10 @@ class _Context:
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = 0
-        # Left to the garbage collector at interpreter exit, the driver is gone before the context.
         self.free = weakref.finalize(self, _free, gl, self._mjr)
+        # At interpreter exit the driver goes when MuJoCo says, which has said so by now; what is said later comes first.
+        self.free.atexit = False
+        atexit.register(self.free)
 
     def begin(self, data: mujoco.MjData) -> None:
         """Take over the positions of all geoms; images of several cameras may follow."""
