@@ -208,6 +208,11 @@ def swapped(key: str, other: str) -> Change:
     return swap
 
 
+def png_of(width: int, height: int) -> Callable[[Any], Any]:
+    """Put a PNG into a cell that claims a size and has no pixels."""
+    return lambda cell: cell | {"bytes": png(width, height)}
+
+
 def png(width: int, height: int, body: bytes = b"") -> bytes:
     """A PNG whose header claims a size."""
 

@@ -1,6 +1,5 @@
 """A dataset goes onto the Hub with its card, and everyone else loads it by its name."""
 
-import importlib.util
 import json
 import os
 import shutil
@@ -10,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from types import ModuleType
 
+import loopback_hub
 import numpy as np
 import pytest
 from huggingface_hub import DatasetCard
@@ -35,19 +34,6 @@ depth = dataset[0]["observation.images.front_depth"]
 np.save("labels.npy", np.stack([item["observation.next_keypose"] for item in dataset]))
 print(json.dumps([len(dataset), list(depth.shape), str(depth.dtype), str(dataset.root)]))
 """
-
-
-def load_loopback_hub() -> ModuleType:
-    """The module next to this file; tests are not a package, so it cannot be imported by name."""
-    spec = importlib.util.spec_from_file_location("loopback_hub", Path(__file__).with_name("loopback_hub.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-loopback_hub = load_loopback_hub()
 
 
 @pytest.fixture(scope="module")
