@@ -6,6 +6,7 @@ The table of episodes has those of every episode, `meta/stats.json` those of all
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,12 @@ type Statistics = Mapping[str, NDArray]
 ROUNDING = 1e-5
 """Relative to a feature's largest number; float32 keeps 1e-7 of it, sums over an episode lose some of that."""
 
-LOSSY = {"min": 0.3, "max": 0.3}
-LOSSY_OTHERWISE = 0.04
+LOSSY = {"min": 0.3, "max": 0.3, "mean": 0.03, "std": 0.08}
 """Colours 0..1 of videos, whose statistics were taken before H.264 coded them.
 
-Measured over twenty episodes at 128 pixels and four at 24x32, all cameras: extremes move by up to 0.15, mean,
-deviation and quantiles by up to 0.018.
+Measured over eight episodes of `lift_ball` at 128 pixels and six of two tasks at 24x32, all cameras: extremes move by up to
+0.13, means by 0.009, deviations by 0.027. Quantiles lie where they like when a few pixels cross an edge between two colours
+(0.13 measured), so they only have to be in order.
 """
 
 
@@ -187,6 +188,8 @@ def _differences(
         found, wanted = stored[key], computed[key]
         scale = max(float(np.abs(wanted[name].astype(np.float64)).max()) for name in ("min", "max"))
         is_lossy = key in features and features[key]["dtype"] == "video" and not is_depth(features[key])
+        if is_lossy and not _in_order(found):
+            yield Fault(f"min, quantiles and max of {key} are not in order")
         for name in sorted(found.keys() | wanted.keys()):
             if name not in found or name not in wanted:
                 yield Fault(f"{name} of {key} is {'missing' if name in wanted else 'no statistic'}")
@@ -203,10 +206,19 @@ def _agree(name: str, found: NDArray, wanted: NDArray, scale: float, is_lossy: b
     if name == "count":
         return bool(np.array_equal(found, wanted))
     if is_lossy:
-        return bool((np.abs(found - wanted) <= LOSSY.get(name, LOSSY_OTHERWISE)).all())
+        return name not in LOSSY or bool((np.abs(found - wanted) <= LOSSY[name]).all())
     if name == "std":  # a root, of a difference of large numbers
         return bool((found >= 0).all() and (np.abs(found**2 - wanted**2) <= ROUNDING * scale**2).all())
     return bool((np.abs(found - wanted) <= ROUNDING * scale + 1e-9).all())
+
+
+def _in_order(statistics: Statistics) -> bool:
+    names = ["min", *sorted(name for name in statistics if name.startswith("q")), "max"]
+    values = [statistics[name] for name in names if name in statistics]
+    shapes = {value.shape for value in values}
+    return len(shapes) == 1 and all(
+        value.dtype.kind in "fiu" and bool((low <= value + ROUNDING).all()) for low, value in pairwise(values)
+    )
 
 
 def _short(values: NDArray) -> str:

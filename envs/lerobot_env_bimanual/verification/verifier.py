@@ -67,7 +67,7 @@ class Thoroughness:
         if self.is_close(episode):
             return [*keys]
         rng = np.random.default_rng([self.seed, episode])
-        return [keys[place] for place in rng.permutation(len(keys))[:QUICK_STATISTICS]]
+        return [keys[int(place)] for place in rng.permutation(len(keys))[:QUICK_STATISTICS]]
 
 
 @dataclass(frozen=True)
