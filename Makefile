@@ -35,7 +35,7 @@ test-all: setup  ## Run every test; those for a GPU skip themselves where there 
 
 FUZZ_EXAMPLES := 1000
 fuzz: setup  ## Feed every reader and action thousands of broken inputs (FUZZ_EXAMPLES of each kind)
-	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(PYTEST) --timeout=3600 --hypothesis-show-statistics -m fuzz
+	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(PYTEST) --timeout=3600 -m fuzz
 
 check: setup  ## Lint, formatting, types
 	$(BIN)/ruff check

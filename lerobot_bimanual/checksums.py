@@ -8,6 +8,7 @@ import stat
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import DatasetError
 
 SUMS_FILE = "SHA256SUMS"
@@ -40,8 +41,14 @@ def write_sums(folder: Path, sums_file: str = SUMS_FILE, harmless: Collection[st
     files.pop(sums_file, None)
     if odd := [name for name in files if not name.isprintable() or "\\" in name]:
         raise DatasetError(f"{folder}: no list of hashes can hold the name {odd[0]!r}")
-    lines = [f"{sha256(path)}  {name}\n" for name, path in sorted(files.items())]
-    (folder / sums_file).write_text("".join(lines), encoding="utf-8")
+    target = folder / sums_file
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        lines = [f"{sha256(path)}  {name}\n" for name, path in sorted(files.items())]
+        partial.write_text("".join(lines), encoding="utf-8")
+        move_durably(partial, target)
+    except OSError as error:
+        raise DatasetError(f"{folder} cannot be sealed: {error}") from error
 
 
 def sums_problems(
@@ -77,6 +84,11 @@ def sums_problems(
             yield f"{_shown(name)} is missing"
         elif problem := _difference(found[name], listed[name]):
             yield f"{_shown(name)} {problem}"
+
+
+def what_is_no_file(folder: Path, harmless: Collection[str] = ()) -> list[str]:
+    """A sentence for everything below a folder that is neither file nor folder, such as links and pipes."""
+    return _plain_files(folder, harmless)[1]
 
 
 def is_as_listed(folder: Path, sums_file: str, name: str) -> bool:

@@ -42,7 +42,7 @@ def read_json(path: Path, most_bytes: int = MOST_BYTES) -> Any:
         BimanualError: the file cannot be read, is too large, or is no JSON; the message names it.
     """
     try:
-        return parse_json(_read_bytes(path, most_bytes))
+        return parse_json(read_bytes(path, most_bytes))
     except (OSError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
 
@@ -56,7 +56,13 @@ def shown(value: object, most: int = 120) -> str:
     return text if len(text) <= most else f"{text[:most]}..."
 
 
-def _read_bytes(path: Path, most_bytes: int) -> bytes:
+def read_bytes(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """The content of a file that is no larger than ours are.
+
+    Raises:
+        OSError: it cannot be read.
+        BimanualError: it is no file, or too large.
+    """
     path.stat()  # says best why there is nothing to open
     if not path.is_file():  # a pipe or a device may never end
         raise BimanualError("not a file")

@@ -12,7 +12,10 @@ from functools import cache
 from multiprocessing import util
 from pathlib import Path
 
-PREFIX = "lerobot_bimanual-"
+PREFIX = ".lerobot_bimanual_scratch_"
+CONTENT = ("pymp-", "verify_")
+"""How names in it begin, those of multiprocessing and of `verify`; with anything else a folder is not ours to remove."""
+
 MOST_BYTES_OF_PLACE = 49
 """A socket's path has 107 at most, and multiprocessing's has 58 more than this."""
 
@@ -29,7 +32,8 @@ def use_scratch_folder() -> Path:
         place = Path("/tmp")
     for folder in place.glob(f"{PREFIX}*"):
         if (lock := _lock(folder)) is not None:
-            shutil.rmtree(folder, ignore_errors=True)
+            if all(entry.name.startswith(CONTENT) for entry in folder.iterdir()):
+                shutil.rmtree(folder, ignore_errors=True)
             os.close(lock)
     while _lock(folder := Path(tempfile.mkdtemp(prefix=PREFIX, dir=place))) is None:
         pass  # another process took it for that of a dead one before it was locked

@@ -32,6 +32,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.episode_log import EpisodeLog
+from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import end_of, end_with_parent, told
 from lerobot_env_bimanual.workers import WorkerDied
 
@@ -193,6 +194,7 @@ class LazyVectorEnv(VectorEnv):
         with self._lock:
             if self._running is None:
                 if self._asynchronous:
+                    use_scratch_folder()
                     multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
                     with _main_module_hidden(), _named_death():
                         self._running = AsyncVectorEnv(

@@ -60,7 +60,7 @@ class Worker:
     def give(self, index: int, function: Callable[[Any], Any], item: Any) -> None:
         """Have it do something with an item."""
         self.index, self.is_busy = index, True
-        with suppress(BrokenPipeError):  # it has just died, which its answer will say
+        with suppress(OSError):  # it has just died, which its answer will say
             self.pipe.send((function, item))
 
     def end(self) -> None:
@@ -68,7 +68,7 @@ class Worker:
         if self.is_busy:
             self.process.terminate()
         else:
-            with suppress(BrokenPipeError):
+            with suppress(OSError):
                 self.pipe.send(None)
 
     def answer(self, name: str) -> Any:
@@ -129,7 +129,7 @@ def _work(pipe: Connection, prepare: Callable[..., None] | None, arguments: tupl
     while True:
         try:
             packed = pipe.recv_bytes()
-        except EOFError:
+        except (EOFError, OSError):  # nobody is there any more
             return
         try:
             work = pickle.loads(packed)

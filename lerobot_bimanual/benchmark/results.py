@@ -14,7 +14,7 @@ from typing import Any, Self
 from lerobot_bimanual.benchmark.names import place_name, result_name
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, STAMPED_PACKAGES, installed_versions
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import parse_json, shown
+from lerobot_bimanual.json_file import parse_json, read_bytes, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.statistics import SuccessRate
 
@@ -301,8 +301,8 @@ class ResultRow:
             BadResult: the file cannot be read, or as in `from_json`.
         """
         try:
-            return cls.from_json(path.read_bytes())
-        except (OSError, BadResult) as error:
+            return cls.from_json(read_bytes(path))
+        except (OSError, BimanualError) as error:
             raise BadResult(f"{path}: {error}") from error
 
 

@@ -13,6 +13,7 @@ from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
+from lerobot_bimanual.output_file import write_file
 
 CARD_FILE = Path("README.md")
 LICENSE = "apache-2.0"
@@ -63,13 +64,14 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
 
     Raises:
         DatasetError: the dataset has no provenance.
+        UnwritableOutput: its folder cannot be written.
     """
     provenance = Provenance.read(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
     write_picture(root)
     text = dataset_card(provenance, read_info(root), repo_id, tags)
-    (root / CARD_FILE).write_text(text, encoding="utf-8")
+    write_file(root / CARD_FILE, text)
 
 
 def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequence[str] = ()) -> str:

@@ -97,7 +97,7 @@ class ImageReader:
         first, end = self._spans[key][episode]
         millimetres = self._millimetres[key] if self.is_depth(key) else None
         try:
-            with av.open(str(path)) as container:
+            with av.open(str(path), format="mp4") as container:  # no playlist, which leads elsewhere
                 stream = container.streams.video[0]
                 _check_size(f"{key} in {path}", (stream.height, stream.width), self.shapes[key])
                 assert stream.time_base is not None

@@ -121,6 +121,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
             repo_type="dataset",
             folder_path=root,
             revision=branch,
+            allow_patterns=[*DATASET_FILES, CARD_FILE.as_posix()],
             delete_patterns=list(DATASET_FILES),
             commit_message="Upload dataset with lerobot_bimanual",
         )

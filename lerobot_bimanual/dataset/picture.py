@@ -9,6 +9,7 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.durable import move_durably
 
 PICTURE_FILE = Path("meta", "first_episode.jpg")
 CAMERA = "front"
@@ -28,7 +29,10 @@ def write_picture(root: Path) -> None:
     strip = Image.new("RGB", (lefts[-1] - GAP, TILE_HEIGHT), "white")
     for tile, left in zip(tiles, lefts, strict=False):  # the last left is where another tile would begin
         strip.paste(tile, (left, 0))
-    strip.save(root / PICTURE_FILE, quality=85)
+    target = root / PICTURE_FILE
+    partial = target.with_name(f".{target.stem}.partial{target.suffix}")
+    strip.save(partial, quality=85)
+    move_durably(partial, target)  # through no link, which may lead into the Hub's cache
 
 
 def _tile(rgb: NDArray[np.uint8]) -> Image.Image:

@@ -1,6 +1,7 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
 import json
+import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -11,6 +12,9 @@ from typing import Any, Self
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.errors import BimanualError, SchemaMismatch
 from lerobot_bimanual.json_file import read_json
+
+VERSION = r"[\w.+!-]{1,40}"
+"""Regular expression of a version; error messages put it into commands, so it can hold nothing else."""
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
 SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
@@ -144,10 +148,14 @@ def check_versions(versions: object) -> None:
     """Refuse what are no versions of packages.
 
     Raises:
-        SchemaMismatch: it is not a text by package.
+        SchemaMismatch: it is not a version by package.
     """
-    if not isinstance(versions, dict) or not all(isinstance(version, str) for version in versions.values()):
-        raise SchemaMismatch(f"versions are {_shortened(versions)}, not a text for each package")
+    if not isinstance(versions, dict) or not all(
+        isinstance(version, str) and re.fullmatch(VERSION, version) for version in versions.values()
+    ):
+        raise SchemaMismatch(
+            f"versions are {_shortened(versions)}, not a version such as 3.2.1 for each package"
+        )
 
 
 def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:

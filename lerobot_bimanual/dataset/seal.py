@@ -12,6 +12,7 @@ LeRobot's own card, has another card than was published, and is told so.
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from lerobot_bimanual import checksums
 from lerobot_bimanual.checksums import SUMS_FILE, is_as_listed, sums_problems, write_sums
 
 SEAL_FILE = Path("meta", SUMS_FILE)
@@ -43,6 +44,11 @@ def seal_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[str]
     """
     files = [path.as_posix() for path in rewritten]
     yield from sums_problems(root, SEAL_FILE.as_posix(), HARMLESS, files)
+
+
+def what_is_no_file(root: Path) -> list[str]:
+    """A sentence for everything in a dataset through which a reader would leave it or wait for ever: links and pipes."""
+    return checksums.what_is_no_file(root, HARMLESS)
 
 
 def is_as_sealed(root: Path, file: Path) -> bool:

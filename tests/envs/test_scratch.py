@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from lerobot_env_bimanual.scratch import PREFIX
+
 HOLD = "from lerobot_env_bimanual.scratch import use_scratch_folder as u; print(u(), flush=True); input()"
 
 
@@ -57,14 +59,14 @@ def test_the_folder_of_a_killed_process_goes_with_the_next_and_that_of_a_living_
 
 def test_nothing_but_own_folders_is_removed(command, place) -> None:
     elsewhere = place / "elsewhere"
-    (elsewhere / "photos").mkdir(parents=True)
-    (place / "lerobot_bimanual-link").symlink_to(elsewhere)
-    (place / "lerobot_bimanual-file").touch()
+    strangers = [elsewhere / "photos", place / "lerobot_bimanual-main", place / f"{PREFIX}mine"]
+    for folder in strangers:
+        folder.mkdir(parents=True)
+        (folder / "thesis.tex").touch()
+    (place / f"{PREFIX}link").symlink_to(elsewhere)
+    (place / f"{PREFIX}file").touch()
+    before = set(place.iterdir())
     process, _ = command()
     process.communicate("\n")
-    assert (elsewhere / "photos").is_dir()
-    assert {path.name for path in place.iterdir()} == {
-        "elsewhere",
-        "lerobot_bimanual-link",
-        "lerobot_bimanual-file",
-    }
+    assert set(place.iterdir()) == before
+    assert all((folder / "thesis.tex").is_file() for folder in strangers)

@@ -29,7 +29,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.leaderboard.render", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.benchmark.check_task", lambda _: None)
-    monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.call", refuse)
+    monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)
 
 
 PLACES = {"below a file": "file/page", "on a device": "/proc/self/page", "a folder": "folder"}

@@ -64,7 +64,7 @@ def findings(root: Path, check: str, player: Player) -> dict[str, str]:
     return {name: "; ".join(fault.text for fault in faults) for name, faults in found.items() if faults}
 
 
-@pytest.mark.parametrize(("damage", "view"), cases())
+@pytest.mark.parametrize(("damage", "view"), list(cases()))
 def test_a_damage_is_found_by_its_check_even_where_the_seal_was_made_again(
     damage, view, copy, player
 ) -> None:
@@ -110,3 +110,30 @@ def test_what_only_the_seal_finds_is_listed_with_a_reason(reason, copy, player) 
     assert list(seal_problems(root))
     write_seal(root)
     assert findings(root, "replay", player).keys() <= {"card"}
+
+
+def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, monkeypatch) -> None:
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(damages.png(32, 24))
+    cells, playlist = copy("keyframes"), copy("frames")
+    damages.column(damages.FRONT, damages.at(1, lambda _: {"bytes": None, "path": str(secret)}))(cells)
+    film = next(playlist.glob(f"videos/{damages.FRONT}/*/*.mp4"))
+    film.write_text(f"#EXTM3U\n#EXTINF:1,\n{film.with_name('file-001.mp4')}\n#EXT-X-ENDLIST\n")
+    opened = []
+    monkeypatch.setattr("datasets.features.image.xopen", lambda *args, **_: opened.append(args))
+    for root in (cells, playlist):
+        write_seal(root)
+        thoroughness = Thoroughness(simulate=False, rendered_rows=0, cache=tmp_path / "cache")
+        faults = Verifier(root, thoroughness, player).verify(1 if root is cells else 0).faults
+        assert faults["images complete"]
+        assert "LeRobot's loader" not in faults
+    assert not opened
+
+
+def test_a_link_is_told_and_nothing_behind_it_is_read(copy, tmp_path) -> None:
+    root = copy("keyframes")
+    (root / "README.md").unlink()
+    (root / "README.md").symlink_to("/dev/zero")
+    found = verify_metadata(root)
+    assert [*found] == ["readable"]
+    assert "README.md" in found["readable"][0].text

@@ -71,7 +71,7 @@ def test_nothing_is_left_of_a_killed_user_of_workers(user, generated, tmp_path):
     time.sleep(np.random.default_rng().uniform(0, 2))  # at another moment in every run of the test
     semaphores = set(semaphores_of(parent.pid))
     os.kill(parent.pid, signal.SIGKILL)
-    parent.wait()
+    assert parent.wait() == -signal.SIGKILL, "ended before it was killed"
     deadline = time.monotonic() + PATIENCE_S
     while left := processes_of(parent.pid):
         assert time.monotonic() < deadline, f"left over: {left}"

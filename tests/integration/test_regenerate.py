@@ -40,6 +40,13 @@ def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -
     assert not (tmp_path / "never").exists()
 
 
+@pytest.mark.parametrize("version", ["3.3; rm -rf ~", "3.3 git+https://elsewhere", "3.3`id`", ""])
+def test_a_version_is_nothing_but_a_version(provenance, tmp_path, version) -> None:
+    rewrite(provenance, lambda origin: origin["versions"].update(mujoco=version))
+    with pytest.raises(SchemaMismatch, match="versions are"):
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "again"))
+
+
 def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
     """The settings ask for the small dataset; who records it is up to the user."""
     workers = []

@@ -349,6 +349,24 @@ def test_not_replayed_is_not_passed(copy, capsys) -> None:
     assert "replayed actions" not in printed
 
 
+@pytest.mark.parametrize("lost", ["", "meta/info.json"])
+def test_a_view_that_is_missing_is_a_finding(generated, tmp_path, capsys, lost) -> None:
+    root = Path(shutil.copytree(generated, tmp_path / "data"))
+    if lost:
+        (root / "frames" / lost).unlink()
+    else:
+        shutil.rmtree(root / "frames")
+    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
+    assert "frames" in capsys.readouterr().out
+
+
+def test_what_a_terminal_would_obey_is_printed_as_text(generated, tmp_path, capsys) -> None:
+    root = Path(shutil.copytree(generated / "keyframes", tmp_path / "data"))
+    (root / "\x1b[2Jgone").touch()
+    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
+    assert "\x1b[2J" not in capsys.readouterr().out
+
+
 def test_a_dataset_that_cannot_be_opened_is_a_finding_and_the_other_view_is_still_checked(
     generated, tmp_path, capsys
 ) -> None:

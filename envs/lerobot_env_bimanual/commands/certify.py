@@ -62,12 +62,16 @@ def certify(config: CertifyConfig) -> int:
     from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
     from lerobot_env_bimanual.expert.seed_range import parse_seeds
+    from lerobot_env_bimanual.solo.ways import find_ways
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
     if config.variation != EACH_VARIATION:
         for name in names:
             get_task(name).spec.variation_index(config.variation)
+    if config.control.startswith("solo"):
+        for name in names:
+            find_ways(name)
     if config.discretise < 0:
         raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
     log = None

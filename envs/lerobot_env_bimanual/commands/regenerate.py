@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,8 +39,9 @@ def regenerate(config: RegenerateConfig) -> None:
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
     provenance = Provenance.load(config.provenance)
-    dataset = config.provenance.absolute().parent.parent
-    is_in_place = config.provenance.absolute() == dataset / PROVENANCE_FILE
+    place = Path(os.path.abspath(config.provenance))  # noqa: PTH100  without `..`, but through no link
+    dataset = place.parent.parent
+    is_in_place = place == dataset / PROVENANCE_FILE
     if is_in_place and (dataset / SEAL_FILE).exists() and not is_as_sealed(dataset, PROVENANCE_FILE):
         raise DatasetError(
             f"{config.provenance} is not the file that was published with its dataset, as {dataset / SEAL_FILE} shows: "

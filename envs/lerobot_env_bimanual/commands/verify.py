@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.replay import parse_episodes
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
 """Exit codes; 2 is a command line that cannot be understood."""
+
+VERIFY = "verify_"
+"""Begins the name of a folder for what LeRobot's loader caches; `scratch` knows it."""
 
 MAX_LINES_PER_CHECK = 10
 CLOSE_EPISODES = 20
@@ -47,7 +51,7 @@ class VerifyConfig:
     episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     # Rows of every episode whose images are rendered again and compared: a number, or `all`.
     render: str = "2"
-    seed: int = 0  # of the draw of those rows
+    seed: int = 0  # of the draw of those rows, and of the episodes and images that are looked at more closely
     workers: int = 0  # processes; 0 takes one per core
 
 
@@ -65,11 +69,11 @@ def verify(config: VerifyConfig) -> int:
         lerobot-bimanual verify --root=data/lift_ball
         lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=all
     """
-    from lerobot_bimanual.dataset.reader import find_view, views_below
+    from lerobot_env_bimanual.scratch import use_scratch_folder
 
     rows = _parse_rows(config.render)
-    roots = views_below(config.root) or [find_view(config.root)]
-    with tempfile.TemporaryDirectory(prefix="verify_") as cache:
+    roots = _views(config.root)
+    with tempfile.TemporaryDirectory(prefix=VERIFY, dir=use_scratch_folder()) as cache:
         views = [_look_at(root, config, rows, Path(cache)) for root in roots]
         _verify_episodes(views, config.workers)
     for view in views:
@@ -77,6 +81,23 @@ def verify(config: VerifyConfig) -> int:
     if any(view.is_wrong for view in views):
         return FAULTS
     return NOT_REPLAYED if any(view.remark for view in views) else PASSED
+
+
+def _views(root: Path) -> list[Path]:
+    """Folders of the views of a dataset, with those that should be there and are not."""
+    from lerobot_bimanual.dataset.provenance import Provenance
+    from lerobot_bimanual.dataset.reader import find_view, views_below
+    from lerobot_bimanual.dataset.schema import VIEWS
+
+    present = views_below(root)
+    if not present:
+        return [find_view(root)]
+    promised: set[Any] = {view for view in VIEWS if (root / view).is_dir()}
+    for place in present:
+        with contextlib.suppress(BimanualError, TypeError):  # which the checks of that view tell
+            provenance = Provenance.read(place)
+            promised.update(() if provenance is None else provenance.settings.get("views", ()))
+    return [root / view for view in VIEWS if view in promised]
 
 
 @dataclass
@@ -147,7 +168,8 @@ def _line(episode: int | None, fault: Fault) -> str:
     place = "" if episode is None else f"episode {episode}: "
     if fault.row is not None:
         place = f"episode {episode}, row {fault.row}: "
-    return place + fault.text
+    # Names of columns and files are those that the dataset has, and a terminal obeys what it cannot print.
+    return place + (fault.text if fault.text.isprintable() else repr(fault.text))
 
 
 def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewReport:
@@ -159,6 +181,8 @@ def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewR
     from lerobot_env_bimanual.verification.verifier import READABLE, Thoroughness, verify_metadata
 
     metadata = verify_metadata(root)
+    if metadata.get(READABLE):
+        return _ViewReport(root, metadata, "", [], False, Thoroughness(False, 0))
     try:
         dataset = RecordedDataset(root)
     except BimanualError as error:

@@ -1,6 +1,6 @@
-"""Controls that must fail: without them an expert's success rate means nothing.
+"""Who plays beside the expert: whoever holds still, moves at random or does not look must fail, or its success means nothing.
 
-Each is played through the same environment as the experts and the policies, and leniently: an arm whose keypose cannot
+One arm alone, and whoever does not read, show what the second arm and the words are for. Each is played through the same environment as the experts and the policies, and leniently: an arm whose keypose cannot
 be reached stays where it is, and the rest goes on.
 """
 
@@ -109,20 +109,19 @@ def solo(arm: Arm) -> Player:
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        way = _best_way(env, arm)
-        if way is not None:
-            yield from _play_script(env, way)
+        yield from _play_script(env, _best_way(env, arm))
 
     return play
 
 
-def _best_way(env: BimanualEnv, arm: Arm) -> Way | None:
-    """Of the ways that can be rehearsed the first to succeed in a copy of the episode; if none does, the first way."""
-    find = find_ways(env.task)
-    if find is None:
-        return None
+def _best_way(env: BimanualEnv, arm: Arm) -> Way:
+    """Of the ways that can be rehearsed the first to succeed in a copy of the episode; if none does, the first way.
+
+    Raises:
+        BimanualError: nobody has written down how one arm would try the task.
+    """
     rehearsal = Rehearsal(env.scene)
-    ways = list(find(env.scene, env.progress.variation, arm))
+    ways = list(find_ways(env.task)(env.scene, env.progress.variation, arm))
     feasible = list(islice((way for way in ways if rehearsal.infeasibility(way) is None), SOLO_TRIES))
     if len(feasible) < 2:
         return (feasible or ways)[0]

@@ -127,7 +127,7 @@ class StoredCertificate:
 
         Raises:
             BimanualError: the file is no JSON.
-        BadCertificate: it lacks a field, or contradicts itself.
+            BadCertificate: it lacks a field, or contradicts itself.
         """
         content = read_json(path)
         try:

@@ -88,10 +88,10 @@ class Renderer:
         Raises:
             MissingGL: no OpenGL context can be made on this machine.
         """
-        if self._context is None:
-            self._context = _Context(self._model, self.height, self.width, self._quality)
-        context = self._context
         try:
+            if self._context is None:
+                self._context = _Context(self._model, self.height, self.width, self._quality)
+            context = self._context
             context.begin(self._data)
             return {
                 camera: context.image(self._data, self._model.camera(camera).id) for camera in self.cameras
