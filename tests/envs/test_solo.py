@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control
@@ -41,8 +42,9 @@ def test_every_task_is_tried_by_either_arm(env_of, name):
         assert list(find(env.scene, env.progress.variation, arm))
 
 
-def test_a_task_without_a_module_is_tried_by_nobody():
-    assert find_ways("no_such_task") is None
+def test_a_task_without_a_module_is_an_error_and_no_failure_of_one_arm():
+    with pytest.raises(BimanualError, match="how one arm would try 'no_such_task'"):
+        find_ways("no_such_task")
 
 
 @pytest.mark.parametrize("name", list_tasks())
