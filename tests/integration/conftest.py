@@ -1,11 +1,13 @@
 """A small generated dataset, somebody who records in the test's own process, and flags of small policies."""
 
 import hashlib
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
+from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merge import merge_shards
@@ -135,6 +137,12 @@ def hashes_of_files(root: Path) -> dict[str, str]:
     """Hash of every file below a folder by its path there."""
     files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.fixture
+def copy(generated: Path, tmp_path: Path) -> Callable[[View], Path]:
+    """Copies a view of the small dataset, to be damaged."""
+    return lambda view: Path(shutil.copytree(generated / view, tmp_path / view))
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """Every known damage of a dataset is found, by the check that is meant for it and by the seal; what is not is harmless."""
 
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import damages
@@ -47,11 +46,6 @@ def player() -> Iterator[Player]:
     player = Player()
     yield player
     player.close()
-
-
-@pytest.fixture
-def copy(generated, tmp_path) -> Callable[[str], Path]:
-    return lambda view: Path(shutil.copytree(generated / view, tmp_path / view))
 
 
 def findings(root: Path, check: str, player: Player) -> dict[str, str]:

@@ -7,22 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import av
+import damages
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from lerobot.utils.constants import DEFAULT_FEATURES
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.card import write_card
-from lerobot_bimanual.dataset.content_hash import content_hash
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import BOOKKEEPING, COLUMN_TYPES
-from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
 from lerobot_env_bimanual.verification.bookkeeping import ENTRY, VIDEO_ENTRY
 from lerobot_env_bimanual.verification.fault import faults_of as checked
 from lerobot_env_bimanual.verification.metadata import NAMED_FILES, check_description, check_schema
@@ -36,25 +30,6 @@ FRONT, FRONT_DEPTH = schema.image_key("front"), schema.depth_key("front")
 FIRST_FILE = "data/chunk-000/file-000.parquet"
 
 
-@pytest.fixture
-def copy(generated, tmp_path) -> Callable[[schema.View], Path]:
-    """Copies a view of the small dataset, to be damaged."""
-
-    def copied(view: schema.View) -> Path:
-        return Path(shutil.copytree(generated / view, tmp_path / view))
-
-    return copied
-
-
-def edit(root: Path, key: str, change: Callable[[list, np.ndarray], object]) -> None:
-    """Change a column of the first file in place; `change` gets its values and the rows of episode 1."""
-    table = pq.read_table(root / FIRST_FILE)
-    values = table[key].to_pylist()
-    change(values, np.flatnonzero(np.array(table["episode_index"]) == 1))
-    column, field = table.column_names.index(key), table.schema.field(key)
-    pq.write_table(table.set_column(column, field, pa.array(values, field.type)), root / FIRST_FILE)
-
-
 def faults_of(root: Path, simulate: bool = False, episode: int = 1) -> dict[str, str]:
     """Failed checks of an episode but its statistics, with all they say."""
     player = Player()
@@ -65,16 +40,6 @@ def faults_of(root: Path, simulate: bool = False, episode: int = 1) -> dict[str,
         for check, faults in report.faults.items()
         if faults and check != "statistics"
     }
-
-
-def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys) -> None:
-    assert verify(VerifyConfig(root=generated, render="2", workers=1)) == 0
-    printed = capsys.readouterr().out
-    assert "not replayed" not in printed
-    for view in schema.VIEWS:
-        assert f"content hash: {content_hash(generated / view)}" in printed
-    for check in ("replay", "replayed actions", "rendered RGB", "rendered depth", "LeRobot's loader"):
-        assert check in printed
 
 
 # -- images -------------------------------------------------------------------------------------------------
@@ -146,7 +111,7 @@ def test_an_image_that_is_missing_is_found(copy) -> None:
     def remove(images: list, rows: np.ndarray) -> None:
         images[rows[2]] = None
 
-    edit(root, FRONT, remove)
+    damages.edit(root, FIRST_FILE, FRONT, remove)
     assert faults_of(root)["images complete"].startswith(f"2: row 2 of {FRONT}")
 
 
@@ -171,8 +136,8 @@ def add_to_one_pixel(amount: int) -> Callable[[list, np.ndarray], None]:
 
 def test_one_pixel_of_depth_and_one_of_colour_are_found(copy) -> None:
     root = copy("keyframes")
-    edit(root, FRONT_DEPTH, add_to_one_pixel(-5))
-    edit(root, FRONT, add_to_one_pixel(1))
+    damages.edit(root, FIRST_FILE, FRONT_DEPTH, add_to_one_pixel(-5))
+    damages.edit(root, FIRST_FILE, FRONT, add_to_one_pixel(1))
     assert faults_of(root, simulate=True) == {
         "rendered depth": f"3: {FRONT_DEPTH} is wrong by up to 5 mm",
         "rendered RGB": f"3: {FRONT} differs from a new image in 1 pixels",
@@ -181,7 +146,7 @@ def test_one_pixel_of_depth_and_one_of_colour_are_found(copy) -> None:
 
 def test_depth_beyond_its_range_is_found(copy) -> None:
     root = copy("keyframes")
-    edit(root, FRONT_DEPTH, add_to_one_pixel(9000))
+    damages.edit(root, FIRST_FILE, FRONT_DEPTH, add_to_one_pixel(9000))
     assert faults_of(root).keys() == {"depth range"}
     assert "beyond 10 to 4000 mm" in faults_of(root)["depth range"]
 
@@ -200,12 +165,12 @@ def shift_by_a_stage(labels: list, rows: np.ndarray) -> None:
 
 def test_labels_of_the_next_stage_are_found(copy) -> None:
     root = copy("frames")
-    edit(root, schema.NEXT_KEYPOSE, shift_by_a_stage)
+    damages.edit(root, FIRST_FILE, schema.NEXT_KEYPOSE, shift_by_a_stage)
     assert faults_of(root)["labels"].partition(": ")[2] == (
         "next_keypose is not where the stage's motion ends (and 1 more rows)"
     )
     root = copy("keyframes")
-    edit(root, schema.NEXT_KEYPOSE, shift_by_a_stage)
+    damages.edit(root, FIRST_FILE, schema.NEXT_KEYPOSE, shift_by_a_stage)
     assert "replayed keyposes" in faults_of(root, simulate=True)
 
 
@@ -215,7 +180,7 @@ def test_a_label_that_changes_within_a_stage_is_found(copy) -> None:
     def move(labels: list, rows: np.ndarray) -> None:
         labels[rows[1]][0] += 0.01
 
-    edit(root, schema.NEXT_KEYPOSE, move)
+    damages.edit(root, FIRST_FILE, schema.NEXT_KEYPOSE, move)
     assert faults_of(root) == {"labels": "1: next_keypose changes within a stage"}
 
 
@@ -238,14 +203,14 @@ def swap_cameras(first: int, second: int, some_rows: slice) -> Callable[[list, n
 )
 def test_cameras_that_come_loose_are_found_without_simulation(copy, first, second, some_rows, text) -> None:
     root = copy("frames")
-    edit(root, schema.CAMERA_EXTRINSICS, swap_cameras(first, second, some_rows))
+    damages.edit(root, FIRST_FILE, schema.CAMERA_EXTRINSICS, swap_cameras(first, second, some_rows))
     assert faults_of(root).keys() == {"calibration"}
     assert text in faults_of(root)["calibration"]
 
 
 def test_two_cameras_exchanged_throughout_are_found_by_the_simulation(copy) -> None:
     root = copy("keyframes")
-    edit(root, schema.CAMERA_EXTRINSICS, swap_cameras(0, 1, slice(None)))
+    damages.edit(root, FIRST_FILE, schema.CAMERA_EXTRINSICS, swap_cameras(0, 1, slice(None)))
     assert faults_of(root, simulate=True) == {
         "replayed observations": f"0: {schema.CAMERA_EXTRINSICS} is not what the simulation says "
         "(and 6 more rows)"
@@ -261,9 +226,9 @@ def test_keyframes_that_do_not_follow_the_keyposes_are_found(copy) -> None:
     def jump(steps: list, rows: np.ndarray) -> None:
         steps[rows[-1]] += 2
 
-    edit(root, schema.KEYFRAME, flag)
+    damages.edit(root, FIRST_FILE, schema.KEYFRAME, flag)
     assert faults_of(root) == {"keyframes": "5: keyframe is set, but no keypose was completed"}
-    edit(root, schema.KEYPOSE_STEP, jump)
+    damages.edit(root, FIRST_FILE, schema.KEYPOSE_STEP, jump)
     assert "79: keypose_step does not stay or rise by one" in faults_of(root)["keyframes"]
 
 
@@ -273,7 +238,7 @@ def test_a_changed_action_is_found_at_its_row(copy) -> None:
     def nudge(actions: list, rows: np.ndarray) -> None:
         actions[rows[30]][0] += 0.01
 
-    edit(root, schema.ACTION, nudge)
+    damages.edit(root, FIRST_FILE, schema.ACTION, nudge)
     assert faults_of(root, simulate=True) == {
         "replayed actions": "30: action is not what the simulation says"
     }
@@ -288,8 +253,8 @@ def test_a_row_out_of_order_and_one_of_another_episode_are_found(copy) -> None:
     def reseed(seeds: list, rows: np.ndarray) -> None:
         seeds[rows[9]] = 77
 
-    edit(root, schema.TICK, exchange)
-    edit(root, schema.SEED, reseed)
+    damages.edit(root, FIRST_FILE, schema.TICK, exchange)
+    damages.edit(root, FIRST_FILE, schema.SEED, reseed)
     assert faults_of(root) == {
         "rows": "7: tick does not follow the row before (and 2 more rows)",
         "episode key": "9: seed changes within the episode",
@@ -307,17 +272,11 @@ def metadata_faults(root: Path) -> dict[str, str]:
     }
 
 
-def rewrite(path: Path, change: Callable[[dict], object]) -> None:
-    content = json.loads(path.read_text())
-    change(content)
-    path.write_text(json.dumps(content))
-
-
 def test_what_the_metadata_claim_is_compared_with_what_is_there(copy) -> None:
     root = copy("keyframes")
     assert not metadata_faults(root)
-    rewrite(root / "meta/info.json", lambda info: info.update(total_frames=20))
-    rewrite(root / PROVENANCE_FILE, lambda origin: origin["episodes"].append(origin["episodes"][0]))
+    damages.fields(total_frames=20)(root)
+    damages.provenance(lambda origin: origin["episodes"].append(origin["episodes"][0]))(root)
     table = pq.read_table(root / FIRST_FILE)
     pq.write_table(table.drop_columns([schema.SEED]), root / FIRST_FILE)
     found = metadata_faults(root)
@@ -327,61 +286,6 @@ def test_what_the_metadata_claim_is_compared_with_what_is_there(copy) -> None:
     assert "lists 4 episodes, but there are 3" in found["provenance"]
     assert "seed=0) is there 2 times" in found["provenance"]
     assert "['seed']" in found["table columns"]
-
-
-def test_the_verb_fails_and_says_where(copy, capsys) -> None:
-    root = copy("keyframes")
-    edit(root, schema.KEYFRAME, lambda flags, rows: flags.__setitem__(rows[0], True))
-    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
-    printed = capsys.readouterr().out
-    assert "keyframes: episode 1, row 0: keyframe is set, but no keypose was completed" in printed
-    assert "seal: " in printed
-
-
-def test_not_replayed_is_not_passed(copy, capsys) -> None:
-    root = copy("keyframes")
-    rewrite(root / PROVENANCE_FILE, lambda origin: origin["versions"].update(mujoco="1.2.3"))
-    write_card(root, "local/small")
-    write_seal(root)
-    assert verify(VerifyConfig(root=root, workers=1)) == 3
-    printed = capsys.readouterr().out
-    assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: 3." in printed
-    assert "replayed actions" not in printed
-
-
-@pytest.mark.parametrize("lost", ["", "meta/info.json"])
-def test_a_view_that_is_missing_is_a_finding(generated, tmp_path, capsys, lost) -> None:
-    root = Path(shutil.copytree(generated, tmp_path / "data"))
-    if lost:
-        (root / "frames" / lost).unlink()
-    else:
-        shutil.rmtree(root / "frames")
-    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
-    assert "frames" in capsys.readouterr().out
-
-
-def test_what_a_terminal_would_obey_is_printed_as_text(generated, tmp_path, capsys) -> None:
-    root = Path(shutil.copytree(generated / "keyframes", tmp_path / "data"))
-    (root / "\x1b[2Jgone").touch()
-    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
-    assert "\x1b[2J" not in capsys.readouterr().out
-
-
-def test_a_dataset_that_cannot_be_opened_is_a_finding_and_the_other_view_is_still_checked(
-    generated, tmp_path, capsys
-) -> None:
-    root = Path(shutil.copytree(generated, tmp_path / "copy"))
-    (root / "frames/meta/info.json").write_text("[]")
-    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
-    printed = capsys.readouterr().out
-    assert "readable: " in printed
-    assert printed.count("content hash: ") == 1
-
-
-@pytest.mark.parametrize("rows", ["-1", "some", "1.5", ""])
-def test_rows_that_are_no_number_are_refused(generated, rows: str) -> None:
-    with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
-        verify(VerifyConfig(root=generated, render=rows))
 
 
 # -- nothing is left out ------------------------------------------------------------------------------------
@@ -401,11 +305,11 @@ def test_every_field_that_is_changed_is_found(copy, view: schema.View) -> None:
     text = file.read_text()
     described = json.loads(text)
     for name in described.keys() - {"features"}:
-        rewrite(file, lambda info, name=name: info.update({name: "other"}))
+        damages.fields(**{name: "other"})(root)
         assert checked(check_description, root), name
         file.write_text(text)
     for key in described["features"]:
-        rewrite(file, lambda info, key=key: info["features"][key].update(info={"other": 1}))
+        damages.info(lambda info, key=key: info["features"][key].update(info={"other": 1}))(root)
         assert checked(check_schema, root), key
         file.write_text(text)
     videos = [key for key, feature in described["features"].items() if feature["dtype"] == "video"]
