@@ -145,7 +145,8 @@ def test_an_installed_task_is_listed_certified_and_generated(
     assert "raise_block" in {row["name"] for row in rows}
     certificate = tmp_path / "expert.json"
     flags = ("--task=raise_block", "--workers=1")
-    succeed(python_with_a_task, *verbs, "certify", *flags, "--seeds=0:3", f"--output={certificate}")
+    measure = ("certify", *flags, "--seeds=0:3", "--replay=joint", f"--output={certificate}")
+    succeed(python_with_a_task, *verbs, *measure)
     assert list(json.loads(certificate.read_text())["worlds"]) == ["raise_block"]
     assert "`raise_block`" in succeed(python_with_a_task, *verbs, "report", f"--certificates={tmp_path}")
     rounded = ("--seeds=0:3", "--discretise=100")

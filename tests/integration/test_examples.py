@@ -35,7 +35,7 @@ def test_watching_an_expert_writes_a_film(tmp_path):
 
 def test_the_trained_policy_solves_its_task(tmp_path):
     run("make", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
-    films = [path.stem for path in (tmp_path / "films").iterdir()]
+    films = [path.stem for path in (tmp_path / "films").glob("*.mp4")]
     assert len(films) == 4
     # It solves 19 of 20. Processors differ in the last bit of a sum, so one may fail here that does not elsewhere.
     assert sum(film.endswith("_success") for film in films) >= 2
