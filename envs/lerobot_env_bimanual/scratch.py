@@ -12,7 +12,7 @@ from functools import cache
 from multiprocessing import util
 from pathlib import Path
 
-PREFIX = ".lerobot_bimanual_scratch_"
+PREFIX = ".bimanual_scratch"
 CONTENT = ("pymp-", "verify_")
 """How names in it begin, those of multiprocessing and of `verify`; with anything else a folder is not ours to remove."""
 
