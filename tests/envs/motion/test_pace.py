@@ -13,6 +13,7 @@ from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 JOINTS = PANDA_PAIR.joint_limits
 
 
+@pytest.mark.slow
 @pytest.mark.sim
 @pytest.mark.parametrize("name", list_tasks())
 def test_no_experts_arm_is_sent_faster_than_the_pace_of_free_motions(name):
