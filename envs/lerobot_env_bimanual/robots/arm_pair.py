@@ -9,6 +9,7 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.robots.arm_limits import ArmLimits
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 FINGERS = (1, 2)
@@ -34,6 +35,7 @@ class ArmPair:
             servo still pushes on a thin object.
         gripper_open_ctrl: gripper command of an opening hand, m of finger travel.
         finger_travel_m: stroke of one finger.
+        limits: what the real arms allow; nothing in the simulation obeys them because they stand here.
         kinematics_at: the kinematics of an arm whose base has this pose in the world, within the joint limits.
         add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
     """
@@ -46,6 +48,7 @@ class ArmPair:
     gripper_closed_ctrl: float
     gripper_open_ctrl: float
     finger_travel_m: float
+    limits: ArmLimits
     kinematics_at: Callable[[Pose, np.ndarray, np.ndarray], ArmKinematics]
     add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
 

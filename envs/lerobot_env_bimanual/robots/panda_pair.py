@@ -5,6 +5,7 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.robots import panda
+from lerobot_env_bimanual.robots.arm_limits import PANDA_LIMITS
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_kinematics import PandaKinematics
 
@@ -23,6 +24,7 @@ PANDA_PAIR = ArmPair(
     gripper_closed_ctrl=panda.GRIPPER_CLOSED_CTRL,
     gripper_open_ctrl=panda.FINGER_TRAVEL_M,
     finger_travel_m=panda.FINGER_TRAVEL_M,
+    limits=PANDA_LIMITS,
     kinematics_at=PandaKinematics,
     add_arm=panda.add_panda,
 )
