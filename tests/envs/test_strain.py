@@ -5,17 +5,18 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
+from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
 from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, StrainMeter, excesses, felt, peak_strain
-from lerobot_env_bimanual.robots.arm_limits import PANDA_LIMITS
-from lerobot_env_bimanual.robots.panda import TORQUE_LIMIT_NM
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.scene import STEPS_PER_TICK, TICK_S, Scene
 
 SEED = 3
+LIMITS = PANDA_PAIR.joint_limits
 LIGHT = Strain(0.5, 0.0, 0.5, 0.5, 0.5, 5.0, 0.05, 0.5, "hand, box")
 
 
@@ -45,9 +46,11 @@ def test_an_expert_asks_for_no_more_than_the_real_arm_gives(task):
 
 
 def test_the_motors_of_the_model_are_as_strong_as_the_real_ones():
-    assert tuple(PANDA_LIMITS.torque_nm) == TORQUE_LIMIT_NM
     model = Scene().model
-    assert model.actuator_forcerange[:7, 1] == pytest.approx(PANDA_LIMITS.torque_nm)
+    joints = [model.joint(name) for arm in ARMS for name in PANDA_PAIR.joint_names(arm)]
+    for joint, torque_nm in zip(joints, np.tile(LIMITS.torque_nm, 2), strict=True):
+        assert model.jnt_actgravcomp[joint.id]  # or the weight of the arm would not count
+        assert model.jnt_actfrcrange[joint.id] == pytest.approx([-torque_nm, torque_nm])
 
 
 def test_arms_that_hold_still_touch_nothing_and_carry_their_own_weight():
@@ -72,11 +75,11 @@ def test_commands_are_differentiated_over_ticks():
         meter.observe_tick(action)
     meter.observe_step()
     strain = meter.result()
-    assert strain.velocity == pytest.approx(speed_rad_s / PANDA_LIMITS.velocity_rad_s[0], rel=1e-3)
+    assert strain.velocity == pytest.approx(speed_rad_s / LIMITS.velocity_rad_s[0], rel=1e-3)
     assert strain.acceleration == pytest.approx(
-        speed_rad_s / TICK_S / PANDA_LIMITS.acceleration_rad_s2[0], rel=1e-3
+        speed_rad_s / TICK_S / LIMITS.acceleration_rad_s2[0], rel=1e-3
     )
-    assert strain.jerk == pytest.approx(speed_rad_s / TICK_S**2 / PANDA_LIMITS.jerk_rad_s3[0], rel=1e-3)
+    assert strain.jerk == pytest.approx(speed_rad_s / TICK_S**2 / LIMITS.jerk_rad_s3[0], rel=1e-3)
 
 
 def test_a_force_is_felt_in_full_if_it_lasts_and_faintly_if_it_is_a_knock():

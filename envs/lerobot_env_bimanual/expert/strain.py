@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.arm_limits import PANDA_LIMITS
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import TICK_S, Scene
@@ -71,11 +70,17 @@ BOUNDS = {
     "velocity": 1.0,
     "acceleration": 1.0,
     "jerk": 1.0,
-    "contact_force_n": PANDA_LIMITS.contact_force_n,
-    "finger_speed_m_s": PANDA_LIMITS.finger_speed_m_s,
+    "contact_force_n": 100.0,
+    "finger_speed_m_s": 0.2,
     "penetration_mm": 2.0,
 }
-"""Of an expert's episode. A motor that gives all it has makes the arm late, and does not stop it: it may for moments."""
+"""Of an expert's episode.
+
+A motor that gives all it has makes the arm late, and does not stop it: it may for moments. How hard an arm may push
+before it stops is for its user to choose: libfranka's examples set 20 N for free motion (`setDefaultBehavior`) and 100 N
+along an axis for impedance and force control, where contact is meant, as it is in tasks that squeeze and push; here
+100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
+"""
 
 
 def excesses(strain: Strain) -> Iterator[tuple[str, str]]:
@@ -133,7 +138,7 @@ class StrainMeter:
 
     def result(self) -> Strain:
         """The peaks so far."""
-        limits = self._scene.arm_pair.limits
+        limits = self._scene.arm_pair.joint_limits
         torques = np.abs(np.array(self._torques_nm)) / np.tile(limits.torque_nm, len(ARMS))
         joints = np.array([by_arm(action)[:, :-1] for action in self._actions], dtype=np.float64)
         velocity, acceleration, jerk = (np.diff(joints, order, axis=0) / TICK_S**order for order in (1, 2, 3))

@@ -25,7 +25,11 @@ PALM_M = 0.0668
 
 JOINT_LOWER = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973])
 JOINT_UPPER = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
+# "Limits" of the Franka Control Interface documentation.
 TORQUE_LIMIT_NM = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
+VELOCITY_LIMIT_RAD_S = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
+ACCELERATION_LIMIT_RAD_S2 = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+JERK_LIMIT_RAD_S3 = 500.0 * ACCELERATION_LIMIT_RAD_S2
 
 # Stiff position servos with little damping; the missing velocity term is fed forward by the caller. How far hands end
 # from their targets stands in docs/tasks.md.
@@ -34,12 +38,11 @@ VELOCITY_GAIN_RATIO_S = 0.02
 JOINT_ARMATURE = 0.1
 JOINT_DAMPING = 1.0
 
-# The two fingers share one servo: 20 N per finger at zero width, 29 N at 18 mm, 38 N at 36 mm. The real hand
-# holds with up to 70 N; all thirteen tasks work with less.
-GRIPPER_GAIN = 2000.0
-GRIPPER_DAMPING = 80.0
-GRIPPER_CLOSED_CTRL = -0.02
-GRIPPER_FORCE_LIMIT_N = 140.0
+# The two fingers share one servo of velocity: they close until something stops them, and then each presses with 35 N
+# whatever its width. The real hand holds with up to 70 N; all thirteen tasks work with less.
+FINGER_SPEED_M_S = 0.1
+GRIP_FORCE_N = 35.0
+CLOSED_TRAVEL_M = -0.02
 FINGER_DAMPING = 5.0
 
 LINK_MASS_KG = (4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
@@ -171,6 +174,10 @@ def _add_link(parent, prefix: str, index: int):
         range=(JOINT_LOWER[index], JOINT_UPPER[index]),
         armature=JOINT_ARMATURE,
         damping=JOINT_DAMPING,
+        # The motor carries the arm's weight, and what it lends to that it cannot give to motion.
+        actgravcomp=True,
+        actfrclimited=True,
+        actfrcrange=(-TORQUE_LIMIT_NM[index], TORQUE_LIMIT_NM[index]),
     )
     _add_covers(link, LINK_COVERS[index])
     if index + 1 in JOINT_LIDS:
@@ -179,13 +186,12 @@ def _add_link(parent, prefix: str, index: int):
 
 
 def _add_servo(spec: mujoco.MjSpec, prefix: str, index: int) -> None:
-    gain, torque = POSITION_GAIN[index], TORQUE_LIMIT_NM[index]
+    gain = POSITION_GAIN[index]
     servo = spec.add_actuator(
         name=f"{prefix}_actuator{index + 1}",
         target=f"{prefix}_joint{index + 1}",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         ctrlrange=(JOINT_LOWER[index], JOINT_UPPER[index]),
-        forcerange=(-torque, torque),
     )
     servo.set_to_position(kp=gain, kv=VELOCITY_GAIN_RATIO_S * gain)
 
@@ -243,7 +249,7 @@ def _add_finger(hand, name: str, pad: str, yaw: float) -> None:
 
 
 def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
-    """Couple the fingers and drive their mean travel with one servo."""
+    """Couple the fingers and drive their mean travel with one servo of velocity."""
     coupling = spec.add_tendon(name=f"{prefix}_fingers")
     for finger in (1, 2):
         coupling.wrap_joint(f"{prefix}_finger{finger}", 0.5)
@@ -261,10 +267,9 @@ def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
         name=f"{prefix}_gripper",
         target=f"{prefix}_fingers",
         trntype=mujoco.mjtTrn.mjTRN_TENDON,
-        ctrlrange=(GRIPPER_CLOSED_CTRL, FINGER_TRAVEL_M),
-        forcerange=(-GRIPPER_FORCE_LIMIT_N, GRIPPER_FORCE_LIMIT_N),
+        ctrlrange=(-FINGER_SPEED_M_S, FINGER_SPEED_M_S),
     )
-    servo.set_to_position(kp=GRIPPER_GAIN, kv=GRIPPER_DAMPING)
+    servo.set_to_velocity(kv=2 * GRIP_FORCE_N / FINGER_SPEED_M_S)
 
 
 def _add_wrist_camera(hand, name: str) -> None:
