@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import TICK_S, Scene
@@ -34,7 +34,6 @@ SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""
 NONE = -1
 """No arm."""
-NO_FORCE = np.zeros((len(ARMS), 3))
 
 
 @dataclass(frozen=True)
@@ -99,6 +98,27 @@ def peak_strain(strains: Sequence[Strain]) -> Strain:
     return Strain(**peaks, penetrating=deepest.penetrating)
 
 
+class _Contacts(NamedTuple):
+    """The contacts of one step, or of several.
+
+    Attributes:
+        geoms: (n, 2).
+        depths_m: (n,), below zero where there is a gap.
+        axes: (n, 9), of each contact's frame, in rows.
+        dimensions: (n,), 1 without friction, else more.
+        rows: (n,), where the forces of each begin; below zero if it has none.
+        forces_n: (m,), of all contacts and other constraints. With elliptic cones those of a contact are its force along
+            its axes, and torques.
+    """
+
+    geoms: NDArray[np.int32]
+    depths_m: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    dimensions: NDArray[np.int32]
+    rows: NDArray[np.int32]
+    forces_n: NDArray[np.float64]
+
+
 class StrainMeter:
     """Measures one episode of a scene; it only reads, so the episode goes on bit for bit as without it.
 
@@ -109,19 +129,18 @@ class StrainMeter:
     def __init__(self, scene: Scene):
         model, pair = scene.model, scene.arm_pair
         contacts = ContactQueries(model, scene.data)
-        arm_of_geom = np.full(model.ngeom, NONE)
+        self._arm_of_geom = np.full(model.ngeom, NONE)
         for arm in ARMS:
-            arm_of_geom[contacts.geoms(pair.base_body(arm))] = arm.ordinal
+            self._arm_of_geom[contacts.geoms(pair.base_body(arm))] = arm.ordinal
         self._scene = scene
-        self._arm_of_geom: list[int] = arm_of_geom.tolist()
         self._joint_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
         self._finger_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.finger_names(arm)]
-        self._torques_nm: list[NDArray[np.float64]] = []
-        self._finger_speeds_m_s: list[NDArray[np.float64]] = []
-        self._forces_n: list[NDArray[np.float64]] = []
+        # What is noted twenty-five times a tick is only copied, and looked at in the end.
+        self._torques, self._speeds = scene.data.qfrc_actuator, scene.data.qvel
+        self._torques_then: list[NDArray[np.float64]] = []
+        self._speeds_then: list[NDArray[np.float64]] = []
+        self._contacts_then: dict[int, _Contacts] = {}
         self._actions: list[NDArray[np.float32]] = []
-        self._deepest_m = 0.0
-        self._deepest_geoms: tuple[int, int] | None = None
 
     def observe_tick(self, joint_action: NDArray[np.float32]) -> None:
         """Take the joint action (16,) of a tick into account, before it is executed."""
@@ -132,52 +151,75 @@ class StrainMeter:
     def observe_step(self) -> None:
         """Take a step of physics into account, right after it, while its forces are known."""
         data = self._scene.data
-        self._torques_nm.append(data.qfrc_actuator[self._joint_dofs])
-        self._finger_speeds_m_s.append(data.qvel[self._finger_dofs])
-        self._forces_n.append(self._look_at_contacts() if data.ncon else NO_FORCE)
+        if data.ncon:
+            contact = data.contact
+            noted = (
+                contact.geom,
+                -contact.dist,
+                contact.frame,
+                contact.dim,
+                contact.efc_address,
+                data.efc_force,
+            )
+            self._contacts_then[len(self._torques_then)] = _Contacts(*map(np.copy, noted))
+        self._torques_then.append(self._torques.copy())
+        self._speeds_then.append(self._speeds.copy())
 
     def result(self) -> Strain:
         """The peaks so far."""
         limits = self._scene.arm_pair.joint_limits
-        torques = np.abs(np.array(self._torques_nm)) / np.tile(limits.torque_nm, len(ARMS))
+        torques = np.abs(self._torques_then)[:, self._joint_dofs] / np.tile(limits.torque_nm, len(ARMS))
         joints = np.array([by_arm(action)[:, :-1] for action in self._actions], dtype=np.float64)
         velocity, acceleration, jerk = (np.diff(joints, order, axis=0) / TICK_S**order for order in (1, 2, 3))
+        forces_n, depth_m, bodies = np.zeros((len(self._torques_then), len(ARMS), 3)), 0.0, ""
+        if self._contacts_then:
+            steps = np.repeat(
+                list(self._contacts_then), [len(then.geoms) for then in self._contacts_then.values()]
+            )
+            contacts = _joined(list(self._contacts_then.values()))
+            self._add_forces(forces_n, steps, contacts)
+            deepest = contacts.depths_m.argmax()
+            if contacts.depths_m[deepest] > 0:
+                depth_m, bodies = float(contacts.depths_m[deepest]), self._bodies(contacts.geoms[deepest])
         return Strain(
             torque=_peak(torques),
             saturated=float((torques > SATURATED).any(axis=1).mean()),
             velocity=_peak(velocity / limits.velocity_rad_s),
             acceleration=_peak(acceleration / limits.acceleration_rad_s2),
             jerk=_peak(jerk / limits.jerk_rad_s3),
-            contact_force_n=_peak(np.linalg.norm(felt(np.array(self._forces_n)), axis=-1)),
-            finger_speed_m_s=_peak(np.array(self._finger_speeds_m_s)),
-            penetration_mm=1000 * self._deepest_m,
-            penetrating=self._penetrating(),
+            contact_force_n=_peak(np.linalg.norm(felt(forces_n), axis=-1)),
+            finger_speed_m_s=_peak(np.array(self._speeds_then)[:, self._finger_dofs]),
+            penetration_mm=1000 * depth_m,
+            penetrating=bodies,
         )
 
-    def _look_at_contacts(self) -> NDArray[np.float64]:
-        """Net force (2, 3) in N, world frame, on each arm; the deepest contact is noted."""
-        model, data, arm_of = self._scene.model, self._scene.data, self._arm_of_geom
-        contact = data.contact
-        distances, pairs = contact.dist, contact.geom.reshape(-1, 2).tolist()
-        deepest = distances.argmin()
-        if distances[deepest] < -self._deepest_m:
-            self._deepest_m, self._deepest_geoms = -float(distances[deepest]), pairs[deepest]
-        forces_n, wrench = np.zeros((len(ARMS), 3)), np.empty(6)
-        for index, (first, second) in enumerate(pairs):
-            if arm_of[first] == arm_of[second]:  # of no arm, or of one with itself
-                continue
-            mujoco.mj_contactForce(model, data, index, wrench)
-            force_n = wrench[:3] @ contact.frame.reshape(-1, 3, 3)[index]  # on the second, world axes in rows
-            for geom, sign in ((first, -1), (second, 1)):
-                if arm_of[geom] != NONE:
-                    forces_n[arm_of[geom]] += sign * force_n
-        return forces_n
+    def _add_forces(
+        self, forces_n: NDArray[np.float64], steps: NDArray[np.int64], contacts: _Contacts
+    ) -> None:
+        """Add to the net forces (steps, 2, 3) on each arm, world frame, those of contacts at these steps (n,)."""
+        arms = self._arm_of_geom[contacts.geoms]
+        outside = (arms[:, 0] != arms[:, 1]) & (
+            contacts.rows >= 0
+        )  # neither of no arm, nor of one with itself
+        components = np.arange(3) * (contacts.dimensions[outside, None] > 1)
+        local_n = contacts.forces_n[contacts.rows[outside, None] + components] * (components == np.arange(3))
+        on_second_n = np.einsum("ni,nij->nj", local_n, contacts.axes[outside].reshape(-1, 3, 3))
+        for side, sign in ((0, -1), (1, 1)):
+            touched = arms[outside, side]
+            on_arm = touched != NONE
+            np.add.at(forces_n, (steps[outside][on_arm], touched[on_arm]), sign * on_second_n[on_arm])
 
-    def _penetrating(self) -> str:
-        if self._deepest_geoms is None:
-            return ""
+    def _bodies(self, geoms: NDArray[np.int32]) -> str:
         model = self._scene.model
-        return ", ".join(model.body(model.geom_bodyid[geom]).name for geom in self._deepest_geoms)
+        return ", ".join(model.body(body).name for body in model.geom_bodyid[geoms])
+
+
+def _joined(contacts: Sequence[_Contacts]) -> _Contacts:
+    """Those of all steps; rows count on from step to step."""
+    joined = _Contacts(*map(np.concatenate, zip(*contacts, strict=True)))
+    begins = np.cumsum([0, *(len(then.forces_n) for then in contacts[:-1])])
+    shift = np.repeat(begins, [len(then.rows) for then in contacts])
+    return joined._replace(rows=np.where(joined.rows < 0, joined.rows, joined.rows + shift))
 
 
 def felt(forces_n: NDArray[np.float64]) -> NDArray[np.float64]:
