@@ -13,6 +13,7 @@ from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, StrainMeter, excesses, felt, peak_strain
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene import STEPS_PER_TICK, TICK_S, Scene
 
 SEED = 3
@@ -79,7 +80,9 @@ def test_commands_are_differentiated_over_ticks():
     assert strain.acceleration == pytest.approx(
         speed_rad_s / TICK_S / LIMITS.acceleration_rad_s2[0], rel=1e-3
     )
-    assert strain.jerk == pytest.approx(speed_rad_s / TICK_S**2 / LIMITS.jerk_rad_s3[0], rel=1e-3)
+    assert strain.jerk == pytest.approx(
+        speed_rad_s / TICK_S / PHYSICS_STEP_S / LIMITS.jerk_rad_s3[0], rel=1e-3
+    )
 
 
 def test_a_force_is_felt_in_full_if_it_lasts_and_faintly_if_it_is_a_knock():

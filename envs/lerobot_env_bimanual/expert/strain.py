@@ -10,7 +10,7 @@ Measured at every step of physics (2 ms), of both arms:
 * how deep two bodies lie in each other.
 
 Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
-differences. They are those of the smoothest motion through the commands.
+differences. Accelerations are taken to be constant within a tick and to step between two within one step of physics.
 """
 
 from __future__ import annotations
@@ -170,7 +170,9 @@ class StrainMeter:
         limits = self._scene.arm_pair.joint_limits
         torques = np.abs(self._torques_then)[:, self._joint_dofs] / np.tile(limits.torque_nm, len(ARMS))
         joints = np.array([by_arm(action)[:, :-1] for action in self._actions], dtype=np.float64)
-        velocity, acceleration, jerk = (np.diff(joints, order, axis=0) / TICK_S**order for order in (1, 2, 3))
+        velocity = np.diff(joints, axis=0) / TICK_S
+        acceleration = np.diff(velocity, axis=0) / TICK_S
+        jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
         forces_n, depth_m, bodies = np.zeros((len(self._torques_then), len(ARMS), 3)), 0.0, ""
         if self._contacts_then:
             steps = np.repeat(
