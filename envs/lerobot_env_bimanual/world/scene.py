@@ -105,6 +105,7 @@ class Scene(SceneView):
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
         self._commanded = self._previous = self._home_action
+        self.data.ctrl[GRIPPERS] = self.arm_pair.finger_travel_m
         self.ticks = 0
         self._latched_unstable = False
         self._refresh()
@@ -152,8 +153,8 @@ class Scene(SceneView):
 
         Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is
         continuous, and their acceleration within a tick is that which the last three actions tell. They are advanced
-        by the servos' lag, so that the arms follow them without delay. Fingers move at their one speed towards
-        theirs.
+        by the servos' lag, so that the arms follow them without delay. Finger
+        targets go to where they are sent at the fingers' speed.
 
         Args:
             joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
@@ -165,7 +166,7 @@ class Scene(SceneView):
         old_change, new_change = last - before.astype(np.float64), new - last.astype(np.float64)
         rows = self._old_share * old_change + self._new_share * new_change
         rows += before + 0.5 * old_change
-        rows[:, GRIPPERS] = self._finger_speeds(new[GRIPPERS])
+        rows[:, GRIPPERS] = self._finger_ramp(new[GRIPPERS])
         # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
         commands, ctrl = rows.tobytes(), self._ctrl_bytes
         model, data, step = self.model, self.data, mujoco.mj_step
@@ -262,10 +263,17 @@ class Scene(SceneView):
         lead = self.arm_pair.servo_lead_s / TICK_S
         return u - u**2 / 2 + lead * (1 - u), u**2 / 2 + lead * u
 
-    def _finger_speeds(self, openings: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Speeds (2,) m/s with which both hands' fingers go to openings (2,)."""
-        ways = self.arm_pair.finger_target_m(openings) - self.data.qpos[self._finger_qpos].mean(axis=1)
-        return np.clip(ways / TICK_S, -self.arm_pair.finger_speed_m_s, self.arm_pair.finger_speed_m_s)
+    def _finger_ramp(self, openings: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Finger travels (25, 2) in m that are commanded on the way to openings (2,), at the fingers' speed.
+
+        The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
+        have to take back at first how hard it pressed.
+        """
+        target = self.arm_pair.finger_target_m(openings.astype(np.float64))
+        last, fingers = self.data.ctrl[GRIPPERS], self.data.qpos[self._finger_qpos].mean(axis=1)
+        start = np.where(target < fingers, np.minimum(last, fingers), np.maximum(last, fingers))
+        reach = self.arm_pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)[:, None]
+        return start + np.clip(target - start, -reach, reach)
 
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""
