@@ -102,6 +102,13 @@ def test_a_solved_episode_with_a_flaw_is_complained_of(flaw, complaint):
     assert complaint in found
 
 
+def test_what_rounded_keyposes_ask_of_the_arms_is_measured_and_not_limited():
+    pressed = replace(
+        SOLVED, evidence=replace(SOLVED.evidence, strain=replace(NO_STRAIN, contact_force_n=554.0))
+    )
+    assert complaints("expert", 100, [pressed]) == []
+
+
 def test_controls_must_fail():
     assert complaints("noop", 0, episodes(0, 50)) == []
     assert "noop succeeds in 1 of 50" in complaints("noop", 0, episodes(1, 49))[0]

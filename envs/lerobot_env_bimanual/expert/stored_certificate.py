@@ -10,7 +10,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,7 +24,7 @@ from lerobot_env_bimanual.expert.coupling import Coupling
 from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
-from lerobot_env_bimanual.expert.strain import Strain, excesses
+from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, excesses
 from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
@@ -277,7 +277,9 @@ def _faults_of_rates(stored: StoredCertificate) -> Iterator[str]:
         elif has_evidence:
             said = [text for text in stored.complaints if text.startswith(f"{truth['task']} ")]
             said = [text for text in said if f" (variation {truth['variation']}): " in text]
-            faults = (*_faults_of_coupling(row["coupling"]), *_faults_of_strain(row["strain"], said))
+            faults = [*_faults_of_coupling(row["coupling"]), *_faults_of_strain(row["strain"])]
+            if not stored.campaign.discretise:
+                faults += _unmentioned_strain(row["strain"], said)
             yield from (f"{place}: {fault}" for fault in faults)
 
 
@@ -296,15 +298,18 @@ def _faults_of_coupling(value: Any) -> Iterator[str]:
             yield f"coupling.{name} is {number}, but must be from {low:g} to {high:g}"
 
 
-def _faults_of_strain(value: Any, complaints: Sequence[str]) -> Iterator[str]:
-    """Also whether the complaints of the variation tell of what is beyond its bounds."""
+def _faults_of_strain(value: Any) -> Iterator[str]:
     strain = decode(Strain, value, "strain")
-    for field in fields(Strain):
-        number = getattr(strain, field.name)
-        if not isinstance(number, str) and not 0 <= number < math.inf:
-            yield f"strain.{field.name} is {number}, but must be at least 0"
+    for name in BOUNDS:
+        number = getattr(strain, name)
+        if not 0 <= number < math.inf:
+            yield f"strain.{name} is {number}, but must be at least 0"
     if bool(strain.penetrating) != (strain.penetration_mm > 0):
         yield f"strain.penetrating is {shown(strain.penetrating)}, but must name two bodies just if two penetrate"
-    for name, excess in excesses(strain):
+
+
+def _unmentioned_strain(value: Any, complaints: Sequence[str]) -> Iterator[str]:
+    """What is beyond its bound although none of the variation's complaints says so."""
+    for name, excess in excesses(Strain(**value)):
         if not any(f": {name} is " in complaint for complaint in complaints):
             yield f"strain.{excess}, and complaints does not say so"

@@ -249,7 +249,7 @@ def coupling_table(certified: Certified) -> str:
 
 
 def strain_table(certified: Certified) -> str:
-    """The peaks of the experts' episodes, exact and rounded, beside what the real arm allows."""
+    """The peaks of the experts' episodes beside their bounds."""
     headings = (
         "task",
         "torque",
@@ -260,13 +260,20 @@ def strain_table(certified: Certified) -> str:
         "contact force",
         "finger speed",
         "penetration",
+        "contact force, rounded",
     )
-    rows = [("*limit*", *_strain_cells(Strain(**BOUNDS, penetrating="")))]
+    rows = [("*at most*", *_strain_cells(Strain(**BOUNDS, penetrating="")), "")]
     for task in certified.tasks:
-        measured = [row["strain"] for name in (EXACT, ROUNDED) for row in certified.rows(name, task)]
-        peak = peak_strain([Strain(**strain) for strain in measured])
-        rows.append((f"`{task}`", *_strain_cells(peak)))
+        exact, rounded = (_peak_strain(certified.rows(name, task)) for name in (EXACT, ROUNDED))
+        assert exact is not None  # every certified task has rows of the exact expert
+        cell = NOT_MEASURED if rounded is None else f"{rounded.contact_force_n:.0f} N"
+        rows.append((f"`{task}`", *_strain_cells(exact), cell))
     return markdown_table(headings, rows)
+
+
+def _peak_strain(rows: Sequence[Row]) -> Strain | None:
+    strains = [Strain(**row["strain"]) for row in rows if "strain" in row]
+    return peak_strain(strains) if strains else None
 
 
 def _strain_cells(strain: Strain) -> tuple[str, ...]:
