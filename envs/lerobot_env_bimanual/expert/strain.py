@@ -65,7 +65,7 @@ class Strain:
 
 BOUNDS = {
     "torque": 1.0,
-    "saturated": 0.01,
+    "saturated": 0.05,
     "velocity": 1.0,
     "acceleration": 1.0,
     "jerk": 1.0,

@@ -1,12 +1,14 @@
 """Pick up the laptop.
 
-The paper says that one arm can do it, too. A laptop that lies flat on a block offers no gripper a hold: the left hand
-pushes it over the block's edge, and the right hand reaches under it. One arm does both in turn (docs/tasks.md).
+A laptop that lies flat on a block offers no gripper a hold: it has to overhang before a hand can take it. The paper grants
+this task to one arm, and either one does push and grasp in turn (docs/tasks.md); with two, one hand pushes an edge between the waiting
+fingers of the other.
 
 Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher;
-the original, whose text asks for a secure grasp, checks the height of the lid alone. Laptop and block slide on
-each other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the
-friction of one gripper holds it.
+the original, whose text asks for a secure grasp, checks the height of the lid alone. The original pushes the laptop over
+its near edge; here the left hand pushes it over whichever edge leaves both arms most at ease, of a block that is turned by
+any angle. Laptop and block slide on each other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of
+1.43 kg: nothing but the friction of one gripper holds it. Placements spread over 26 x 35 cm, not over the whole workspace.
 """
 
 from __future__ import annotations
