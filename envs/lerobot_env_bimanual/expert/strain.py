@@ -6,11 +6,12 @@ Measured at every step of physics (2 ms), of both arms:
 * the net force between an arm and all else that it touches, filtered as an arm that feels outside forces through its
   joints would: by a first-order low pass of 10 Hz, the bandwidth that Franka states for its force control. What the
   two fingers of a hand squeeze cancels out;
-* the speed of the fingers;
+* the speed of the fingers, on average over 10 ms, so that no single knock counts;
 * how deep two bodies lie in each other.
 
 Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
-differences. Accelerations are taken to be constant within a tick and to step between two within one step of physics.
+differences. The scene's commands follow a quadratic spline, of which these are what it reaches: accelerations are constant within
+a tick and step between two within one step of physics.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ FORCE_FILTER_HZ = 10.0
 """Bandwidth of the low pass through which an arm feels forces: 16 ms to 63 % of a step."""
 SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""
+FINGER_STEPS = 5
+"""Over which the speed of a finger is averaged."""
 NONE = -1
 """No arm."""
 
@@ -190,7 +193,7 @@ class StrainMeter:
             acceleration=_peak(acceleration / limits.acceleration_rad_s2),
             jerk=_peak(jerk / limits.jerk_rad_s3),
             contact_force_n=_peak(np.linalg.norm(felt(forces_n), axis=-1)),
-            finger_speed_m_s=_peak(np.array(self._speeds_then)[:, self._finger_dofs]),
+            finger_speed_m_s=_peak(_averaged(np.array(self._speeds_then)[:, self._finger_dofs])),
             penetration_mm=1000 * depth_m,
             penetrating=bodies,
         )
@@ -232,6 +235,12 @@ def felt(forces_n: NDArray[np.float64]) -> NDArray[np.float64]:
         now_n = now_n + share * (force_n - now_n)
         felt_n[step] = now_n
     return felt_n
+
+
+def _averaged(speeds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of `FINGER_STEPS` successive rows (steps, n)."""
+    sums = np.cumsum(speeds, axis=0)
+    return (sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS
 
 
 def _peak(values: NDArray[np.float64]) -> float:
