@@ -36,15 +36,16 @@ is one that both arms can serve, and the rates are rates of those.
 
 ## What is asked of the arms
 
-The largest value of any episode of the experts beside what a real Panda allows
-(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); an expert that goes beyond is not certified. Torque is the
-motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its limit* is the share of an
-episode's time in which any of the fourteen gives all it has. Velocity, acceleration and jerk are those of the commanded
-joints over their limits, from one tick of 50 ms to the next, a change of acceleration taken to happen within 2 ms. The contact force is the net force between an arm and all
-that it touches, every 2 ms through a low pass of 10 Hz, the bandwidth that Franka states for its force control; an arm
-stops where its user has set a threshold, by libfranka's examples 20 N in free motion and 100 N where contact is meant.
-Penetration is the deepest of any two bodies in each other at any step. *Rounded* keyposes are off by up to half a voxel,
-so that a stiff arm presses harder on a handle that guides it; they are measured and not limited.
+The largest value of any episode of the experts with exact keyposes, beside what a real Panda allows
+(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); an expert that asks for more
+is not certified. Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
+limit* is the share of an episode's time in which any of the fourteen gives all it has. Velocity, acceleration and jerk are
+those of the commanded joints over their limits, from one tick of 50 ms to the next. The contact force is the net force
+between an arm and all that it touches, every 2 ms through a low pass of 10 Hz, the bandwidth that Franka states for its
+force control. An arm stops where its user has set a threshold: libfranka's examples set 20 N for free motion and 100 N where
+contact is meant, as it is here. Penetration is the deepest of any two bodies in each other at any step. *Rounded* keyposes
+are off by up to half a voxel, so that a stiff arm presses harder on a handle that guides it; they are measured and not
+limited.
 
 {strain}
 
