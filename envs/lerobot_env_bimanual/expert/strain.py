@@ -68,7 +68,7 @@ class Strain:
 
 BOUNDS = {
     "torque": 1.0,
-    "saturated": 0.05,
+    "saturated": 0.01,
     "velocity": 1.0,
     "acceleration": 1.0,
     "jerk": 1.0,
@@ -78,7 +78,8 @@ BOUNDS = {
 }
 """Of an expert's episode.
 
-A motor that gives all it has makes the arm late, and does not stop it: it may for moments. How hard an arm may push
+A motor that gives all it has makes the arm late; that it does not is recommended by Franka and not required, so it may for
+moments. How hard an arm may push
 before it stops is for its user to choose: libfranka's examples set 20 N for free motion (`setDefaultBehavior`) and 100 N
 along an axis for impedance and force control, where contact is meant, as it is in tasks that squeeze and push; here
 100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
