@@ -78,11 +78,10 @@ BOUNDS = {
 }
 """Of an expert's episode.
 
-A motor that gives all it has makes the arm late; that it does not is recommended by Franka and not required, so it may for
-moments. How hard an arm may push
-before it stops is for its user to choose: libfranka's examples set 20 N for free motion (`setDefaultBehavior`) and 100 N
-along an axis for impedance and force control, where contact is meant, as it is in tasks that squeeze and push; here
-100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
+A motor that gives all it has makes the arm late; Franka recommends to stay below and does not require it, so it may for
+moments. How hard an arm may push before it stops is for its user to choose: libfranka's examples set 20 N for free motion
+(`setDefaultBehavior`) and 100 N along an axis for impedance and force control, where contact is meant, as it is in tasks
+that squeeze and push; here 100 N bound the whole force. Fingers may move as fast as franka_description says of the hand.
 """
 
 

@@ -43,7 +43,7 @@ OUTSIDE_M = 0.03  # from the holder's edge, when it comes down
 FINGER_HALF_M = 0.0095
 PUSH_Z_M = 0.865
 """Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the holder."""
-OVERHANG_M = 0.046
+OVERHANG_M = 0.055
 AWAY_M = (0.10, 0.12)  # back and up
 
 # The right hand: towards the laptop and 10 degrees down, its fingers opening in the vertical plane.
