@@ -39,6 +39,8 @@ GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 """Sees the environment and the joint action (16,) before every control tick."""
+type StepObserver = Callable[[], None]
+"""Looks at the scene after every step of physics."""
 
 
 class BimanualEnv(gym.Env):
@@ -67,6 +69,7 @@ class BimanualEnv(gym.Env):
     Attributes:
         options: what was chosen.
         tick_observers: called in turn before every control tick.
+        step_observers: called in turn after every step of physics of the episode.
 
     Raises:
         BimanualError: an option is outside its choices; the message lists them.
@@ -91,6 +94,7 @@ class BimanualEnv(gym.Env):
         self._variation = self.task_definition.spec.variation_index(self.options.variation)
         self.render_mode = render_mode
         self.tick_observers: list[TickObserver] = []
+        self.step_observers: list[StepObserver] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
@@ -185,13 +189,19 @@ class BimanualEnv(gym.Env):
         return self.observe(), self.progress.info()
 
     @contextmanager
-    def observed_by(self, observer: TickObserver) -> Iterator[None]:
-        """Have somebody see every control tick while the `with` block runs."""
+    def observed_by(
+        self, observer: TickObserver, step_observer: StepObserver | None = None
+    ) -> Iterator[None]:
+        """Have somebody see every control tick, and every step of physics, while the `with` block runs."""
+        of_steps = [] if step_observer is None else [step_observer]
         self.tick_observers.append(observer)
+        self.step_observers += of_steps
         try:
             yield
         finally:
             self.tick_observers.remove(observer)
+            for of_step in of_steps:
+                self.step_observers.remove(of_step)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -255,7 +265,7 @@ class BimanualEnv(gym.Env):
         for observer in self.tick_observers:
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
-        scene.tick(joint_action)
+        scene.tick(joint_action, self.step_observers)
         progress.ticks += 1
         progress.judge(self._check())
         if scene.unstable:

@@ -21,8 +21,10 @@ from lerobot_env_bimanual.expert.outcome import Job, MoveReport, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
+from lerobot_env_bimanual.expert.strain import Strain
 
 NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
+NO_STRAIN = Strain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "")
 SOLVED = Outcome(
     task="lift_ball",
     variation=0,
@@ -38,7 +40,7 @@ SOLVED = Outcome(
     line_fallbacks=0,
     unstable=False,
     state_hash="00",
-    evidence=Evidence(keyframes_found=True, replayed=True, coupling=NO_COUPLING),
+    evidence=Evidence(keyframes_found=True, replayed=True, coupling=NO_COUPLING, strain=NO_STRAIN),
 )
 FAILED = replace(SOLVED, success=False, failure="no move left", unmet=("above(ball)",), evidence=None)
 
@@ -83,14 +85,28 @@ def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(discretise, f
             {"keyposes": (replace(SOLVED.keyposes[0], arrived=False, tip_error_mm=(1.0, 30.0)),)},
             "1 and 30 mm",
         ),
-        ({"evidence": Evidence(True, False, NO_COUPLING)}, "replay"),
-        ({"evidence": Evidence(False, True, NO_COUPLING)}, "keyframe discovery is right in 0 of 1"),
+        ({"evidence": Evidence(True, False, NO_COUPLING, NO_STRAIN)}, "replay"),
+        (
+            {"evidence": Evidence(False, True, NO_COUPLING, NO_STRAIN)},
+            "keyframe discovery is right in 0 of 1",
+        ),
+        (
+            {"evidence": Evidence(True, True, NO_COUPLING, replace(NO_STRAIN, contact_force_n=554.0))},
+            "contact_force_n is 554, but must be at most 100",
+        ),
     ],
 )
 def test_a_solved_episode_with_a_flaw_is_complained_of(flaw, complaint):
     assert complaints("expert", 0, [SOLVED]) == []
     (found,) = complaints("expert", 0, [replace(SOLVED, **flaw)])
     assert complaint in found
+
+
+def test_what_rounded_keyposes_ask_of_the_arms_is_measured_and_not_limited():
+    pressed = replace(
+        SOLVED, evidence=replace(SOLVED.evidence, strain=replace(NO_STRAIN, contact_force_n=554.0))
+    )
+    assert complaints("expert", 100, [pressed]) == []
 
 
 def test_controls_must_fail():
@@ -209,6 +225,8 @@ def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, c
     assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
     assert rate["keyframes_found"] == 3
     assert rate["coupling"]["shared_object_s"] > 0
+    assert rate["strain"]["contact_force_n"] > 10
+    assert rate["acceptance"] == 3 / sum(episode["draws"] for episode in first["episodes"])
     names = [name for name, *_ in first["episodes"][0]["keyposes"]]
     assert names == ["beside", "squeeze", "lift"]
     assert "3/3" in capsys.readouterr().out
@@ -243,9 +261,10 @@ def env():
 def noted(env):
     moves = []
     recorder = EvidenceRecorder(env)
-    with env.observed_by(recorder.note):
+    with env.observed_by(recorder.note, recorder.note_step):
         outcome = run_expert(env, 2, on_move=moves.append)
     assert not env.tick_observers
+    assert not env.step_observers
     return recorder, [move.action for move in moves], [report.ticks for report in outcome.keyposes]
 
 

@@ -11,7 +11,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.commands.report import ReportConfig, report
 from lerobot_env_bimanual.expert.certificate import Certificate
-from lerobot_env_bimanual.expert.stored_certificate import EVIDENCE, StoredEpisode
+from lerobot_env_bimanual.expert.stored_certificate import EVIDENCE, MEASURED, StoredEpisode
 from lerobot_env_bimanual.reports.certified import CERTIFICATES
 
 COMMITTED = Path(__file__).parents[2] / "results" / "certificates"
@@ -38,11 +38,11 @@ def excerpt(content: Content) -> Content:
     head = {name: content[name] for name in ("control", "discretise", "replay", "split")}
     seeds = f"{SEEDS.start}:{SEEDS.stop}"
     campaign = Certificate(**head, seeds=seeds, outcomes=outcomes)
-    couplings = {(row["task"], row["variation"]): row.get("coupling") for row in content["rates"]}
+    whole = {(row["task"], row["variation"]): row for row in content["rates"]}
     rates = campaign.rate_rows()
     for row in rates:
-        if coupling := couplings[row["task"], row["variation"]]:
-            row["coupling"] = coupling
+        measured = whole[row["task"], row["variation"]]
+        row |= {name: measured[name] for name in MEASURED if name in measured}
     worlds = {task: world for task, world in content["worlds"].items() if task in TASKS}
     fewer = {"seeds": seeds, "worlds": worlds, "complaints": campaign.complaints, "rates": rates}
     return json.loads(json.dumps(content | fewer | {"episodes": episodes}))
@@ -185,12 +185,33 @@ DAMAGES: dict[str, tuple[str, Callable[[Content], None], str]] = {
     ),
     "a row missing": ("blind", without("rates", 0), "rates is of"),
     "a row twice": ("blind", lambda content: content["rates"].append(content["rates"][0]), "rates is of"),
-    "a field of a row missing": ("expert", without("rates", 0, "median_draws"), "its fields are"),
+    "a field of a row missing": ("expert", without("rates", 0, "acceptance"), "its fields are"),
     "no coupling": ("expert", without("rates", 0, "coupling"), "coupling must be there"),
     "an impossible coupling": (
         "expert",
         setting("rates", 0, "coupling", "speed_correlation", value=1.5),
         "coupling.speed_correlation is 1.5, but must be from -1 to 1",
+    ),
+    "no strain": ("expert", without("rates", 0, "strain"), "strain must be there"),
+    "a strain of no numbers": (
+        "expert",
+        setting("rates", 0, "strain", "torque", value="NaN"),
+        "strain.torque is 'NaN'",
+    ),
+    "an impossible strain": (
+        "expert",
+        setting("rates", 0, "strain", "velocity", value=-0.5),
+        "strain.velocity is -0.5, but must be at least 0",
+    ),
+    "a strain that nobody complained of": (
+        "expert",
+        setting("rates", 0, "strain", "contact_force_n", value=554.0),
+        "strain.contact_force_n is 554, but must be at most 100, and complaints does not say so",
+    ),
+    "bodies in each other without depth": (
+        "expert",
+        setting("rates", 0, "strain", "penetration_mm", value=0.0),
+        "strain.penetrating is .*but must name two bodies",
     ),
     "a coupling of text": ("expert", setting("rates", 0, "coupling", value="much"), "coupling is 'much'"),
     "a complaint": ("noop", setting("complaints", value="none"), "complaints is 'none', but must be a list"),

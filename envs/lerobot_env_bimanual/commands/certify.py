@@ -44,8 +44,9 @@ def certify(config: CertifyConfig) -> int:
     robots, not of the computer), and for experts the worst tip error: the largest distance of a hand from its target at
     the end of a keypose, but for the one at which the episode ended. Below, each failure of an expert with its
     seed, last move and unmet conditions, and whatever else is not good enough. Exits with 1 if anything is: an
-    expert below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, a replay through other
-    states, keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
+    expert below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, more than the real arm allows
+    (torque, velocity, acceleration, jerk, contact force, finger speed, penetration), a replay through other states,
+    keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
     keyposes of 30 training episodes of the variation, whatever the scene. The controls solo_left and solo_right are one arm
     alone, as well as we know how, and language_blind follows one of the instructions that the scene allows, at random;
     their successes are measured and not complained of.

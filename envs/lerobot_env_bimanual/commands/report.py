@@ -27,9 +27,27 @@ at random; chance is one in the number of variations.
 
 Each was played again, tick by tick, from its recorded joint actions, and every state compared. A tip error is the
 distance of a hand from its target at the end of a keypose, but for the one at which the episode ended; in
-`lift_ball` it is the squeeze of the ball.
+`lift_ball` it is the squeeze of the ball. A placement that is drawn is accepted if it is legal (nothing overlaps) and if
+the expert's script can be gone through from there without physics, with exact and with rounded keyposes: all targets in
+reach, lines straight, joints away from their limits, arms out of each other's way. Others are drawn anew, so an episode
+is one that both arms can serve, and the rates are rates of those.
 
 {evidence}
+
+## What is asked of the arms
+
+The largest value of any episode of the experts with exact keyposes, beside what a real Panda allows
+(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); an expert that asks for more
+is not certified. Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
+limit* is the share of an episode's time in which any of the fourteen gives all it has. Velocity, acceleration and jerk are
+those of the commanded joints over their limits, from one tick of 50 ms to the next. The contact force is the net force
+between an arm and all that it touches, every 2 ms through a low pass of 10 Hz, the bandwidth that Franka states for its
+force control. An arm stops where its user has set a threshold: libfranka's examples set 20 N for free motion and 100 N where
+contact is meant, as it is here. Penetration is the deepest of any two bodies in each other at any step. *Rounded* keyposes
+are off by up to half a voxel, so that a stiff arm presses harder on a handle that guides it; they are measured and not
+limited.
+
+{strain}
 
 ## Beside the paper
 
@@ -87,6 +105,7 @@ def report(config: ReportConfig) -> None:
         voxels=rounded.campaign.discretise if rounded else tables.NOT_MEASURED,
         success=tables.success_table(certified),
         evidence=tables.evidence_table(certified),
+        strain=tables.strain_table(certified),
         paper=tables.paper_table(certified),
         coupling=tables.coupling_table(certified),
     )

@@ -103,7 +103,7 @@ def play(job: Job) -> Outcome:
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)
     moves: list[Move] = []
     recorder = EvidenceRecorder(env) if job.control == "expert" else None
-    with nullcontext() if recorder is None else env.observed_by(recorder.note):
+    with nullcontext() if recorder is None else env.observed_by(recorder.note, recorder.note_step):
         try:
             outcome = run_episode(env, job.seed, control, moves.append)
         except PlacementFailure as failure:

@@ -18,6 +18,7 @@ from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.outcome_log import versions
+from lerobot_env_bimanual.expert.strain import peak_strain
 from lerobot_env_bimanual.expert.world_version import world_version
 
 STATE_HASH_DIGITS = 16
@@ -75,14 +76,14 @@ class Certificate:
                 task: world_version(task) for task in sorted({outcome.task for outcome in self.outcomes})
             },
             "complaints": self.complaints,
-            "rates": [row | self._coupling(row["task"], row["variation"]) for row in self.rate_rows()],
+            "rates": [row | self._measured(row["task"], row["variation"]) for row in self.rate_rows()],
         }
         episodes = ",\n  ".join(json.dumps(_compact(outcome)) for outcome in self.outcomes)
         text = json.dumps(head, indent=1).removesuffix("\n}")
         write_file(path, f'{text},\n "episodes": [\n  {episodes}\n ]\n}}\n')
 
     def rate_rows(self) -> list[dict[str, Any]]:
-        """What is said of each variation, but for the coupling of the arms."""
+        """What is said of each variation, but for coupling and strain of the arms."""
         return [self._rate_row(*key) for key in rates(self.outcomes)]
 
     def _rate_row(self, task: str, variation: int) -> dict[str, Any]:
@@ -96,7 +97,7 @@ class Certificate:
                 "median_s": median(outcome.ticks for outcome in solved) / CONTROL_HZ,
                 "longest_s": max(outcome.ticks for outcome in solved) / CONTROL_HZ,
                 "median_keyposes": float(median(len(outcome.keyposes) for outcome in solved)),
-                "median_draws": float(median(outcome.draws for outcome in outcomes)),
+                "acceptance": len(outcomes) / sum(outcome.draws for outcome in outcomes),
                 "line_fallbacks": sum(outcome.line_fallbacks for outcome in outcomes),
                 "worst_tip_error_mm": worst_tip_error_mm(solved),
                 "keyframes_found": sum(found.keyframes_found for found in evidence),
@@ -104,11 +105,15 @@ class Certificate:
             }
         return row
 
-    def _coupling(self, task: str, variation: int) -> dict[str, Any]:
-        """The mean coupling in the expert's episodes, as a part of a row."""
-        evidence = [outcome.evidence for outcome in self.of(task, variation) if outcome.success]
-        couplings = [found.coupling for found in evidence if found is not None]
-        return {"coupling": asdict(mean_coupling(couplings))} if couplings else {}
+    def _measured(self, task: str, variation: int) -> dict[str, Any]:
+        """The mean coupling and the peak strain in the expert's episodes, as a part of a row."""
+        evidence = [outcome.evidence for outcome in self.of(task, variation) if outcome.evidence is not None]
+        if not evidence:
+            return {}
+        return {
+            "coupling": asdict(mean_coupling([found.coupling for found in evidence])),
+            "strain": asdict(peak_strain([found.strain for found in evidence])),
+        }
 
     def print(self) -> None:
         """Print a table, the failures of an expert, and the complaints."""

@@ -13,6 +13,7 @@ from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_bimanual.keyframes import discover_keyframes
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.coupling import Coupling, CouplingMeter
+from lerobot_env_bimanual.expert.strain import Strain, StrainMeter
 from lerobot_env_bimanual.replay import ReplayMode, replay
 
 KEYFRAME_TOLERANCE_FRAMES = 2
@@ -28,31 +29,39 @@ class Evidence:
         replayed: whether a replay from the same seed went through the same states, bit for bit; None if none was
             tried.
         coupling: how the two arms depended on each other.
+        strain: what was asked of them.
     """
 
     keyframes_found: bool
     replayed: bool | None
     coupling: Coupling
+    strain: Strain
 
 
 class EvidenceRecorder:
     """Notes an environment's episode, from its first tick to its last.
 
     Args:
-        env: the environment; it has to be `observed_by` the method `note`.
+        env: the environment; it has to be `observed_by` the methods `note` and `note_step`.
     """
 
     def __init__(self, env: BimanualEnv):
         self._env = env
         self._actions: list[NDArray[np.float32]] = []
         self._hashes: list[str] = []
-        self._meter = CouplingMeter(env.scene)
+        self._coupling = CouplingMeter(env.scene)
+        self._strain = StrainMeter(env.scene)
 
     def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         """Note the state before a tick, and its action."""
-        self._meter.observe()
+        self._coupling.observe()
+        self._strain.observe_tick(joint_action)
         self._actions.append(joint_action.copy())
         self._hashes.append(env.state_hash())
+
+    def note_step(self) -> None:
+        """Note a step of physics."""
+        self._strain.observe_step()
 
     def evidence(
         self,
@@ -67,14 +76,14 @@ class EvidenceRecorder:
             ticks: how long each took.
             replay_mode: whether the episode is played again, and by what; every state is compared.
         """
-        self._meter.observe()
-        env, coupling = self._env, self._meter.result()
+        self._coupling.observe()
+        env, coupling, strain = self._env, self._coupling.result(), self._strain.result()
         hashes = dict(enumerate(map(state_hash_column, [*self._hashes, env.state_hash()])))
         replayed = None
         if replay_mode != "none":
             actions = self._actions if replay_mode == "joint" else keyposes
             replayed = replay(env, env.progress.seed, env.variation, actions, hashes).matches
-        return Evidence(_keyframes_found(np.array(self._actions), ticks), replayed, coupling)
+        return Evidence(_keyframes_found(np.array(self._actions), ticks), replayed, coupling, strain)
 
 
 def _keyframes_found(actions: NDArray[np.float32], ticks: Sequence[int]) -> bool:

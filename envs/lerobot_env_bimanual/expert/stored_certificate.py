@@ -6,9 +6,10 @@ from which seeds, in which world) is held against what there is, and by `reports
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -23,13 +24,17 @@ from lerobot_env_bimanual.expert.coupling import Coupling
 from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
+from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, excesses
 from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 NAN = float("nan")
 UNKNOWN_COUPLING = Coupling(NAN, NAN, NAN, NAN, NAN, NAN)
-"""Certificates hold that of each variation, not of each episode."""
+UNKNOWN_STRAIN = Strain(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, "")
+"""Certificates hold those of each variation, not of each episode."""
 
+MEASURED = ("coupling", "strain")
+"""Fields of the rows of experts that do not follow from the episodes as they are stored."""
 EVIDENCE = ("keyframes_found", "replayed")
 """Fields that the solved episodes of experts have besides."""
 
@@ -59,7 +64,7 @@ class StoredEpisode:
     replayed: bool | None
 
     def outcome(self, split: str) -> Outcome:
-        """The outcome, without what certificates leave out: poses, arrival and coupling."""
+        """The outcome, without what certificates leave out: poses, arrival, coupling and strain."""
         found, replayed = self.keyframes_found, self.replayed
         return Outcome(
             task=self.task,
@@ -79,7 +84,7 @@ class StoredEpisode:
             line_fallbacks=self.line_fallbacks,
             unstable=self.unstable,
             state_hash=self.state_hash,
-            evidence=None if found is None else Evidence(found, replayed, UNKNOWN_COUPLING),
+            evidence=None if found is None else Evidence(found, replayed, UNKNOWN_COUPLING, UNKNOWN_STRAIN),
         )
 
 
@@ -177,7 +182,7 @@ def _contradictions(stored: StoredCertificate) -> Iterator[str]:
     yield from _faults_of_seeds(stored)
     yield from _faults_of_rates(stored)
     found = stored.campaign.complaints
-    # An expert's hands that did not arrive are seen in the poses, which certificates leave out.
+    # Hands that did not arrive, and an episode's strain, are seen in what certificates leave out.
     if missing := [complaint for complaint in found if complaint not in stored.complaints]:
         yield f"complaints is {shown(stored.complaints)}, but the episodes also give {shown(missing)}"
 
@@ -260,17 +265,22 @@ def _faults_of_rates(stored: StoredCertificate) -> Iterator[str]:
         return
     for row, truth in zip(stored.rates, computed, strict=True):
         place = f"rates of {truth['task']}, variation {truth['variation']}"
-        coupling = row.get("coupling")
-        if set(row) - {"coupling"} != set(truth):
+        if set(row) - set(MEASURED) != set(truth):
             yield f"{place}: its fields are {shown(sorted(row))}, but must be {', '.join(truth)}"
             return
         for name, value in truth.items():
             if row[name] != value or isinstance(row[name], bool):
                 yield f"{place}: {name} is {shown(row[name])}, but the episodes give {shown(value)}"
-        if (coupling is None) == (stored.campaign.control == "expert" and truth["successes"] > 0):
-            yield f"{place}: coupling must be there just if an expert solved an episode"
-        elif coupling is not None:
-            yield from (f"{place}: {fault}" for fault in _faults_of_coupling(coupling))
+        has_evidence = stored.campaign.control == "expert" and truth["successes"] > 0
+        if missing := [name for name in MEASURED if (name in row) != has_evidence]:
+            yield f"{place}: {missing[0]} must be there just if an expert solved an episode"
+        elif has_evidence:
+            said = [text for text in stored.complaints if text.startswith(f"{truth['task']} ")]
+            said = [text for text in said if f" (variation {truth['variation']}): " in text]
+            faults = [*_faults_of_coupling(row["coupling"]), *_faults_of_strain(row["strain"])]
+            if not stored.campaign.discretise:
+                faults += _unmentioned_strain(row["strain"], said)
+            yield from (f"{place}: {fault}" for fault in faults)
 
 
 def _faults_of_coupling(value: Any) -> Iterator[str]:
@@ -286,3 +296,20 @@ def _faults_of_coupling(value: Any) -> Iterator[str]:
         number = getattr(coupling, name)
         if not low - 1e-9 <= number <= high + 1e-9:
             yield f"coupling.{name} is {number}, but must be from {low:g} to {high:g}"
+
+
+def _faults_of_strain(value: Any) -> Iterator[str]:
+    strain = decode(Strain, value, "strain")
+    for name in BOUNDS:
+        number = getattr(strain, name)
+        if not 0 <= number < math.inf:
+            yield f"strain.{name} is {number}, but must be at least 0"
+    if bool(strain.penetrating) != (strain.penetration_mm > 0):
+        yield f"strain.penetrating is {shown(strain.penetrating)}, but must name two bodies just if two penetrate"
+
+
+def _unmentioned_strain(value: Any, complaints: Sequence[str]) -> Iterator[str]:
+    """What is beyond its bound although none of the variation's complaints says so."""
+    for name, excess in excesses(Strain(**value)):
+        if not any(f": {name} is " in complaint for complaint in complaints):
+            yield f"strain.{excess}, and complaints does not say so"

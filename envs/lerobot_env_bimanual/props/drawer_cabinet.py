@@ -47,6 +47,8 @@ HANDLE_STAND_OFF_M = 0.040
 HANDLE_HALF_LENGTH_M = 0.05
 HANDLE_RADIUS_M = 0.0075
 POST_RADIUS_M = 0.005
+FIRM = (0.004, 1.0)
+"""Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
 PART_MASSES_KG = {"front": 0.12, "floor": 0.08, "wall": 0.04, "bar": 0.03, "post": 0.01}
 
 HIDDEN_GROUP = 3
@@ -162,6 +164,7 @@ class DrawerCabinet:
             size=half,
             mass=PART_MASSES_KG[part],
             rgba=rgba,
+            solref=FIRM,
         )
 
     def _add_handle(self, drawer) -> None:

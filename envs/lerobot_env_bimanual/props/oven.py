@@ -92,10 +92,17 @@ class Oven:
         """Height of what lies on the rack, above the table."""
         return RACK_M + RACK_HALF_M[2]
 
-    def handle(self, door_rad: float, y_m: float) -> NDArray[np.float64]:
-        """(3,) point of the door's handle when the door is open by `door_rad`, in the oven's frame, m."""
+    def handle(self, door_rad: float, y_m: float, beyond_m: float = 0.0) -> NDArray[np.float64]:
+        """(3,) a point of the door's handle in the oven's frame, m.
+
+        Args:
+            door_rad: angle by which the door is open.
+            y_m: to the left of the middle.
+            beyond_m: further away from the hinge than the middle of the bar.
+        """
         sin, cos = np.sin(door_rad), np.cos(door_rad)
-        out, up = DOOR_HALF_M[0] + HANDLE_STAND_OFF_M, HANDLE_Z_M
+        bar = np.array([DOOR_HALF_M[0] + HANDLE_STAND_OFF_M, HANDLE_Z_M])
+        out, up = bar * (1 + beyond_m / np.linalg.norm(bar))
         hinge_x = self.front_m - HINGE_BEFORE_FRONT_M
         return np.array([hinge_x - out * cos - up * sin, y_m, FLOOR_M + up * cos - out * sin])
 

@@ -15,6 +15,7 @@ from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode
+from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, peak_strain
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -163,7 +164,7 @@ def evidence_table(certified: Certified) -> str:
         "largest tip error",
         "planner failures",
         "lines replaced",
-        "placements drawn, median",
+        "placements accepted",
     )
     rows = []
     for task in certified.tasks:
@@ -179,7 +180,7 @@ def evidence_table(certified: Certified) -> str:
                 f"{max(row['worst_tip_error_mm'] for row in variations):.1f} mm",
                 sum(failure not in ("", OUT_OF_MOVES, OUT_OF_TIME) for failure in failures),
                 sum(row["line_fallbacks"] for row in variations),
-                f"{_mean(variations, lambda row: row['median_draws']):.1f}",
+                f"{_acceptance(variations):.0%}",
             )
         )
     return markdown_table(headings, rows)
@@ -247,12 +248,58 @@ def coupling_table(certified: Certified) -> str:
     return markdown_table(headings, rows)
 
 
+def strain_table(certified: Certified) -> str:
+    """The peaks of the experts' episodes beside their bounds."""
+    headings = (
+        "task",
+        "torque",
+        "a motor at its limit",
+        "velocity",
+        "acceleration",
+        "jerk",
+        "contact force",
+        "finger speed",
+        "penetration",
+        "contact force, rounded",
+    )
+    rows = [("*at most*", *_strain_cells(Strain(**BOUNDS, penetrating="")), "")]
+    for task in certified.tasks:
+        exact, rounded = (_peak_strain(certified.rows(name, task)) for name in (EXACT, ROUNDED))
+        assert exact is not None  # every certified task has rows of the exact expert
+        cell = NOT_MEASURED if rounded is None else f"{rounded.contact_force_n:.0f} N"
+        rows.append((f"`{task}`", *_strain_cells(exact), cell))
+    return markdown_table(headings, rows)
+
+
+def _peak_strain(rows: Sequence[Row]) -> Strain | None:
+    strains = [Strain(**row["strain"]) for row in rows if "strain" in row]
+    return peak_strain(strains) if strains else None
+
+
+def _strain_cells(strain: Strain) -> tuple[str, ...]:
+    return (
+        f"{strain.torque:.0%}",
+        f"{strain.saturated:.1%}",
+        f"{strain.velocity:.0%}",
+        f"{strain.acceleration:.0%}",
+        f"{strain.jerk:.0%}",
+        f"{strain.contact_force_n:.0f} N",
+        f"{strain.finger_speed_m_s:.2f} m/s",
+        f"{strain.penetration_mm:.1f} mm" + (f" ({strain.penetrating})" if strain.penetrating else ""),
+    )
+
+
 def movable_items(task: str) -> int:
     """Things of the scene that can move by themselves: free objects, and each door, drawer or button."""
     from lerobot_bimanual.arms import ARMS
     from lerobot_env_bimanual.world.scene import Scene
 
     return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
+
+
+def _acceptance(rows: Sequence[Row]) -> float:
+    """Episodes over placements drawn for them."""
+    return sum(row["trials"] for row in rows) / sum(row["trials"] / row["acceptance"] for row in rows)
 
 
 def _mean(rows: Sequence[Row], value: Callable[[Row], float]) -> float:

@@ -16,8 +16,14 @@ FINGERS = (1, 2)
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """What the joints of an arm can do at most, (7,) each."""
+    """What the joints of the real arm can do at most, (7,) each.
 
+    Attributes:
+        torque_nm: of the motors, the arm's weight included.
+        velocity_rad_s: of commanded joints, as are acceleration and jerk.
+    """
+
+    torque_nm: np.ndarray
     velocity_rad_s: np.ndarray
     acceleration_rad_s2: np.ndarray
     jerk_rad_s3: np.ndarray
@@ -37,7 +43,7 @@ class ArmPair:
         home_joints: (7,) rad, the joints of either arm at reset.
         joint_lower: (7,) rad.
         joint_upper: (7,) rad.
-        joint_limits: of velocity, acceleration and jerk.
+        joint_limits: of torque, velocity, acceleration and jerk.
         position_gain_nm_rad: (7,) of the joints' servos.
         servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
             the command is advanced by this time times the target's velocity.

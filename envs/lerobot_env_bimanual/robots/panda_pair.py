@@ -20,7 +20,10 @@ PANDA_PAIR = ArmPair(
     joint_lower=panda.JOINT_LOWER,
     joint_upper=panda.JOINT_UPPER,
     joint_limits=JointLimits(
-        panda.VELOCITY_LIMIT_RAD_S, panda.ACCELERATION_LIMIT_RAD_S2, panda.JERK_LIMIT_RAD_S3
+        np.array(panda.TORQUE_LIMIT_NM),
+        panda.VELOCITY_LIMIT_RAD_S,
+        panda.ACCELERATION_LIMIT_RAD_S2,
+        panda.JERK_LIMIT_RAD_S3,
     ),
     position_gain_nm_rad=panda.POSITION_GAIN,
     servo_lead_s=panda.VELOCITY_GAIN_RATIO_S,

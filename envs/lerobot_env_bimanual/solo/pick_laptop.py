@@ -18,6 +18,8 @@ BESIDE_M = 0.02
 OVERHANG_M = 0.055
 HOVER_M = 0.10
 FINGER_M = 0.0095
+ABOVE_Z_M = 0.935
+LIFT_M = 0.08
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
@@ -45,10 +47,10 @@ def _over_the_edge(
         return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=side * along)
 
     start = half_m + FINGER_M + BESIDE_M
-    yield alone(arm, "behind", pushing(start, expert.ABOVE_Z_M), is_open=False, planned=True)
+    yield alone(arm, "behind", pushing(start, ABOVE_Z_M), is_open=False, planned=True)
     yield alone(arm, "down", pushing(start, expert.PUSH_Z_M))
     yield alone(arm, "push", pushing(half_m + FINGER_M - push_m, expert.PUSH_Z_M))
-    yield alone(arm, "up", pushing(half_m + FINGER_M - push_m + 0.02, expert.ABOVE_Z_M + HOVER_M))
+    yield alone(arm, "up", pushing(half_m + FINGER_M - push_m + 0.02, ABOVE_Z_M + HOVER_M))
     now = scene.pose("laptop")
     nominal = Pose(frame.position - push_m * toward, frame.quat_wxyz)
     if now.distance_to(laptop)[0] > push_m / 2:  # in a rehearsal nothing is pushed
@@ -63,5 +65,5 @@ def _over_the_edge(
     grasp = gripping(-half_m + expert.INSIDE_EDGE_M, expert.GRASP_Z_M)
     yield alone(arm, "before the edge", before, is_open=True, planned=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds="laptop")
-    yield alone(arm, "lift", grasp.translated((0, 0, expert.LIFT_M)))
+    yield alone(arm, "lift", grasp.translated((0, 0, LIFT_M)))
     yield alone(arm, "raise", grasp.translated((0, 0, 0.23)))

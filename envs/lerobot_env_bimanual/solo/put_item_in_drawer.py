@@ -15,13 +15,13 @@ from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks.put_item_in_drawer import (
     BEFORE_HANDLE_M,
     CABINET,
-    DROP_ABOVE_HANDLE_M,
     ITEM,
     PULL_M,
 )
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 AWAY_M = 0.04
+DROP_ABOVE_HANDLE_M = {"bottom": 0.16, "middle": 0.08, "top": 0.04}
 ABOVE_Z_M = 1.34
 BAR_PITCHES_RAD = np.deg2rad((0.0, 25.0))
 ITEM_PITCHES_RAD = np.deg2rad((90.0, 60.0))

@@ -2,7 +2,7 @@
 
 import copy
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,7 +149,7 @@ class Scene(SceneView):
                 break
         self.ticks = 0
 
-    def tick(self, joint_action: ArrayLike) -> None:
+    def tick(self, joint_action: ArrayLike, observers: Sequence[Callable[[], None]] = ()) -> None:
         """Advance one control tick of 50 ms.
 
         Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is
@@ -159,6 +159,7 @@ class Scene(SceneView):
 
         Args:
             joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
+            observers: called after every step of physics, while `data` holds its contacts and forces; they only read.
         """
         last, last_change = self._commanded.astype(np.float64), self._change
         self._commanded = np.array(joint_action, dtype=np.float32)
@@ -177,9 +178,13 @@ class Scene(SceneView):
         # second and ending with the first costs nothing and leaves poses and contacts up to date.
         ctrl[:] = commands[:CTRL_BYTES]
         mujoco.mj_step2(model, data)
+        for observe in observers:
+            observe()
         for start in range(CTRL_BYTES, len(commands), CTRL_BYTES):
             ctrl[:] = commands[start : start + CTRL_BYTES]
             step(model, data)
+            for observe in observers:
+                observe()
         mujoco.mj_step1(model, data)
         model.opt.enableflags &= ~SLEEP
         if data.ntree_awake < model.ntree:
