@@ -19,17 +19,16 @@ import numpy as np
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
-from lerobot_env_bimanual.tasks._handover import hand_over
+from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
-AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
+HALF_YAW_RAD = np.deg2rad(22.5)
 SUCCESS_HEIGHT_M = 0.80
 
 LEFT_BEHIND_M = 0.025
@@ -64,9 +63,11 @@ class HandoverItemEasy(Task):
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """Item upright on the left arm's side."""
-        scene.place("item", AREA.sample(rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2))
-        return True
+        """Item upright beyond the right arm's reach."""
+        pose = draw_place(scene, rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2, HALF_YAW_RAD)
+        if pose is not None:
+            scene.place("item", pose)
+        return pose is not None
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""

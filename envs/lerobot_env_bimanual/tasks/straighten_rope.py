@@ -43,6 +43,8 @@ HEAD_START_M = np.array([-0.020, -0.067])
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 
+INSET_M = 0.015
+"""From the middle of a plate towards the other one: there the ends are 36 cm apart; the rope is 38 cm long."""
 ABOVE_Z_M = 0.865
 GRASP_Z_M = 0.765
 """Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the table."""
@@ -94,8 +96,8 @@ class StraightenRope(Task):
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, grasp, drag."""
-        tail = scene.pose(ROPE.tail), scene.pose("tail_plate")
-        head = scene.pose(ROPE.head), scene.pose("head_plate")
+        tail = scene.pose(ROPE.tail), scene.pose("tail_plate") @ Pose.upright((0, -INSET_M, 0))
+        head = scene.pose(ROPE.head), scene.pose("head_plate") @ Pose.upright((0, INSET_M, 0))
         left_base, right_base = (pose.position for pose in scene.arm_pair.base_poses)
         # Each arm takes the end that is to lie, and lies, further on its own side.
         left, right = sorted(
@@ -113,7 +115,7 @@ class StraightenRope(Task):
             planned=True,
         )
         yield Stage("grasp", left_grasp, right_grasp, left_open=False, right_open=False)
-        yield Stage("pull", left_pull, right_pull, left_open=True, right_open=True)
+        yield Stage("pull", left_pull, right_pull)
 
 
 def _hands(end: Pose, plate: Pose, preferred) -> tuple[Pose, Pose]:
