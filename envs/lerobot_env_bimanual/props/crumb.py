@@ -13,7 +13,7 @@ EARTH = ((0.30, 0.18, 0.09, 1.0), (0.22, 0.13, 0.07, 1.0))
 SLIDING_FRICTION = 0.5
 ROLLING_FRICTION_M = 0.003
 """Large for a ball of this size: it only starts to roll on a slope of 20 degrees."""
-LUMP_SHARE = 0.72
+LUMP_SHARE = 0.8
 
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX

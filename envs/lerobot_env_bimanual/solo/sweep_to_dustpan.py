@@ -1,4 +1,4 @@
-"""Sweep the dirt to the dustpan, alone: the pan stays where it is by its own weight."""
+"""Sweep the dirt to the dustpan, alone: lump by lump, with the broom and nobody at the pan, or with the pan as a shovel."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -8,43 +8,80 @@ import numpy as np
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.solo._picking import base_of
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks import sweep_to_dustpan as expert
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-BROOM, PAN = expert.BROOM, expert.PAN
+BROOM, PAN, CRUMBS = expert.BROOM, expert.PAN, expert.CRUMBS
+LEANS_RAD = np.deg2rad((0.0, 20.0, 40.0))
+IN_PAN_M, OVER_PAN_M, HOVER_M = 0.0, 0.10, 0.08
+PINCH_Z_M = TABLE_HEIGHT_M + 0.015
+FLICK_TO_M = 0.14
+"""From the pan's middle: the broom stops in front of the lip, and the dirt goes on."""
+SHOVEL_TO_M = 0.20
+"""From the middle of the dirt: how far beyond it the pan's middle is driven."""
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
-    """The hand comes from above on the broom's stick, or leans towards it."""
-    for side, lean_rad in product((1, -1), np.deg2rad((0.0, 20.0, 40.0))):
-        yield partial(_sweep, arm=arm, side=side, lean_rad=lean_rad)
+    """Each kind of way, the hand straight down or leaning away from the arm."""
+    kinds = (_pick_up, partial(_sweep, stops_m=(IN_PAN_M,)), _shovel, partial(_sweep, stops_m=(FLICK_TO_M,)))
+    for lean_rad, side, kind in product(LEANS_RAD, (1, -1), kinds):
+        yield partial(kind, arm=arm, side=side, lean_rad=lean_rad)
 
 
-def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
-    """Take the broom out of its stand, behind the dirt, sweep."""
+def _pick_up(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
+    """Take one lump after the other, straight from the pan and straight back, and drop it there."""
+    opening, away = scene.pose(PAN.name).rotation[:, 0], _away(scene, arm)
+    for number, crumb in enumerate(CRUMBS):
+        x, y, _ = scene.pose(crumb.name).position
+        pinch = _hand((x, y, PINCH_Z_M), opening * np.sign(opening @ away), side, lean_rad)
+        if number == 0:
+            yield alone(arm, "above", pinch.advanced(-HOVER_M), is_open=True, planned=True)
+        yield alone(arm, "pinch", pinch, is_open=False, holds=crumb.name)
+        drop = scene.pose(PAN.name).apply((0.0, IN_PAN_M, OVER_PAN_M))
+        yield alone(arm, "drop", pinch.translated(drop - pinch.position), is_open=True)
+
+
+def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stops_m) -> Iterator[Stage]:
+    """Take the broom out of its stand, behind the dirt, sweep to `stops_m` before the pan's middle."""
     x, y, _ = scene.pose(BROOM.name).position
-    pan = scene.pose(PAN.name)
-    away = np.sign(0.27 - scene.arm_pair.base_poses[arm.ordinal].position[0]) * np.array((1.0, 0.0, 0.0))
-
-    def hand(position, heading) -> Pose:
-        approach = np.sin(lean_rad) * heading - (0, 0, np.cos(lean_rad))
-        return Pose.looking(
-            position, approach, side * (np.cos(lean_rad) * heading + (0, 0, np.sin(lean_rad)))
-        )
-
-    grasp = hand((x, y, expert.GRIP_Z_M), away)
+    pan, away = scene.pose(PAN.name), _away(scene, arm)
+    grasp = _hand((x, y, expert.GRIP_Z_M), away, side, lean_rad)
     yield alone(arm, "above", grasp.advanced(-expert.ABOVE_M), is_open=True, planned=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds=BROOM.name)
     yield alone(arm, "take out", grasp.translated(expert.TAKE_OUT_M))
 
     def sweeping(y_m: float) -> Pose:
         x, y, _ = pan.apply((0.0, y_m, 0.0))
-        return hand((x, y, expert.GRIP_Z_M), np.sign(away[0]) * pan.rotation[:, 0])
+        return _hand((x, y, expert.GRIP_Z_M), np.sign(away[0]) * pan.rotation[:, 0], side, lean_rad)
 
     behind = sweeping(expert.SWEEP_FROM_M)
     yield alone(arm, "behind", behind.translated((0, 0, expert.TAKE_OUT_M[2])))
     yield alone(arm, "lower", behind)
-    yield alone(arm, "sweep", sweeping(0.0))
+    for stop_m in stops_m:
+        yield alone(arm, "sweep", sweeping(stop_m))
+
+
+def _shovel(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
+    """Take the pan by its handle and drive it under the dirt."""
+    pan = scene.pose(PAN.name)
+    away = _away(scene, arm)
+    hold = _hand(pan.apply((0.0, PAN.handle_y_m, PAN.height_m - 0.015)), away, side, lean_rad)
+    yield alone(arm, "above", hold.advanced(-HOVER_M), is_open=True, planned=True)
+    yield alone(arm, "hold", hold, is_open=False, holds=PAN.name)
+    yield alone(arm, "drive", hold.translated(pan.rotation[:, 1] * (SHOVEL_TO_M - expert.PAN_Y_M)))
+
+
+def _away(scene: SceneView, arm: Arm) -> np.ndarray:
+    """(3,) the direction along x that leads away from where the arm stands."""
+    return np.array((np.sign(0.27 - base_of(scene, arm)[0]), 0.0, 0.0))
+
+
+def _hand(position, heading: np.ndarray, side: int, lean_rad: float) -> Pose:
+    """A hand that points down, leaning towards `heading` (3,); its fingers open along that."""
+    approach = np.sin(lean_rad) * heading - (0, 0, np.cos(lean_rad))
+    return Pose.looking(position, approach, side * (np.cos(lean_rad) * heading + (0, 0, np.sin(lean_rad))))

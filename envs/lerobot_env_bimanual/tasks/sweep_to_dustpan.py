@@ -36,13 +36,13 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
 PAN = Dustpan("dustpan")
-CRUMBS = tuple(Crumb(f"dirt{index}", radius_m=0.0075, mass_kg=0.002) for index in range(5))
+CRUMBS = tuple(Crumb(f"dirt{index}", radius_m=0.0135, mass_kg=0.015) for index in range(5))
 STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M = np.array([0.09675, 0.1356])
 """How far crumbs lie from that middle (decoded from RLBench's task file)."""
-CRUMB_DISTANCE_M = 0.024
+CRUMB_DISTANCE_M = 0.036
 PAN_Y_M = -0.25
 """From the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
