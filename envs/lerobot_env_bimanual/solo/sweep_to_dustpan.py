@@ -22,8 +22,8 @@ IN_PAN_M, OVER_PAN_M, HOVER_M = 0.0, 0.10, 0.08
 PINCH_Z_M = TABLE_HEIGHT_M + 0.015
 FLICK_TO_M = 0.14
 """From the pan's middle: the broom stops in front of the lip, and the dirt goes on."""
-SHOVEL_TO_M = 0.20
-"""From the middle of the dirt: how far beyond it the pan's middle is driven."""
+AGAINST_BROOM_M = 0.09
+"""From the broom to the pan's middle, when the lip is under the bristles."""
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
@@ -67,13 +67,20 @@ def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stops_m) -> I
 
 
 def _shovel(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
-    """Take the pan by its handle and drive it under the dirt."""
-    pan = scene.pose(PAN.name)
-    away = _away(scene, arm)
+    """Take the pan by its handle, drive it under the dirt, and push what it drives before it against the standing broom."""
+    pan, away = scene.pose(PAN.name), _away(scene, arm)
     hold = _hand(pan.apply((0.0, PAN.handle_y_m, PAN.height_m - 0.015)), away, side, lean_rad)
     yield alone(arm, "above", hold.advanced(-HOVER_M), is_open=True, planned=True)
     yield alone(arm, "hold", hold, is_open=False, holds=PAN.name)
-    yield alone(arm, "drive", hold.translated(pan.rotation[:, 1] * (SHOVEL_TO_M - expert.PAN_Y_M)))
+    to_hand = pan.inverse() @ hold
+    dirt = pan.apply((0.0, -expert.PAN_Y_M, 0.0))
+    broom = scene.pose(BROOM.name).position
+    heading = (broom - dirt) * (1, 1, 0)
+    yaw = np.arctan2(-heading[0], heading[1])
+    heading /= np.linalg.norm(heading)
+    through = Pose.upright(dirt + 0.05 * heading, yaw)
+    yield alone(arm, "drive", through @ to_hand)
+    yield alone(arm, "against the broom", Pose.upright(broom - AGAINST_BROOM_M * heading, yaw) @ to_hand)
 
 
 def _away(scene: SceneView, arm: Arm) -> np.ndarray:

@@ -77,7 +77,7 @@ class HandoverItem(Task):
             Above(TARGET, SUCCESS_HEIGHT_M),
             *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
         ),
-        horizon_ticks=500,
+        horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -59,7 +59,7 @@ class HandoverItemEasy(Task):
             Untouched("item", by=Arm.LEFT),
             Above("item", SUCCESS_HEIGHT_M),
         ),
-        horizon_ticks=450,
+        horizon_ticks=280,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -81,7 +81,7 @@ class StraightenRope(Task):
             Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),
             Inside(ROPE.head, "head_plate", *ON_PLATE_M),
         ),
-        horizon_ticks=480,
+        horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
