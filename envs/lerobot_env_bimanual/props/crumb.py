@@ -46,6 +46,7 @@ class Crumb:
             mass=self.mass_kg,
             friction=(SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M),
             condim=6,
+            solref=(0.004, 1),
             contype=COMMON_LAYER,
             conaffinity=COMMON_LAYER | DIRT_ONLY,
             group=HIDDEN_GROUP,

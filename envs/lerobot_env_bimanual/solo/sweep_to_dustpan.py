@@ -18,7 +18,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 BROOM, PAN, CRUMBS = expert.BROOM, expert.PAN, expert.CRUMBS
 LEANS_RAD = np.deg2rad((0.0, 20.0, 40.0))
-IN_PAN_M, OVER_PAN_M, HOVER_M = 0.0, 0.10, 0.08
+OVER_PAN_M, HOVER_M = 0.10, 0.08
 PINCH_Z_M = TABLE_HEIGHT_M + 0.015
 FLICK_TO_M = 0.14
 """From the pan's middle: the broom stops in front of the lip, and the dirt goes on."""
@@ -28,7 +28,7 @@ AGAINST_BROOM_M = 0.09
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """Each kind of way, the hand straight down or leaning away from the arm."""
-    kinds = (_pick_up, partial(_sweep, stops_m=(IN_PAN_M,)), _shovel, partial(_sweep, stops_m=(FLICK_TO_M,)))
+    kinds = (_pick_up, partial(_sweep, stop_m=expert.SWEEP_TO_M), _shovel, partial(_sweep, stop_m=FLICK_TO_M))
     for lean_rad, side, kind in product(LEANS_RAD, (1, -1), kinds):
         yield partial(kind, arm=arm, side=side, lean_rad=lean_rad)
 
@@ -42,12 +42,12 @@ def _pick_up(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator
         if number == 0:
             yield alone(arm, "above", pinch.advanced(-HOVER_M), is_open=True, planned=True)
         yield alone(arm, "pinch", pinch, is_open=False, holds=crumb.name)
-        drop = scene.pose(PAN.name).apply((0.0, IN_PAN_M, OVER_PAN_M))
+        drop = scene.pose(PAN.name).apply((0.0, 0.0, OVER_PAN_M))
         yield alone(arm, "drop", pinch.translated(drop - pinch.position), is_open=True)
 
 
-def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stops_m) -> Iterator[Stage]:
-    """Take the broom out of its stand, behind the dirt, sweep to `stops_m` before the pan's middle."""
+def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stop_m: float) -> Iterator[Stage]:
+    """Take the broom out of its stand, behind the dirt, sweep to `stop_m` before the pan's middle."""
     x, y, _ = scene.pose(BROOM.name).position
     pan, away = scene.pose(PAN.name), _away(scene, arm)
     grasp = _hand((x, y, expert.GRIP_Z_M), away, side, lean_rad)
@@ -62,8 +62,7 @@ def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stops_m) -> I
     behind = sweeping(expert.SWEEP_FROM_M)
     yield alone(arm, "behind", behind.translated((0, 0, expert.TAKE_OUT_M[2])))
     yield alone(arm, "lower", behind)
-    for stop_m in stops_m:
-        yield alone(arm, "sweep", sweeping(stop_m))
+    yield alone(arm, "sweep", sweeping(stop_m))
 
 
 def _shovel(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:

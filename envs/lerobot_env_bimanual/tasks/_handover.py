@@ -20,9 +20,9 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 AREA_CENTER_M, AREA_HALF_SIZE_M = (-0.06, 0.36), (0.21, 0.11)
 """Around the part of the table where items lie."""
 LEAST_REACH_M = np.array([0.34, 0.98])
-"""From the left and the right base to an item, along the table. Closer to its base the left arm is near its joint limits.
-No posture of the right arm brings a finger nearer than 0.93 m to the level of a cube's top, nor nearer than 0.95 m to that
-of the tall block's; the items' corners are 3 cm nearer than their middles."""
+"""From the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
+its joint limits. The right arm's fingers get no further than 0.94 m at the height of a cube's top and 0.95 m at that of
+the tall block's, whatever its posture; the items' nearest corners may be 2.8 cm nearer than their middles."""
 SPOTS = 500
 """Places that are drawn for an item before the placement is given up."""
 

@@ -1,12 +1,13 @@
 """Hand over the item of the named colour.
 
 The paper asks that the right item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks
-it up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was
-handed over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
+it up and presents it, the right arm takes hold of it while the left one still holds it. All items lie where the left arm
+reaches them and no posture of the right one touches them, so that the left arm has to bring the right one its item.
 
-Departures from the original: the right hand must hold the right item between its fingers, at 0.80 m or higher,
-with no part of the left arm touching any item, as the paper's text says; the original asks for the item near
-the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
+Departures from the original: items lie on the left arm's side of the table, beyond the right one's reach; there the
+receiver could pick most of them up itself. The right hand must have closed its fingers on the right item, at 0.80 m
+or higher, with no part of the left arm touching any item, as the paper's text says; the original asks for the item
+near the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
 leaves room for the fingers beside it.
 """
 

@@ -1,13 +1,13 @@
 """Hand over the item.
 
 The paper asks that the item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks it
-up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was handed
-over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
+up and presents it, the right arm takes hold of it while the left one still holds it. The item lies where the left arm
+reaches it and no posture of the right one touches it, so that the left arm has to bring it.
 
-Departures from the original: the right hand must hold the item between its fingers, at 0.80 m or higher, with
-no part of the left arm touching it; the original asks for the item near the right fingers and not near the left
-ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet. The
-item may lie anywhere in 50 x 40 cm.
+Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
+the receiver could pick it up itself in most places. The right hand must have closed its fingers on the item, at 0.80 m
+or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
+the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 """
 
 from __future__ import annotations

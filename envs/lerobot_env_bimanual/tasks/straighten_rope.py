@@ -1,13 +1,14 @@
 """Straighten the rope.
 
-The paper asks for both ends in their areas. Both are held and pulled apart at the same time. The rope lies still where it
-is left, so that one arm alone can lay down one end after the other (docs/tasks.md).
+The paper asks for both ends in their areas. Both are held and pulled apart at the same time. The rope is springy: an end
+that is let go of returns to where the curled rope has it, at least 5 cm from where it has to be.
 
-Departures from the original: the middle of each end must lie in the original's area over its plate; there it is
-enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm thick and its ends are knots of
-24 mm: fingers that come down a voxel too high close on nothing at a thin rope's end. Ends and plates
-have matching colours, blue for the tail and red for the head; the original's plates are both green. The rope need
-not be let go of, as in the original.
+Departures from the original: the rope springs back to the shape in which it was laid down; there it lies still
+where it is left, and one arm could put down one end after the other. The middle of each end must lie in the original's
+area over its plate; there it is enough that any part of the end touches the area. The rope is 15 mm instead of 10 mm
+thick and its ends are knots of 24 mm: fingers that come down a voxel too high close on nothing at a thin rope's
+end. Ends and plates have matching colours, blue for the tail and red for the head; the original's plates are both
+green. Both ends are held while it counts, as in the original.
 """
 
 from __future__ import annotations

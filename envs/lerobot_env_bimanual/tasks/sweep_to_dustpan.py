@@ -1,15 +1,16 @@
 """Sweep the dirt into the dustpan.
 
 One hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is asked for, as in the paper
-and the original, and the pan is heavy enough to stay where it is: a left arm that sweeps well succeeds without the
-right one (docs/tasks.md).
+and the original, but the pan is light and glides: unless it is held, the first lumps that climb its lip push it away
+before the broom. One arm could pick the lumps up one by one, which takes it about 15 s; the episode ends after 11 s.
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
 latter turned by up to 15 degrees; there they never move, so that a motion that ignores the scene would sweep
-every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in
-a fork, and the hand holds its upper end from above, since the stick cannot pass through a palm. Crumbs are 15
-mm wide instead of 10 mm, to be seen, round instead of square, and weigh 2 g.
+every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper
+end from above, since the stick cannot pass through a palm. Lumps of dirt are 27 mm wide instead of 10 mm, to be
+seen, round instead of square, and weigh 15 g. Collision filters: the bristles touch dirt alone and the pan's lip is
+touched by dirt alone, the broom's feet and the pan's gliders touch the table alone; all four are thin or yield.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half
 DIRT_HALF_M = np.array([0.09675, 0.1356])
 """How far crumbs lie from that middle (decoded from RLBench's task file)."""
 CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.036, 20
+"""Between two crumbs, and how often a place is drawn for each."""
 PAN_Y_M = -0.25
 """From the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
@@ -52,8 +54,8 @@ ABOVE_M = 0.095
 GRIP_Z_M = 1.085
 """Centre of a voxel, 15 mm below the stick's end; grasp and sweep share it, so that rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
-SWEEP_FROM_M = 0.445
-"""In front of the pan, behind the dirt; the sweep ends in the pan's middle."""
+SWEEP_FROM_M, SWEEP_TO_M = 0.445, 0.025
+"""In front of the pan's middle: behind the dirt, and where the pan has room for three lumps behind each other."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD_Z_M = 0.25
@@ -130,7 +132,7 @@ class SweepToDustpan(Task):
         behind = _sweeping(pan, SWEEP_FROM_M)
         yield Stage("behind", left=behind.translated((0, 0, TAKE_OUT_M[2])))
         yield Stage("lower", left=behind)
-        yield Stage("sweep", left=_sweeping(pan, 0.0))
+        yield Stage("sweep", left=_sweeping(pan, SWEEP_TO_M))
 
 
 def _scattered(rng: np.random.Generator) -> list[np.ndarray] | None:
