@@ -12,7 +12,7 @@ EARTH = ((0.30, 0.18, 0.09, 1.0), (0.22, 0.13, 0.07, 1.0))
 
 SLIDING_FRICTION = 0.5
 ROLLING_FRICTION_M = 0.003
-"""Large for a ball of this size: it only starts to roll on a slope of 20 degrees."""
+"""Large for a ball of this size: it only starts to roll on a slope of 12 degrees."""
 LUMP_SHARE = 0.8
 
 HIDDEN_GROUP = 3
@@ -29,12 +29,12 @@ class Crumb:
     Attributes:
         name: body.
         radius_m: of the ball.
-        mass_kg: the original's half milligram is too light to simulate.
+        mass_kg: that of dry earth; the original's half milligram is too light to simulate.
     """
 
     name: str
-    radius_m: float = 0.0075
-    mass_kg: float = 0.002
+    radius_m: float = 0.0135
+    mass_kg: float = 0.015
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball, and two cubes at an angle."""

@@ -36,7 +36,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
 PAN = Dustpan("dustpan")
-CRUMBS = tuple(Crumb(f"dirt{index}", radius_m=0.0135, mass_kg=0.015) for index in range(5))
+CRUMBS = tuple(Crumb(f"dirt{index}") for index in range(5))
 STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
