@@ -28,10 +28,11 @@ HANDLE_BOTTOM_M = 0.020
 RIBS = 5
 GAP_M = 0.002
 """Of everything but the gliders above the table."""
-GLIDER_RADIUS_M = 0.006
+GLIDER_RADIUS_M = 0.002
 GLIDER_FRICTION = 0.1
 """Sliding on the table: that of hard, smooth plastic. With 0.1 kg it takes 0.1 N to move the pan."""
 
+# Thin plastic, and a hollow handle: 0.10 kg in all.
 FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.045, 0.005, 0.007, 0.010
 HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.018, 0.004, 0.001
 
@@ -91,7 +92,7 @@ class Dustpan:
         )
 
     def _add_gliders(self, body) -> None:
-        """Round feet, flattened by nothing: four points of contact are computed quickly."""
+        """Round feet under the floor: four points of contact, which are computed quickly."""
         for side_x in (-1, 1):
             for side_y in (-1, 1):
                 x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
