@@ -49,7 +49,8 @@ PAN_Y_M = -0.25
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
 """The original's box, in the pan's axes."""
 
-# The left hand: straight down on the broom's stick.
+# The left hand: straight down on the broom's stick. With its fingers the other way round the arm would have to pass
+# near a singularity in some sweeps.
 ABOVE_M = 0.095
 GRIP_Z_M = 1.085
 """Centre of a voxel, 15 mm below the stick's end; grasp and sweep share it, so that rounding cancels out."""
@@ -114,7 +115,7 @@ class SweepToDustpan(Task):
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
         x, y, _ = scene.pose(BROOM.name).position
         pan = scene.pose(PAN.name)
-        grasp = Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=(1, 0, 0))
+        grasp = Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=(-1, 0, 0))
         hold = Pose.looking(
             pan.apply((0.0, PAN.handle_y_m, HOLD_Z_M)), pan.rotation @ APPROACH, pan.rotation @ OPENING
         )
@@ -152,4 +153,4 @@ def _scattered(rng: np.random.Generator) -> list[np.ndarray] | None:
 def _sweeping(pan: Pose, y_m: float) -> Pose:
     """The left hand while it holds the broom square to the pan, `y_m` in front of the pan's middle."""
     x, y, _ = pan.apply((0.0, y_m, 0.0))
-    return Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=pan.rotation[:, 0])
+    return Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=-pan.rotation[:, 0])
