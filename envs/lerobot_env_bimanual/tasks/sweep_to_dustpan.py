@@ -2,7 +2,7 @@
 
 One hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is asked for, as in the paper
 and the original, but the pan is light and glides: unless it is held, the first lumps that climb its lip push it away
-before the broom. One arm could pick the lumps up one by one, which takes it about 15 s; the episode ends after 11 s.
+before the broom. One arm could pick the lumps up one by one, which takes it about 16 s; the episode ends after 11 s.
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
