@@ -50,8 +50,8 @@ def _towing(scene: SceneView, arm: Arm, ends, side: int) -> Iterator[Stage]:
     yield alone(arm, "above", grasp.translated(up), is_open=True)
     yield alone(arm, "grasp", grasp, is_open=False)
     goal = scene.pose(its_plate).position
-    towards = pull.position - goal
-    towards *= (1, 1, 0) / np.linalg.norm(towards[:2])
+    towards = (pull.position - goal) * (1, 1, 0)
+    towards /= np.linalg.norm(towards)
     for number in range(TUGS):
         short = goal - scene.pose(trailing).position if number else np.zeros(3)
         at = goal + TAUT_M * towards + short * (1, 1, 0)
