@@ -133,8 +133,8 @@ def _between(scene: Scene, first: str, second: str) -> float:
 
 def test_less_than_the_weight_of_one_crumb_pushes_the_dustpan_away():
     scene = Scene([Dustpan("dustpan"), Crumb("crumb")])
-    scene.place("crumb", Pose.upright((0.25, 0.2, TABLE + 0.0135)))
-    for share, moves in ((0.5, False), (0.9, True)):
+    scene.place("crumb", Pose.upright((0.25, 0.2, TABLE + 0.015)))
+    for share, moves in ((0.4, False), (0.8, True)):
         scene.place("dustpan", Pose.upright((0.25, -0.2, TABLE)))
         scene.settle()
         start = scene.pose("dustpan").position

@@ -9,7 +9,7 @@ EARTH = (0.26, 0.16, 0.08, 1.0)
 
 SLIDING_FRICTION = 0.5
 ROLLING_FRICTION_M = 0.003
-"""Large for a ball of this size: it only starts to roll on a slope of 12 degrees."""
+"""Large for a ball of this size: it only starts to roll on a slope of 11 degrees."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Crumb:
     """
 
     name: str
-    radius_m: float = 0.0135
-    mass_kg: float = 0.015
+    radius_m: float = 0.015
+    mass_kg: float = 0.02
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball."""
