@@ -1,4 +1,4 @@
-"""Sweep the dirt to the dustpan, alone: lump by lump, with the broom and nobody at the pan, or with the pan as a shovel."""
+"""Sweep the dirt to the dustpan, alone: lump by lump, with broom or hand and nobody at the pan, or with the pan as a shovel."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -20,6 +20,8 @@ BROOM, PAN, CRUMBS = expert.BROOM, expert.PAN, expert.CRUMBS
 LEANS_RAD = np.deg2rad((0.0, 20.0, 40.0))
 OVER_PAN_M, HOVER_M = 0.10, 0.08
 PINCH_Z_M = TABLE_HEIGHT_M + 0.015
+STROKES_M = (-0.07, 0.0, 0.07)
+"""From the pan's middle to the sides; the spread fingers are 10 cm wide."""
 FLICK_TO_M = 0.14
 """From the pan's middle: the broom stops in front of the lip, and the dirt goes on."""
 AGAINST_BROOM_M = 0.09
@@ -28,7 +30,8 @@ AGAINST_BROOM_M = 0.09
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """Each kind of way, the hand straight down or leaning away from the arm."""
-    kinds = (_pick_up, partial(_sweep, stop_m=expert.SWEEP_TO_M), _shovel, partial(_sweep, stop_m=FLICK_TO_M))
+    sweep, flick = (partial(_sweep, stop_m=stop_m) for stop_m in (expert.SWEEP_TO_M, FLICK_TO_M))
+    kinds = (_pick_up, sweep, _brush, _shovel, flick)
     for lean_rad, side, kind in product(LEANS_RAD, (1, -1), kinds):
         yield partial(kind, arm=arm, side=side, lean_rad=lean_rad)
 
@@ -63,6 +66,22 @@ def _sweep(scene: SceneView, arm: Arm, side: int, lean_rad: float, stop_m: float
     yield alone(arm, "behind", behind.translated((0, 0, expert.TAKE_OUT_M[2])))
     yield alone(arm, "lower", behind)
     yield alone(arm, "sweep", sweeping(stop_m))
+
+
+def _brush(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
+    """Sweep with the spread fingers, stroke beside stroke."""
+    pan, away = scene.pose(PAN.name), _away(scene, arm)
+
+    def brushing(x_m: float, y_m: float) -> Pose:
+        x, y, _ = pan.apply((x_m, y_m, 0.0))
+        return _hand((x, y, PINCH_Z_M), np.sign(away[0]) * pan.rotation[:, 0], side, lean_rad)
+
+    for stroke_m in STROKES_M:
+        behind = brushing(stroke_m, expert.SWEEP_FROM_M)
+        yield alone(arm, "behind", behind.translated((0, 0, HOVER_M)), is_open=True)
+        yield alone(arm, "lower", behind)
+        yield alone(arm, "brush", brushing(stroke_m, expert.SWEEP_TO_M))
+        yield alone(arm, "raise", brushing(stroke_m, expert.SWEEP_TO_M).translated((0, 0, HOVER_M)))
 
 
 def _shovel(scene: SceneView, arm: Arm, side: int, lean_rad: float) -> Iterator[Stage]:
