@@ -15,9 +15,9 @@ WOOD = (0.80, 0.62, 0.38, 1.0)
 
 FLOOR_HALF_M = (0.145, 0.080, 0.001)
 FLOOR_Y_M = -0.005
-LIP_HALF_M = (0.145, 0.018, 0.0008)
-LIP_SLOPE_RAD = np.deg2rad(12.0)
-LIP_CREST_M = 0.007
+LIP_HALF_M = (0.145, 0.016, 0.0008)
+LIP_SLOPE_RAD = np.deg2rad(15.0)
+LIP_CREST_M = 0.0085
 """Height of the lip's upper end, over which dirt falls onto the floor."""
 SIDE_HALF_M = (0.003, 0.085, 0.022)
 BACK_HALF_M = (0.149, 0.003, 0.030)
@@ -30,11 +30,11 @@ GAP_M = 0.002
 """Of everything but the gliders above the table."""
 GLIDER_RADIUS_M = 0.002
 GLIDER_FRICTION = 0.1
-"""Sliding on the table: that of hard, smooth plastic. With 0.1 kg it takes 0.1 N to move the pan."""
+"""Sliding on the table: that of hard, smooth plastic. It takes 0.08 N to move the pan."""
 
-# Thin plastic, and a hollow handle: 0.10 kg in all.
-FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.045, 0.005, 0.007, 0.010
-HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.018, 0.004, 0.001
+# Thin plastic, and a hollow handle: 0.08 kg in all.
+FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.008
+HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
 
 HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX

@@ -9,7 +9,7 @@ contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are pla
 latter turned by up to 15 degrees; there they never move, so that a motion that ignores the scene would sweep
 every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper
 end from above, since the stick cannot pass through a palm. Lumps of dirt are 30 mm wide instead of 10 mm, to be
-seen, round instead of square, and weigh 20 g. Collision filters: the bristles touch dirt alone and the pan's lip is
+seen, round instead of square, and weigh 15 g. Collision filters: the bristles touch dirt alone and the pan's lip is
 touched by dirt alone, the broom's feet and the pan's gliders touch the table alone; all four are thin or yield.
 """
 
