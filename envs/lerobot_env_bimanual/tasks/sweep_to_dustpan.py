@@ -42,8 +42,8 @@ DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M = np.array([0.09675, 0.1356])
 """How far crumbs lie from that middle (decoded from RLBench's task file)."""
-CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.055, 50
-"""Between two crumbs, so that no hand spans both, and how often a place is drawn for each."""
+CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.055, 100
+"""Between two crumbs, so that no hand spans both, and how often a place is drawn for them."""
 PAN_Y_M = -0.25
 """From the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
@@ -103,12 +103,11 @@ class SweepToDustpan(Task):
         spots = _scattered(rng)
         if spots is None:
             return False
-        yaws = rng.uniform(-np.pi, np.pi, len(CRUMBS))
         scene.place(STAND.name, stand)
         scene.place(BROOM.name, stand)
         scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
-        for crumb, (x, y), yaw in zip(CRUMBS, spots, yaws, strict=True):
-            scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m), yaw))
+        for crumb, (x, y) in zip(CRUMBS, spots, strict=True):
+            scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m)))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
@@ -137,17 +136,12 @@ class SweepToDustpan(Task):
 
 
 def _scattered(rng: np.random.Generator) -> list[np.ndarray] | None:
-    """Where crumbs lie, from the middle of the dirt, (2,) each; None if one finds no place beside the others."""
+    """Where crumbs lie, from the middle of the dirt, (2,) each; None if not all find a place beside the others."""
     spots: list[np.ndarray] = []
-    for _ in CRUMBS:
-        drawn = rng.uniform(-1.0, 1.0, (CRUMB_DRAWS, 2)) * DIRT_HALF_M
-        free = [
-            spot for spot in drawn if all(np.linalg.norm(spot - other) >= CRUMB_DISTANCE_M for other in spots)
-        ]
-        if not free:
-            return None
-        spots.append(free[0])
-    return spots
+    for spot in rng.uniform(-1.0, 1.0, (CRUMB_DRAWS, 2)) * DIRT_HALF_M:
+        if all(np.linalg.norm(spot - other) >= CRUMB_DISTANCE_M for other in spots):
+            spots.append(spot)
+    return spots[: len(CRUMBS)] if len(spots) >= len(CRUMBS) else None
 
 
 def _sweeping(pan: Pose, y_m: float) -> Pose:
