@@ -144,7 +144,7 @@ class Untouched(Condition):
 
 @dataclass(frozen=True)
 class Held(Condition):
-    """Both fingers of the arm are in contact with the prop."""
+    """Both fingers of the arm have closed on the prop."""
 
     prop: str
     by: Arm
@@ -156,7 +156,7 @@ class Held(Condition):
 
 @dataclass(frozen=True)
 class Grasped(Condition):
-    """Both fingers of one hand, whichever, are in contact with the prop."""
+    """Both fingers of one hand, whichever, have closed on the prop."""
 
     prop: str
 

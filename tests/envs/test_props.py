@@ -6,6 +6,9 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball, beach_ball_texture
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
+from lerobot_env_bimanual.props.crumb import Crumb
+from lerobot_env_bimanual.props.dustpan import Dustpan
+from lerobot_env_bimanual.props.rope import Rope
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
@@ -104,3 +107,40 @@ def test_neighbouring_faces_of_the_ball_texture_meet_without_a_seam():
     ]
     for one, other in edges:
         assert np.mean(np.abs(one - other).max(axis=-1) > 60) < 0.06  # gore borders may be half a pixel apart
+
+
+def test_an_end_of_the_stretched_rope_returns_by_more_than_five_centimetres():
+    rope = Rope("rope")
+    scene = Scene([rope])
+    scene.place("rope", Pose.upright((0.25, 0.1, TABLE + rope.knot_radius_m)))
+    scene.settle()
+    length_m = _between(scene, rope.tail, rope.head)
+    for held in ((rope.tail, rope.head), (rope.head,)):  # both pull, then one lets go
+        for _ in range(20):
+            along = scene.pose(rope.head).position - scene.pose(rope.tail).position
+            along *= 6.0 / np.linalg.norm(along)
+            scene.data.body(rope.tail).xfrc_applied[:3] = -along if rope.tail in held else 0.0
+            scene.data.body(rope.head).xfrc_applied[:3] = along if rope.tail in held else 0.0
+            scene.tick(scene.commanded)
+        if rope.tail in held:
+            assert _between(scene, rope.tail, rope.head) > length_m + 0.07
+    assert _between(scene, rope.tail, rope.head) < length_m + 0.01
+
+
+def _between(scene: Scene, first: str, second: str) -> float:
+    return float(np.linalg.norm(scene.pose(first).position - scene.pose(second).position))
+
+
+def test_less_than_the_weight_of_one_crumb_pushes_the_dustpan_away():
+    scene = Scene([Dustpan("dustpan"), Crumb("crumb")])
+    scene.place("crumb", Pose.upright((0.25, 0.2, TABLE + 0.015)))
+    for share, moves in ((0.4, False), (0.8, True)):
+        scene.place("dustpan", Pose.upright((0.25, -0.2, TABLE)))
+        scene.settle()
+        start = scene.pose("dustpan").position
+        scene.data.body("dustpan").xfrc_applied[1] = -share * 9.81 * scene.model.body("crumb").mass[0]
+        for _ in range(20):
+            scene.tick(scene.commanded)
+        scene.data.body("dustpan").xfrc_applied[1] = 0.0
+        travel_m = float(np.linalg.norm(scene.pose("dustpan").position - start))
+        assert (travel_m > 0.02) == moves, f"{share} of a crumb's weight moved the pan by {travel_m:.4f} m"

@@ -135,6 +135,15 @@ def test_a_held_block_is_touched_by_each_finger_and_not_by_the_forearm(scene):
     assert not scene.held(Arm.RIGHT, "item")
 
 
+def test_a_block_jammed_between_wide_open_fingers_is_not_held(scene):
+    tcp = scene.tcp(Arm.RIGHT)
+    across = Pose.looking(tcp.position, approach=tcp.rotation[:, 1], opening=tcp.rotation[:, 2])
+    scene.place("item", across)
+    scene.tick(scene.commanded)
+    assert all(scene.contacts(f"right_finger{finger}", "item") for finger in (1, 2))
+    assert not scene.held(Arm.RIGHT, "item")
+
+
 def test_a_diverging_state_is_reported_until_reset(scene, caplog, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene.place("item", ON_TABLE)

@@ -99,6 +99,7 @@ class Broom:
             pos=position,
             size=size,
             mass=mass,
+            solref=(0.004, 1),
             contype=DIRT_ONLY,
             conaffinity=0,
             group=HIDDEN_GROUP,

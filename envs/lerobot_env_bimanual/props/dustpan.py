@@ -1,11 +1,11 @@
-"""A dustpan with an upright handle."""
+"""A light dustpan with an upright handle, which glides."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY
+from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY, TABLE_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
@@ -15,10 +15,10 @@ WOOD = (0.80, 0.62, 0.38, 1.0)
 
 FLOOR_HALF_M = (0.145, 0.080, 0.001)
 FLOOR_Y_M = -0.005
-LIP_HALF_M = (0.145, 0.018, 0.0008)
-LIP_SLOPE_RAD = np.deg2rad(4.0)
-LIP_Z_M = 0.0007
-LIP_OVERLAP_M = 0.003
+LIP_HALF_M = (0.145, 0.016, 0.0008)
+LIP_SLOPE_RAD = np.deg2rad(15.0)
+LIP_CREST_M = 0.0085
+"""Height of the lip's upper end, over which dirt falls onto the floor."""
 SIDE_HALF_M = (0.003, 0.085, 0.022)
 BACK_HALF_M = (0.149, 0.003, 0.030)
 BACK_Y_M = -0.088
@@ -26,12 +26,17 @@ SOCKET_HALF_M = (0.020, 0.012, 0.012)
 HANDLE_RADIUS_M = 0.0105
 HANDLE_BOTTOM_M = 0.020
 RIBS = 5
-GAP_M = 0.0005
-"""Of everything but the floor above the table: the pan stands on four corners, which are computed quickly."""
+GAP_M = 0.002
+"""Of everything but the gliders above the table."""
+GLIDER_RADIUS_M = 0.002
+GLIDER_FRICTION = 0.1
+"""Sliding on the table: that of hard, smooth plastic. It takes 0.08 N to move the pan."""
 
-FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.25, 0.01, 0.03, 0.04
-HANDLE_MASS_KG, SOCKET_MASS_KG = 0.08, 0.02
+# Thin plastic, and a hollow handle: 0.08 kg in all.
+FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.008
+HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
 
+HIDDEN_GROUP = 3
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
@@ -55,7 +60,8 @@ class Dustpan:
         """Write floor, lip, walls and handle, and ribs and grip for the eye."""
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
-        self._add_box(body, (0, FLOOR_Y_M, FLOOR_HALF_M[2]), FLOOR_HALF_M, FLOOR_MASS_KG)
+        self._add_box(body, (0, FLOOR_Y_M, GAP_M + FLOOR_HALF_M[2]), FLOOR_HALF_M, FLOOR_MASS_KG)
+        self._add_gliders(body)
         self._add_lip(body)
         for side in (-1, 1):
             place = (side * (FLOOR_HALF_M[0] + 0.001), 0, GAP_M + SIDE_HALF_M[2])
@@ -70,11 +76,13 @@ class Dustpan:
         body.add_geom(type=BOX, pos=position, size=size, mass=mass, rgba=BLUE)
 
     def _add_lip(self, body) -> None:
-        """A ramp from the floor's upper side down into the table, so thin that only dirt notices it."""
-        y = FLOOR_Y_M + FLOOR_HALF_M[1] + LIP_HALF_M[1] - LIP_OVERLAP_M
+        """A ramp from the table up to a crest at the floor's edge, which only dirt notices."""
+        half_y, half_z = LIP_HALF_M[1:]
+        along, up = np.cos(LIP_SLOPE_RAD), np.sin(LIP_SLOPE_RAD)
+        y = FLOOR_Y_M + FLOOR_HALF_M[1] + half_y * along
         body.add_geom(
             type=BOX,
-            pos=(0, y, LIP_Z_M),
+            pos=(0, y, LIP_CREST_M - half_y * up - half_z * along),
             quat=(np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0),
             size=LIP_HALF_M,
             mass=LIP_MASS_KG,
@@ -82,6 +90,23 @@ class Dustpan:
             contype=DIRT_ONLY,
             conaffinity=0,
         )
+
+    def _add_gliders(self, body) -> None:
+        """Round feet under the floor: four points of contact, which are computed quickly."""
+        for side_x in (-1, 1):
+            for side_y in (-1, 1):
+                x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
+                body.add_geom(
+                    type=SPHERE,
+                    pos=(x, y, GLIDER_RADIUS_M),
+                    size=(GLIDER_RADIUS_M, 0, 0),
+                    mass=GLIDER_MASS_KG,
+                    friction=(GLIDER_FRICTION, 0.005, 0.0001),
+                    priority=1,
+                    contype=TABLE_ONLY,
+                    conaffinity=0,
+                    group=HIDDEN_GROUP,
+                )
 
     def _add_handle(self, body) -> None:
         half = (self.height_m - HANDLE_BOTTOM_M) / 2
@@ -94,6 +119,6 @@ class Dustpan:
         """Grooves along the floor."""
         half_x, half_y, half_z = FLOOR_HALF_M
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
-            place = (x, FLOOR_Y_M, 2 * half_z)
+            place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
             rib = (0.003, 0.9 * half_y, 0.0003)
             body.add_geom(type=BOX, pos=place, size=rib, rgba=DARK_BLUE, **VISUAL_ONLY)

@@ -1,4 +1,4 @@
-"""A rope with knotted ends that lies in the shape of an S."""
+"""A springy rope with knotted ends that lies in the shape of an S."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,9 +16,10 @@ STRANDS = ((0.93, 0.62, 0.36, 1.0), (0.87, 0.52, 0.27, 1.0))
 
 BEND_RAD = 1.1587
 """Largest heading of the S away from the line between the ends, which are 0.268 m apart then (PerAct2 code)."""
-STIFFNESS_NM = 5e-4
-"""Towards straight; so small that friction on the table keeps the S."""
-DAMPING_NM_S = 2e-3
+STIFFNESS_NM = 0.8
+"""Per radian, towards the S. It takes 5 N to hold the ends 0.345 m apart; let go of, they are back at 0.267 m after 0.2 s.
+Dragged by one end over the table, the rope lets the other one fall behind by 0.293 m."""
+DAMPING_NM_S = 1e-2
 JOINT_ARMATURE = 1e-4
 ROOT_ARMATURE = 1e-3
 """Of the free joint, in kg and kg m2: what a closed hand that comes down on the rope may press on."""
@@ -31,7 +32,7 @@ CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 
 @dataclass(frozen=True)
 class Rope:
-    """A chain of capsules that bends to all sides but does not twist.
+    """A chain of capsules that bends to all sides, against springs towards its S, but does not twist.
 
     The root body is the tail link, `<name>_<last>` the head link. Each link's frame lies in its middle, x pointing
     to the next link.
@@ -43,7 +44,7 @@ class Rope:
         radius_m: of the rope. (1.5 times the original's: fingers have to get hold of it.)
         knot_radius_m: of the two end links.
         link_mass_kg: of each link (PerAct2 code).
-        friction: against everything but the grippers' rubber.
+        friction: against everything but the grippers' rubber; the table's own.
     """
 
     name: str = "rope"
@@ -52,7 +53,7 @@ class Rope:
     radius_m: float = 0.0075
     knot_radius_m: float = 0.012
     link_mass_kg: float = 0.0251
-    friction: float = 0.8
+    friction: float = 0.5
 
     @property
     def tail(self) -> str:
@@ -86,13 +87,12 @@ class Rope:
             pos=(half + half * np.cos(turn_rad), half * np.sin(turn_rad), 0),
             quat=quat_wxyz_from_axis_angle((0, 0, 1), turn_rad),
         )
-        for axis, rest_rad in (((0, 0, 1), -turn_rad), ((0, 1, 0), 0.0)):
+        for axis in ((0, 0, 1), (0, 1, 0)):
             body.add_joint(
                 type=mujoco.mjtJoint.mjJNT_HINGE,
                 pos=(-half, 0, 0),
                 axis=axis,
                 stiffness=STIFFNESS_NM,
-                springref=rest_rad,
                 damping=DAMPING_NM_S,
                 armature=JOINT_ARMATURE,
             )

@@ -1,19 +1,17 @@
-"""Hand over the item, alone: the receiver picks it up itself."""
+"""Hand over the item, alone: the receiver picks it up itself, or rakes it nearer first."""
 
 from collections.abc import Iterator
-from functools import partial
 
 from lerobot_bimanual.arms import Arm
-from lerobot_env_bimanual.solo._picking import base_of, grips
-from lerobot_env_bimanual.solo.handover_item import pick_up
+from lerobot_env_bimanual.solo.handover_item import pick_or_rake
 from lerobot_env_bimanual.solo.ways import Way
 from lerobot_env_bimanual.task import Variation
+from lerobot_env_bimanual.tasks.handover_item_easy import ITEM
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 BEHIND_M = 0.0
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
-    """From above if the arm reaches so far, otherwise with a tilted hand."""
-    for grip in grips(scene.pose("item"), base_of(scene, arm)):
-        yield partial(pick_up, arm=arm, item="item", grip=grip, behind_m=BEHIND_M)
+    """From above if the arm reaches so far, otherwise with a tilted hand, otherwise after raking it nearer."""
+    return pick_or_rake(scene, arm, ITEM.name, ITEM.size_m[2] / 2, BEHIND_M)

@@ -1,4 +1,4 @@
-"""Straighten the rope, alone: one end after the other, and again while one of them lies beside its plate."""
+"""Straighten the rope, alone: one end after the other, or one end alone, with the other one trailing behind it."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -17,12 +17,15 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 ENDS = ((ROPE.tail, "tail_plate"), (ROPE.head, "head_plate"))
 ROUNDS = 6
+TUGS = 6
+TAUT_M = 0.36
+"""From the end in the hand to where the trailing one would lie if the table held it fast."""
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
     """Either end first, with either roll of the hand."""
-    for order, side in product((1, -1), (1, -1)):
-        yield partial(_in_turn, arm=arm, ends=ENDS[::order], side=side)
+    for side, order, way in product((1, -1), (1, -1), (_in_turn, _towing)):
+        yield partial(way, arm=arm, ends=ENDS[::order], side=side)
 
 
 def _in_turn(scene: SceneView, arm: Arm, ends, side: int) -> Iterator[Stage]:
@@ -37,6 +40,23 @@ def _in_turn(scene: SceneView, arm: Arm, ends, side: int) -> Iterator[Stage]:
         yield alone(arm, "grasp", grasp, is_open=False)
         yield alone(arm, "drag", pull, is_open=True)
         yield alone(arm, "let go", pull.translated(up))
+
+
+def _towing(scene: SceneView, arm: Arm, ends, side: int) -> Iterator[Stage]:
+    """Take one end, tow the other one onto its plate, and stretch the rope against the table's friction."""
+    (end, plate), (trailing, its_plate) = ends
+    grasp, pull = _hand(scene.pose(end), scene.pose(plate), side)
+    up = (0, 0, ABOVE_Z_M - GRASP_Z_M)
+    yield alone(arm, "above", grasp.translated(up), is_open=True)
+    yield alone(arm, "grasp", grasp, is_open=False)
+    goal = scene.pose(its_plate).position
+    towards = (pull.position - goal) * (1, 1, 0)
+    towards /= np.linalg.norm(towards)
+    for number in range(TUGS):
+        short = goal - scene.pose(trailing).position if number else np.zeros(3)
+        at = goal + TAUT_M * towards + short * (1, 1, 0)
+        yield alone(arm, "tow", Pose.looking((*at[:2], GRASP_Z_M), (0, 0, -1), pull.rotation[:, 1]))
+    yield alone(arm, "stretch", pull.translated(0.02 * towards))
 
 
 def _hand(end: Pose, plate: Pose, side: int) -> tuple[Pose, Pose]:

@@ -1,4 +1,4 @@
-"""How one hand picks an item up, presents it in the air, and the other hand takes it.
+"""How one hand picks an item up beyond the other one's reach, presents it in the air, and the other hand takes it.
 
 Both hands approach along y, since the bases stand too close together to exchange anything along the line between
 them. Both are rolled by 45 degrees, so that their fingers cross at a right angle and never meet, and no hand is at a
@@ -7,22 +7,63 @@ singularity of the Euler angles.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene_view import SceneView
 
+AREA_CENTER_M, AREA_HALF_SIZE_M = (-0.06, 0.36), (0.21, 0.11)
+"""Around the part of the table where items lie."""
+LEAST_REACH_M = np.array([0.34, 0.98])
+"""From the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
+its joint limits. The right arm's fingers get no further than 0.94 m at the height of a cube's top and 0.95 m at that of
+the tall block's, whatever its posture; the items' nearest corners may be 2.8 cm nearer than their middles."""
+SPOTS = 500
+"""Places that are drawn for an item before the placement is given up."""
+
 HOVER_M = 0.10
-LIFT_TO_M = 1.12
+LIFT_M = 0.10
 EXCHANGE = np.array([0.25, -0.10, 1.105])
 """Where the item's centre is presented; within easy reach of both arms."""
 CLEARANCE_M = 0.12
 """How far the right hand waits before the item and the left one withdraws."""
 LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
 RIGHT_RECEIVES = Pose.looking((0, 0, 0), approach=(0, 1, 0), opening=(-1, 0, 1))
+
+
+def draw_place(
+    scene: SceneView,
+    rng: np.random.Generator,
+    height_m: float,
+    half_yaw_rad: float,
+    is_free: Callable[[Pose], bool] = lambda pose: True,
+) -> Pose | None:
+    """A uniform upright pose where the left arm reaches an item and the right arm does not touch it.
+
+    Args:
+        scene: where the arms stand.
+        rng: the episode's generator.
+        height_m: of the item's origin above the floor.
+        half_yaw_rad: how far the item may be turned to either side.
+        is_free: whether the place is not taken by another item.
+
+    Returns:
+        The first of `SPOTS` poses that will do; None if none does.
+    """
+    area = PlacementArea(AREA_CENTER_M, AREA_HALF_SIZE_M, half_yaw_rad)
+    bases_m = np.array([scene.arm_pair.base_pose(arm).position[:2] for arm in ARMS])
+
+    def will_do(pose: Pose) -> bool:
+        reach_m = np.linalg.norm(pose.position[:2] - bases_m, axis=1)
+        return bool((reach_m >= LEAST_REACH_M).all()) and is_free(pose)
+
+    drawn = (area.sample(rng, height_m) for _ in range(SPOTS))
+    return next(filter(will_do, drawn), None)
 
 
 def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m: float) -> Iterator[Stage]:
@@ -41,8 +82,8 @@ def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m:
     wait = RIGHT_RECEIVES.translated(EXCHANGE).advanced(-right_behind_m - CLEARANCE_M)
     yield Stage("hover", grasp.advanced(-HOVER_M), wait, planned=True)
     yield Stage("grasp", left=grasp, left_open=False, left_holds=item)
-    yield Stage("lift", left=grasp.translated((0, 0, LIFT_TO_M - grasp.position[2])))
-    yield Stage("present", left=present)
+    yield Stage("lift", left=grasp.translated((0, 0, LIFT_M)))
+    yield Stage("present", left=present, planned=True)
     receive = RIGHT_RECEIVES.translated(scene.pose(item).position).advanced(-right_behind_m)
     yield Stage("receive", right=receive, right_open=False, right_holds=item)
     yield Stage("release", left_open=True)

@@ -1,19 +1,19 @@
 """Hand over the item of the named colour.
 
 The paper asks that the right item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks
-it up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was
-handed over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
+it up and presents it, the right arm takes hold of it while the left one still holds it. All items lie where the left arm
+reaches them and no posture of the right one touches them, so that the left arm has to bring the right one its item.
 
-Departures from the original: the right hand must hold the right item between its fingers, at 0.80 m or higher,
-with no part of the left arm touching any item, as the paper's text says; the original asks for the item near
-the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
+Departures from the original: items lie on the left arm's side of the table, beyond the right one's reach; there the
+receiver could pick most of them up itself. The right hand must have closed its fingers on the right item, at 0.80 m
+or higher, with no part of the left arm touching any item, as the paper's text says; the original asks for the item
+near the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
 leaves room for the fingers beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 
@@ -21,11 +21,10 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
-from lerobot_env_bimanual.tasks._handover import grasp_axis, hand_over
+from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -41,7 +40,6 @@ SIDE_M = 0.04
 ITEMS = tuple(f"item{index}" for index in range(len(COLORS)))
 """The first one is to be handed over: it gets the variation's colour, the others share the remaining ones."""
 TARGET = ITEMS[0]
-AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.2322, 0.15255), half_yaw_rad=np.pi)
 SUCCESS_HEIGHT_M = 0.80
 
 LEAST_DISTANCE_M = 0.06
@@ -80,19 +78,27 @@ class HandoverItem(Task):
             Above(TARGET, SUCCESS_HEIGHT_M),
             *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
         ),
-        horizon_ticks=500,
+        horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """Items anywhere on the left arm's side, but for where the left fingers go."""
-        target, *others = (AREA.sample(rng, TABLE_HEIGHT_M + SIDE_M / 2) for _ in ITEMS)
+        """Items beyond the right arm's reach, none where the left fingers close around the one to hand over."""
+        placed: list[Pose] = []
+
+        def is_free(pose: Pose) -> bool:
+            apart = all(pose.distance_to(other)[0] >= LEAST_DISTANCE_M for other in placed)
+            return apart and not (placed and _between_fingers(pose, placed[0]))
+
         color = variation.words["color"]
         colors = (color, *rng.permutation([name for name in COLORS if name != color]))
-        for item, pose, name in zip(ITEMS, (target, *others), colors, strict=True):
+        for item, name in zip(ITEMS, colors, strict=True):
+            pose = draw_place(scene, rng, TABLE_HEIGHT_M + SIDE_M / 2, np.pi, is_free)
+            if pose is None:
+                return False
+            placed.append(pose)
             scene.place(item, pose)
             scene.set_color(item, COLORS[name])
-        apart = all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations((target, *others), 2))
-        return apart and not any(_between_fingers(other, target) for other in others)
+        return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""

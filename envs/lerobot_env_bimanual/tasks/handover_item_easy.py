@@ -1,13 +1,13 @@
 """Hand over the item.
 
 The paper asks that the item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks it
-up and presents it, the right arm takes hold of it while the left one still holds it. Nothing asks whether it was handed
-over: a right arm that reaches for the item itself succeeds nearly always (docs/tasks.md).
+up and presents it, the right arm takes hold of it while the left one still holds it. The item lies where the left arm
+reaches it and no posture of the right one touches it, so that the left arm has to bring it.
 
-Departures from the original: the right hand must hold the item between its fingers, at 0.80 m or higher, with
-no part of the left arm touching it; the original asks for the item near the right fingers and not near the left
-ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet. The
-item may lie anywhere in 50 x 40 cm.
+Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
+the receiver could pick it up itself in most places. The right hand must have closed its fingers on the item, at 0.80 m
+or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
+the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 """
 
 from __future__ import annotations
@@ -19,17 +19,16 @@ import numpy as np
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
-from lerobot_env_bimanual.tasks._handover import hand_over
+from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
-AREA = PlacementArea(center_m=(0.25, 0.225), half_size_m=(0.25, 0.20), half_yaw_rad=np.deg2rad(22.5))
+HALF_YAW_RAD = np.deg2rad(22.5)
 SUCCESS_HEIGHT_M = 0.80
 
 LEFT_BEHIND_M = 0.025
@@ -60,13 +59,15 @@ class HandoverItemEasy(Task):
             Untouched("item", by=Arm.LEFT),
             Above("item", SUCCESS_HEIGHT_M),
         ),
-        horizon_ticks=450,
+        horizon_ticks=280,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """Item upright on the left arm's side."""
-        scene.place("item", AREA.sample(rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2))
-        return True
+        """Item upright beyond the right arm's reach."""
+        pose = draw_place(scene, rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2, HALF_YAW_RAD)
+        if pose is not None:
+            scene.place("item", pose)
+        return pose is not None
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""

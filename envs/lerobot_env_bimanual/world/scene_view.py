@@ -10,6 +10,9 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
+WIDE_OPEN = 0.98
+"""Opening from which on a hand holds nothing, even if something that just fits is jammed between its fingers."""
+
 
 class SceneView:
     """A world to read from, whoever moves it.
@@ -95,8 +98,9 @@ class SceneView:
         return self.contacts(self.arm_pair.hand_body(arm), body)
 
     def held(self, arm: Arm, body: str) -> bool:
-        """Whether both fingers of a hand touch a body."""
-        return all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
+        """Whether both fingers of a hand touch a body, having closed on it."""
+        touching = all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
+        return touching and self.gripper_opening(arm) < WIDE_OPEN
 
     def arm_touches(self, arm: Arm, body: str) -> bool:
         """Whether any part of the arm or its hand touches a body."""
