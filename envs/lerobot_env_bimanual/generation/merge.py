@@ -48,6 +48,7 @@ def _provenance(job: MergeJob) -> Provenance:
         schema_version=SCHEMA_VERSION,
         view=job.view,
         versions=installed_versions(),
+        worlds=job.worlds,
         settings=job.settings.to_dict(),
         command=job.command,
         episodes=[episode for report in reports for episode in report.episodes],
