@@ -23,9 +23,7 @@ def rounded(polyline: Array, is_free: Callable[[Array], bool]) -> Array:
     Returns:
         Postures at equal steps along the way.
     """
-    arcs = [
-        _arc(*corner, is_free) for corner in zip(polyline, polyline[1:], polyline[2:], strict=False)
-    ]
+    arcs = [_arc(*corner, is_free) for corner in zip(polyline, polyline[1:], polyline[2:], strict=False)]
     curve = np.concatenate([polyline[:1], *arcs, polyline[-1:]])
     length = np.append(0.0, np.abs(np.diff(curve, axis=0)).max(axis=1).cumsum())
     wanted = np.linspace(0.0, length[-1], int(np.ceil(length[-1] / STEP_RAD)) + 1)
@@ -38,7 +36,9 @@ def _arc(before: Array, corner: Array, after: Array, is_free: Callable[[Array], 
     """The widest parabola (k, d) around a corner that is free, else the corner itself."""
     for cut in CUTS:
         start, end = corner + cut * (before - corner), corner + cut * (after - corner)
-        count = 2 + int(np.ceil(np.abs(np.stack([start - corner, end - corner])).max(axis=1).sum() / STEP_RAD))
+        count = 2 + int(
+            np.ceil(np.abs(np.stack([start - corner, end - corner])).max(axis=1).sum() / STEP_RAD)
+        )
         u = np.linspace(0.0, 1.0, count)[:, None]
         arc = (1 - u) ** 2 * start + 2 * u * (1 - u) * corner + u**2 * end
         if all(is_free(posture) for posture in arc[1:-1]):

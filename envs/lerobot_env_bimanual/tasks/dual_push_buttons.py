@@ -95,7 +95,7 @@ class DualPushButtons(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Three buttons that any two hands could press two of; which one is to be left alone is drawn afterwards."""
-        poses = _draw_apart(dict(zip(ARMS, scene.arm_pair.base_poses, strict=True)), rng)
+        poses = _draw_apart({arm: scene.arm_pair.base_pose(arm) for arm in ARMS}, rng)
         other = poses.pop(rng.integers(len(poses)))
         *asked_for, left_alone = (COLORS[variation.words[word]] for word in WORDS)
         rng.shuffle(asked_for)
