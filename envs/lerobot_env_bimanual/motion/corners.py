@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.floating]
 
-CUTS = (0.5, 0.25, 0.125, 0.0625)
-"""Where a rounding begins and ends: shares of both sides of the corner, widest first."""
+CUTS = (1.0, 0.5, 0.25, 0.125)
+"""How much of the room for a rounding it takes, widest first. Two corners share the side between them."""
 STEP_RAD = 0.035
 """Largest joint step between two knots of the result, and between two collision checks."""
 
@@ -23,7 +23,10 @@ def rounded(polyline: Array, is_free: Callable[[Array], bool]) -> Array:
     Returns:
         Postures at equal steps along the way.
     """
-    arcs = [_arc(*corner, is_free) for corner in zip(polyline, polyline[1:], polyline[2:], strict=False)]
+    middles = 0.5 * (polyline[1:-2] + polyline[2:-1])
+    starts, ends = np.concatenate([polyline[:1], middles]), np.concatenate([middles, polyline[-1:]])
+    corners = zip(starts, polyline[1:-1], ends, strict=True) if len(polyline) > 2 else ()
+    arcs = [_arc(*corner, is_free) for corner in corners]
     curve = np.concatenate([polyline[:1], *arcs, polyline[-1:]])
     length = np.append(0.0, np.abs(np.diff(curve, axis=0)).max(axis=1).cumsum())
     wanted = np.linspace(0.0, length[-1], int(np.ceil(length[-1] / STEP_RAD)) + 1)
@@ -33,7 +36,7 @@ def rounded(polyline: Array, is_free: Callable[[Array], bool]) -> Array:
 
 
 def _arc(before: Array, corner: Array, after: Array, is_free: Callable[[Array], bool]) -> Array:
-    """The widest parabola (k, d) around a corner that is free, else the corner itself."""
+    """The widest free parabola (k, d) around a corner, at most between two postures; else the corner itself."""
     for cut in CUTS:
         start, end = corner + cut * (before - corner), corner + cut * (after - corner)
         count = 2 + int(

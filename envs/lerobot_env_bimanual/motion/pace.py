@@ -32,6 +32,6 @@ class Pace:
         )
 
 
-FREE = Pace(velocity_share=0.8, acceleration_share=0.5, tip_m_s=1.0)
-CONTACT = Pace(velocity_share=0.5, acceleration_share=0.3, tip_m_s=0.4)
-"""Grasps, pulls and pushes need about half the pace of free motions."""
+FREE = Pace(velocity_share=0.8, acceleration_share=0.5, tip_m_s=1.2)
+CONTACT = Pace(velocity_share=0.6, acceleration_share=0.4, tip_m_s=0.5)
+"""Grasps, pulls and pushes."""

@@ -46,6 +46,8 @@ GRIPPER_FORCE_LIMIT_N = 80.0
 CLOSED_TRAVEL_M = -0.013
 FINGER_SPEED_M_S = 0.1
 FINGER_DAMPING = 5.0
+STIFF_SOLREF = (0.004, 1)
+STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2)
 
 LINK_MASS_KG = (4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
 LINK_CENTRE_OF_MASS_M = (
@@ -231,6 +233,8 @@ def _add_finger(hand, name: str, pad: str, yaw: float) -> None:
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=(0, 1, 0),
         range=(0, FINGER_TRAVEL_M),
+        solref_limit=STIFF_SOLREF,
+        solimp_limit=STIFF_SOLIMP,
         armature=JOINT_ARMATURE,
         damping=FINGER_DAMPING,
     )
@@ -245,8 +249,8 @@ def _add_finger(hand, name: str, pad: str, yaw: float) -> None:
         rgba=DARK,
         condim=4,
         friction=(1.5, 0.02, 0.0005),
-        solref=(0.004, 1),
-        solimp=(0.95, 0.99, 0.001, 0.5, 2),
+        solref=STIFF_SOLREF,
+        solimp=STIFF_SOLIMP,
         priority=1,
     )
 
@@ -264,7 +268,7 @@ def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
         name2=f"{prefix}_finger2",
         data=(0, 1, *(0,) * 10),  # one finger's travel equals the other's
         solref=(0.005, 1),
-        solimp=(0.95, 0.99, 0.001, 0.5, 2),
+        solimp=STIFF_SOLIMP,
     )
     servo = spec.add_actuator(
         name=f"{prefix}_gripper",
