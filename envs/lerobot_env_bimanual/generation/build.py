@@ -36,10 +36,7 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
     worlds = {task: world_version(task) for task in settings.tasks}
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
-        jobs = [
-            MergeJob(settings, view, command, worlds, folders, merged, temporary / f"cache of {view}")
-            for view in settings.views
-        ]
+        jobs = [MergeJob(settings, view, command, worlds, folders, merged) for view in settings.views]
         shards = f"{len(folders)} shard{'s' if len(folders) > 1 else ''}"
         with tqdm(bar_format=f"merging {shards}, {{elapsed}}") as bar:
             for _ in executor.merge(jobs):

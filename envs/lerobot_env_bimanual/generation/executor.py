@@ -27,7 +27,6 @@ class MergeJob:
         worlds: task -> version of the world in which it was played.
         shards: folder and report of each shard, in the order of the episodes.
         root: new folder; holds the view, or a folder per view.
-        cache: folder of this job alone, for the copies that reading a table leaves behind.
     """
 
     settings: GenerationSettings
@@ -36,7 +35,6 @@ class MergeJob:
     worlds: Mapping[str, str]
     shards: Sequence[tuple[Path, ShardReport]]
     root: Path
-    cache: Path
 
 
 class Executor(Protocol):

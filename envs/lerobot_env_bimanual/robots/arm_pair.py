@@ -38,6 +38,7 @@ class ArmPair:
         joint_lower: (7,) rad.
         joint_upper: (7,) rad.
         joint_limits: of velocity, acceleration and jerk.
+        position_gain_nm_rad: (7,) of the joints' servos.
         servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
             the command is advanced by this time times the target's velocity.
         closed_travel_m: finger travel to which a closing hand is sent; below zero so that it still pushes on a thin
@@ -53,6 +54,7 @@ class ArmPair:
     joint_lower: np.ndarray
     joint_upper: np.ndarray
     joint_limits: JointLimits
+    position_gain_nm_rad: np.ndarray
     servo_lead_s: float
     closed_travel_m: float
     finger_travel_m: float

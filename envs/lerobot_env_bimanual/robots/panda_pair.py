@@ -22,6 +22,7 @@ PANDA_PAIR = ArmPair(
     joint_limits=JointLimits(
         panda.VELOCITY_LIMIT_RAD_S, panda.ACCELERATION_LIMIT_RAD_S2, panda.JERK_LIMIT_RAD_S3
     ),
+    position_gain_nm_rad=panda.POSITION_GAIN,
     servo_lead_s=panda.VELOCITY_GAIN_RATIO_S,
     closed_travel_m=panda.CLOSED_TRAVEL_M,
     finger_travel_m=panda.FINGER_TRAVEL_M,

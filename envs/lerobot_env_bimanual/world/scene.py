@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
@@ -90,6 +90,9 @@ class Scene(SceneView):
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
+        self._joint_dofs = self.model.jnt_dofadr[
+            [[self.model.joint(name).id for name in arm_pair.joint_names(arm)] for arm in ARMS]
+        ]
         self._index_actuators()
         self._old_share, self._new_share = self._make_spline_shares()
         self.reset()
@@ -153,7 +156,7 @@ class Scene(SceneView):
 
         Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is
         continuous, and their acceleration within a tick is that which the last three actions tell. They are advanced
-        by the servos' lag, so that the arms follow them without delay. Finger
+        by what the servos lag for velocity and inertia, so that the arms follow them without delay. Finger
         targets go to where they are sent at the fingers' speed.
 
         Args:
@@ -164,7 +167,7 @@ class Scene(SceneView):
         self._previous, self._commanded = last, new
         old_change, new_change = last - before.astype(np.float64), new - last.astype(np.float64)
         rows = self._old_share * old_change + self._new_share * new_change
-        rows += before + 0.5 * old_change
+        rows += before + 0.5 * old_change + self._inertia_lead((new_change - old_change) / TICK_S**2)
         rows[:, GRIPPERS] = self._finger_ramp(new[GRIPPERS])
         # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
         commands, ctrl = rows.tobytes(), self._ctrl_bytes
@@ -257,6 +260,16 @@ class Scene(SceneView):
         u = (np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK)[:, None]
         lead = self.arm_pair.servo_lead_s / TICK_S
         return u - u**2 / 2 + lead * (1 - u), u**2 / 2 + lead * u
+
+    def _inertia_lead(self, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far (16,) the servos' targets have to lie ahead, so that they give an acceleration (16,) of the arms."""
+        arms = by_arm(acceleration)[:, :-1]
+        generalised, force = np.zeros(self.model.nv), np.empty(self.model.nv)
+        generalised[self._joint_dofs] = arms
+        mujoco.mj_mulM(self.model, self.data, force, generalised)
+        lead = np.zeros_like(acceleration)
+        by_arm(lead)[:, :-1] = force[self._joint_dofs] / self.arm_pair.position_gain_nm_rad
+        return lead
 
     def _finger_ramp(self, openings: NDArray[np.float32]) -> NDArray[np.float64]:
         """Finger travels (25, 2) in m that are commanded on the way to openings (2,), at the fingers' speed.
