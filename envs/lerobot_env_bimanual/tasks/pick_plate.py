@@ -7,7 +7,7 @@ however steep, slips off the rim where it lies (docs/tasks.md).
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half
 a gram and is slippery, with a friction of 0.35 instead of 1.0 against everything. It lies in a box of 20 x 35 cm. The right
-hand approaches at 54 degrees below the horizontal, in the plane of the raised rim, and the left one leans back by 30
+hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
 """
 
@@ -46,13 +46,13 @@ ABOVE_M = np.array([0.0, 0.0, 0.08])
 LEAVE_M = np.array([-0.03, 0.0, 0.11])
 
 # The right hand: from +x, its fingers opening in the vertical plane.
-PITCH_RAD = np.deg2rad(54.0)
+PITCH_RAD = np.deg2rad(58.0)
 WAIT_M = np.array([0.20, 0.0, 0.22])
 WAIT_LOWER_M = np.array([0.16, 0.0, 0.17])
 RIM_POINT_M = np.array([PLATE.radius_m - 0.008, 0.0, PLATE.height_m - 0.0015])
 """Where the rim is pinched, in the plate's axes."""
 BEFORE_RIM_M = 0.07
-BEYOND_RIM_M = 0.004
+BEYOND_RIM_M = 0.006
 LIFT_M = np.array([0.02, 0.0, 0.12])
 RAISE_TO_M = 1.125
 
