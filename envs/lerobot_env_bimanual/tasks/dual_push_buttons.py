@@ -89,7 +89,7 @@ class DualPushButtons(Task):
         ),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
         success=(Pressed(RIGHT), Pressed(LEFT)),
-        horizon_ticks=220,
+        horizon_ticks=120,
         needs_both_arms=True,
     )
 

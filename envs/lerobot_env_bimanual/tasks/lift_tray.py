@@ -70,7 +70,7 @@ class LiftTray(Task):
             Above("tray", SUCCESS_HEIGHT_M),
             Above("item", SUCCESS_HEIGHT_M),
         ),
-        horizon_ticks=320,
+        horizon_ticks=160,
         needs_both_arms=True,
     )
 

@@ -76,7 +76,7 @@ class PickPlate(Task):
         ),
         props=(PLATE,),
         success=(Grasped("plate"), Above("plate", SUCCESS_HEIGHT_M)),
-        horizon_ticks=580,
+        horizon_ticks=320,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -91,7 +91,7 @@ class PutBottleInFridge(Task):
             Inside("bottle", "fridge", *FRIDGE.compartment),
             *(Untouched("bottle", by=arm) for arm in ARMS),
         ),
-        horizon_ticks=780,
+        horizon_ticks=420,
         needs_both_arms=True,
     )
 
