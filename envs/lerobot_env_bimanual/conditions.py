@@ -144,24 +144,24 @@ class Untouched(Condition):
 
 @dataclass(frozen=True)
 class Held(Condition):
-    """Both fingers of the arm have closed on the prop."""
+    """The arm's hand grips the prop between its fingers; see `SceneView.held`."""
 
     prop: str
     by: Arm
 
     def __call__(self, view: SceneView) -> bool:
-        """Look through the contacts."""
+        """Ask for the motor's force and the contacts."""
         return view.held(self.by, self.prop)
 
 
 @dataclass(frozen=True)
 class Grasped(Condition):
-    """Both fingers of one hand, whichever, have closed on the prop."""
+    """One hand, whichever, grips the prop between its fingers; see `SceneView.held`."""
 
     prop: str
 
     def __call__(self, view: SceneView) -> bool:
-        """Look through the contacts."""
+        """Ask for the motor's force and the contacts."""
         return any(view.held(arm, self.prop) for arm in ARMS)
 
 

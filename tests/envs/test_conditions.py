@@ -36,11 +36,14 @@ def scene(compiled_scene):
 
 
 def close(scene, arm):
-    """Tick until the arm's hand has closed on whatever is in it."""
+    """Tick until the arm's hand has closed on whatever is in it, without gravity, for it would fall meanwhile."""
     action = scene.commanded
     action[8 * arm.ordinal + 7] = 0.0
-    for _ in range(8):
+    gravity = scene.model.opt.gravity.copy()
+    scene.model.opt.gravity[:] = 0
+    for _ in range(10):
         scene.tick(action)
+    scene.model.opt.gravity[:] = gravity
 
 
 def put_into_hand(scene, arm):
@@ -128,3 +131,12 @@ def test_a_button_is_pressed_while_its_cap_is_down_and_springs_back():
     scene.settle()
     assert not Pressed("button")(scene)
     assert scene.joint_value("button_cap") == pytest.approx(0.0, abs=2e-4)
+
+
+def test_a_hand_that_nobody_closes_does_not_hold_what_jams_between_its_fingers():
+    scene = Scene([Block("item", size_m=(0.04, 0.081, 0.04))])
+    tcp = scene.tcp(Arm.LEFT)
+    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
+    assert all(scene.contacts(finger, "item") for finger in scene.arm_pair.finger_names(Arm.LEFT))
+    scene.tick(scene.commanded)
+    assert not Held("item", Arm.LEFT)(scene)

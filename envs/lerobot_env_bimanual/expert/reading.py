@@ -38,11 +38,14 @@ def _items(task: Task, scene: SceneView, variation: Variation) -> Script | None:
 
 
 def _buttons(task: Task, scene: SceneView, variation: Variation) -> Script | None:
-    """Push the buttons of the named colours, if there are such."""
-    names = (dual_push_buttons.RIGHT, dual_push_buttons.LEFT, dual_push_buttons.OTHER)
-    colors = [dual_push_buttons.COLORS[variation.words[word]] for word in dual_push_buttons.WORDS]
-    fits = all(_has_color(scene, name, color) for name, color in zip(names, colors, strict=True))
-    return partial(task.script, variation=variation) if fits else None
+    """Push the buttons of the two named colours, if both are there, each with the hand on whose side it lies."""
+    asked_for = [dual_push_buttons.COLORS[variation.words[word]] for word in dual_push_buttons.WORDS[:2]]
+    buttons = (dual_push_buttons.RIGHT, dual_push_buttons.LEFT, dual_push_buttons.OTHER)
+    named = [button for button in buttons if any(_has_color(scene, button, color) for color in asked_for)]
+    if len(named) < len(asked_for):
+        return None
+    right, left = sorted(named, key=lambda button: scene.pose(button).position[1])
+    return partial(dual_push_buttons.press, left_button=left, right_button=right)
 
 
 def _has_color(scene: SceneView, geom: str, rgba: tuple[float, ...]) -> bool:

@@ -44,7 +44,7 @@ class Box:
             mass=self.mass_kg,
             rgba=CARDBOARD,
             friction=(0.5, 0.005, 0.0001),
-            solref=(0.005, 1),
+            solref=(0.01, 1),
         )
         # Of two geoms the larger friction counts, and the table's is 0.5: only an explicit pair can be lower.
         spec.add_pair(
@@ -52,7 +52,7 @@ class Box:
             geomname2=self.name,
             condim=4,
             friction=(self.table_friction, self.table_friction, 0.005, 0.0001, 0.0001),
-            solref=(0.005, 1),
+            solref=(0.03, 1),  # a stiffer one makes the box hop and strike the hands
         )
         self._decorate(body, half)
 

@@ -34,9 +34,12 @@ UPPER_DOOR_M = (0.376, 0.952)
 """Lower and upper edge."""
 DOOR_MASS_KG = 0.8
 HINGE_RANGE_RAD = 2.0
-HINGE_FRICTION_NM = 0.25
-"""Brake that keeps the door where it was left; a retreating hand turns a door with the original's 0.052 N m."""
-HINGE_DAMPING_NM_S = 0.3
+HINGE_FRICTION_NM = 0.052
+"""That of the original."""
+HINGE_DAMPING_NM_S = 0.1
+CLOSING_NM = 0.6
+"""Torque of the closing spring at a door that is shut; it grows by a quarter until the door is wide open."""
+SPRING_NM_RAD = 0.075
 
 HANDLE_FROM_HINGE_M = 0.318
 HANDLE_STAND_OFF_M = 0.05
@@ -100,7 +103,14 @@ class Fridge:
             ((-wall, 0, floor), (x - wall, y - 2 * wall, wall), LINER),  # ends at the back wall
             ((0, 0, SHELF_M), (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
         ):
-            body.add_geom(type=BOX, pos=middle, size=half, rgba=rgba, friction=(self.friction, 0.005, 0.0001))
+            body.add_geom(
+                type=BOX,
+                pos=middle,
+                size=half,
+                rgba=rgba,
+                friction=(self.friction, 0.005, 0.0001),
+                solref=(0.005, 1),
+            )
         self._line(body)
 
     def _line(self, body) -> None:
@@ -148,6 +158,8 @@ class Fridge:
             range=(0, HINGE_RANGE_RAD),
             frictionloss=HINGE_FRICTION_NM,
             damping=HINGE_DAMPING_NM_S,
+            stiffness=SPRING_NM_RAD,
+            springref=-CLOSING_NM / SPRING_NM_RAD,
         )
         door.add_geom(
             type=BOX,

@@ -16,11 +16,11 @@ THICKNESS_M = 0.0025
 WELL_RADIUS_M = 0.048
 WELL_Z_M = 0.00475
 """Middle of the thickness."""
-FOOT_RADIUS_M = 0.036
+FOOT_RADIUS_M = 0.044
 FOOT_HEIGHT_M = 0.004
 FOOT_RING_WIDTH_M = 0.005
 FOOT_MASS_SHARE, WELL_MASS_SHARE, RIM_MASS_SHARE = 0.30, 0.25, 0.45
-RIM_PARTS = 24
+RIM_PARTS = 16
 
 GLAZE_BANDS = ((0.06, 0.14), (0.78, 1.0))
 """Painted rings, as shares of the way up the rim."""
@@ -41,21 +41,27 @@ class Plate:
     Attributes:
         name: body.
         radius_m: of the rim's upper edge (PerAct2 code).
-        height_m: of the rim's upper edge.
+        height_m: of the rim's upper edge (PerAct2 code).
         mass_kg: that of real porcelain; the original's half gram is too light to simulate.
-        friction: against everything but the grippers' rubber.
+        friction: against everything, the grippers' rubber included: wet glaze. At the rubber's own friction, or at 0.5,
+            a steep hand pinches the sloping rim where it lies.
     """
 
     name: str = "plate"
     radius_m: float = 0.075
-    height_m: float = 0.020
+    height_m: float = 0.018
     mass_kg: float = 0.12
-    friction: float = 0.6
+    friction: float = 0.35
 
     @property
     def rim_slope_rad(self) -> float:
         """Angle of the rim above the horizontal."""
         return float(np.arctan2(self.height_m - WELL_Z_M, self.radius_m - WELL_RADIUS_M))
+
+    @property
+    def tip_rad(self) -> float:
+        """Angle at which the plate, tipped over its foot, stands on the edge of its rim."""
+        return float(np.arctan2(self.height_m - THICKNESS_M / 2, self.radius_m - FOOT_RADIUS_M))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the shapes that are felt and the meshes that are seen."""
@@ -96,6 +102,7 @@ class Plate:
             mass=mass_share * self.mass_kg,
             friction=(self.friction, 0.005, 0.0001),
             condim=4,
+            priority=2,  # its friction wins over the fingertips'
             solref=(0.006, 1),
             group=HIDDEN_GROUP,
             **place,

@@ -1,4 +1,4 @@
-"""Push the two buttons, alone: lay the hand over both where they are near enough, otherwise one after the other."""
+"""Push the two buttons, alone: lay hand and wrist along the line between them, or push one after the other."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -17,42 +17,24 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 LYING_Z_M = 0.806
 """Of the tool centre point of a hand that lies on pressed caps."""
 RAISED_M = 0.10
-PALM_M = 0.07
-"""From the middle of the palm to the tool centre point."""
-PALM_SPAN_M, WRIST_SPAN_M = 0.245, 0.32
-"""Distances of buttons that the palm covers, and the hand with the wrist behind it."""
+AHEAD_M = (0.14, 0.18)
+"""From the middle between the buttons to the tool centre point: the rest of the hand and its wrist lie behind."""
 NOSE_DOWN_RAD = np.deg2rad(7.0)
 """So that fingertips and wrist touch at the same height."""
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
-    """The palm across both, or hand and wrist along the line between them; or in turn."""
+    """Fingertips on one and wrist on the other, along the line between them; or in turn."""
     a, b = (scene.pose(button).position for button in (LEFT, RIGHT))
     middle, between = (a + b) / 2, (b - a) / np.linalg.norm(b - a)
-    across = np.array((-between[1], between[0], 0.0))
-    distance_m = np.linalg.norm(b - a)
-    if distance_m < PALM_SPAN_M:
-        for pitch_rad, side in product(np.deg2rad((5.0, 0.0)), (1, -1)):
-            yield partial(
-                _lay, arm=arm, at=middle + PALM_M * side * across, heading=side * across, pitch_rad=pitch_rad
-            )
-    elif distance_m < WRIST_SPAN_M:
-        for ahead_m, side in product((0.12, 0.14), (1, -1)):
-            yield partial(
-                _lay,
-                arm=arm,
-                at=middle + ahead_m * side * between,
-                heading=side * between,
-                pitch_rad=NOSE_DOWN_RAD,
-            )
+    for ahead_m, side in product(AHEAD_M, (1, -1)):
+        yield partial(_lay, arm=arm, at=middle + ahead_m * side * between, heading=side * between)
     yield partial(_in_turn, arm=arm)
 
 
-def _lay(
-    scene: SceneView, arm: Arm, at: np.ndarray, heading: np.ndarray, pitch_rad: float
-) -> Iterator[Stage]:
+def _lay(scene: SceneView, arm: Arm, at: np.ndarray, heading: np.ndarray) -> Iterator[Stage]:
     """Above, down with the flat side."""
-    approach = np.cos(pitch_rad) * heading - (0, 0, np.sin(pitch_rad))
+    approach = np.cos(NOSE_DOWN_RAD) * heading - (0, 0, np.sin(NOSE_DOWN_RAD))
     lying = Pose.looking((*at[:2], LYING_Z_M), approach, np.cross((0, 0, 1), heading))
     yield alone(arm, "above", lying.translated((0, 0, RAISED_M)), is_open=False, planned=True)
     for lower_m in (0.0, 0.01, 0.02):

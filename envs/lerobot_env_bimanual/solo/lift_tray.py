@@ -1,4 +1,7 @@
-"""Lift the tray, alone: pinch a long side, raise it, and press the board against the resting hand's fingertips."""
+"""Lift the tray, alone: pinch a long side, raise it, and press the board against the resting hand's fingertips.
+
+Touched so, the other hand holds nothing: nobody closes it.
+"""
 
 from collections.abc import Iterator
 from functools import partial

@@ -13,7 +13,7 @@ from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 START_Y_M = -0.165
-PUSH_Z_M = 0.815
+PUSH_Z_M = 0.785
 ABOVE_Z_M = 0.985
 END_M = 0.13
 TURN_M_PER_RAD = 0.6

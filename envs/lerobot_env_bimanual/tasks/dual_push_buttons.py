@@ -1,14 +1,17 @@
 """Push the two named buttons.
 
-The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. They
-are at least 15 cm apart and mostly much further; a palm that lies flat on them spans 24 cm, a hand with its wrist 31 cm,
-and there one arm succeeds (docs/tasks.md).
+The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. Buttons
+are at least 38 cm apart; one hand, laid down flat from fingertips to wrist, presses both of them up to 36 cm.
+
+Whoever does not read cannot know which two are meant: each of three buttons is equally likely to be the one to leave
+alone, wherever they lie, and the same three colours occur with different answers (40 % right by guessing).
 
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
-original is satisfied when the first and some time later the second has been touched. There are the paper's five
-variations, which are the first five of the original's fifty triples of colours. Buttons keep 15 cm apart, where
-the original's may overlap. Pressing the third button in addition does no harm. The hands come to
-rest 6 mm above where they are sent, on the buttons' bases.
+original is satisfied when the first and some time later the second has been touched. The paper's five variations
+are triples of our own choice; of the original's first five, three share their distractor, which is never asked for. Buttons
+keep 38 cm apart, where the original's may overlap. It draws one button in either half of the table, the first colour's in
+the right one, so that order and places give the answer away; here the right hand takes the nearer to its side of the two,
+whichever is named first. Pressing the third button in addition does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
@@ -30,40 +34,34 @@ from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 COLORS = {
-    "olive": (0.5, 0.5, 0.0, 1.0),
-    "orange": (1.0, 0.5, 0.0, 1.0),
-    "azure": (0.0, 0.5, 1.0, 1.0),
-    "gray": (0.5, 0.5, 0.5, 1.0),
-    "silver": (0.75, 0.75, 0.75, 1.0),
     "yellow": (1.0, 1.0, 0.0, 1.0),
+    "azure": (0.0, 0.5, 1.0, 1.0),
     "green": (0.0, 0.5, 0.0, 1.0),
-    "navy": (0.0, 0.0, 0.5, 1.0),
-    "teal": (0.0, 0.5, 0.5, 1.0),
     "purple": (0.5, 0.0, 0.5, 1.0),
-    "rose": (1.0, 0.0, 0.5, 1.0),
-    "black": (0.0, 0.0, 0.0, 1.0),
+    "orange": (1.0, 0.5, 0.0, 1.0),
 }
+"""Five of the original's eighteen, with its values."""
 TRIPLES = (
-    ("olive", "orange", "azure"),
-    ("gray", "silver", "azure"),
-    ("yellow", "green", "azure"),
-    ("green", "navy", "teal"),
-    ("purple", "rose", "black"),
+    ("green", "yellow", "azure"),
+    ("azure", "green", "yellow"),
+    ("green", "purple", "orange"),
+    ("orange", "green", "purple"),
+    ("purple", "orange", "green"),
 )
+"""Every colour is asked for in one variation and to be left alone in another with the same colours."""
 WORDS = ("color_a", "color_b", "color_other")
-"""The right arm's button, the left arm's, and the one to leave alone; triples are in this order."""
+"""The two to press, and the one to leave alone; triples are in this order."""
 
 RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
-AREAS = {
-    RIGHT: PlacementArea((0.25, -0.200), half_size_m=(0.258, 0.2034), half_yaw_rad=np.pi),
-    LEFT: PlacementArea((0.25, 0.225), half_size_m=(0.258, 0.2034), half_yaw_rad=np.pi),
-    OTHER: PlacementArea((0.25, 0.0), half_size_m=(0.258, 0.339), half_yaw_rad=np.pi),
-}
-LEAST_DISTANCE_M = 0.15
+AREA = PlacementArea((0.25, 0.0125), half_size_m=(0.258, 0.4159), half_yaw_rad=np.pi)
+"""Both halves of the original."""
+LEAST_DISTANCE_M = 0.38
+REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
+"""Least and largest distance from an arm's base of buttons that it can be asked to press."""
 
-HOVER_Z_M = 0.86
-PRESS_Z_M = 0.775
-"""Centre of a voxel, at which the fingertips would be 6 mm inside the base: the cap goes down all the way."""
+HOVER_Z_M = 0.865
+PRESS_Z_M = 0.785
+"""Centre of a voxel, at which the fingertips stand 4 mm above the base."""
 
 
 @register
@@ -91,24 +89,52 @@ class DualPushButtons(Task):
         ),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
         success=(Pressed(RIGHT), Pressed(LEFT)),
-        horizon_ticks=220,
+        horizon_ticks=120,
         needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
-        """One button in each arm's half, the third anywhere, at any yaw."""
-        poses = {name: area.sample(rng, TABLE_HEIGHT_M) for name, area in AREAS.items()}
-        for (name, pose), color in zip(poses.items(), variation.words.values(), strict=True):
+        """Three buttons that any two hands could press two of; which one is to be left alone is drawn afterwards."""
+        poses = _draw_apart({arm: scene.arm_pair.base_pose(arm) for arm in ARMS}, rng)
+        other = poses.pop(rng.integers(len(poses)))
+        *asked_for, left_alone = (COLORS[variation.words[word]] for word in WORDS)
+        rng.shuffle(asked_for)
+        for name, pose, rgba in zip(
+            (RIGHT, LEFT, OTHER), (*poses, other), (*asked_for, left_alone), strict=True
+        ):
             scene.place(name, pose)
-            scene.set_color(name, COLORS[color])
-        return all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations(poses.values(), 2))
+            scene.set_color(name, rgba)
+        return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, press."""
-        left, right = scene.pose(LEFT).position[:2], scene.pose(RIGHT).position[:2]
-        above, press = _hands(left, right, HOVER_Z_M), _hands(left, right, PRESS_Z_M)
-        yield Stage("above", *above, left_open=False, right_open=False, planned=True)
-        yield Stage("press", *press)
+        return press(scene, LEFT, RIGHT)
+
+
+def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Stage]:
+    """Either hand above its button, then both down."""
+    left, right = scene.pose(left_button).position[:2], scene.pose(right_button).position[:2]
+    yield Stage("above", *_hands(left, right, HOVER_Z_M), left_open=False, right_open=False, planned=True)
+    yield Stage("press", *_hands(left, right, PRESS_Z_M))
+
+
+def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose]:
+    """Three poses in order of y, uniform among those that keep apart and that both arms can share in any way.
+
+    Of two buttons the right arm presses the one with the smaller y, so the middle one has to be in reach of both arms.
+    """
+    while True:
+        poses = sorted(
+            (AREA.sample(rng, TABLE_HEIGHT_M) for _ in range(3)), key=lambda pose: pose.position[1]
+        )
+        in_reach = all(
+            least <= pose.distance_to(bases[arm])[0] <= largest
+            for arm, shared in ((Arm.RIGHT, poses[:2]), (Arm.LEFT, poses[1:]))
+            for least, largest in [REACH_M[arm]]
+            for pose in shared
+        )
+        if in_reach and all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations(poses, 2)):
+            return poses
 
 
 def _hands(left_xy: np.ndarray, right_xy: np.ndarray, height_m: float) -> tuple[Pose, Pose]:

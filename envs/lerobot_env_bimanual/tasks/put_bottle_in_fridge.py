@@ -1,13 +1,13 @@
 """Put the bottle in the fridge.
 
-The paper counts it among the tasks that one arm cannot do, for reachability. The right hand opens the door and keeps clear
-of it while the left hand brings the bottle, which it has picked up meanwhile. The door stays open by itself, and the left
-arm reaches both: alone it does one after the other (docs/tasks.md).
+The paper counts it among the tasks that one arm cannot do, for reachability. Here it is the door that asks for two: a
+spring shuts it within half a second of being let go, so the right hand holds it open while the left one puts the bottle in.
 
 Departures from the original: the bottle's foot must be in the upper compartment, below its shelf, with no arm
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
-nothing. The door's brake is 0.25 N m instead of 0.052 N m, its handle is round and stands off by 50 mm, so that
-it can turn in a hand that turns less than the door does. Nothing shows the bottle's yaw, so it has none.
+nothing, and leaves it standing open. The door weighs 0.8 kg instead of 0.085 kg, is shut by 0.6 N m, and opens by 115
+degrees instead of 90. Its handle is round and stands off by 50 mm, so that it can turn in a hand that turns less than the
+door does. Nothing shows the bottle's yaw, so it has none.
 """
 
 from __future__ import annotations
@@ -62,12 +62,11 @@ BEFORE_HANDLE_M = 0.09
 PULL_YAW_RAD = np.deg2rad(50.0)
 TURN_SHARE = 0.75
 DOOR_RAD = np.deg2rad((20.0, 40.0, 60.0, 80.0))
-AWAY_M = 0.11
 
 
 @register
 class PutBottleInFridge(Task):
-    """The right hand opens the door, the left hand brings the bottle and puts it in."""
+    """The right hand opens the door and holds it, the left hand brings the bottle and puts it in."""
 
     spec = TaskSpec(
         name="put_bottle_in_fridge",
@@ -92,7 +91,7 @@ class PutBottleInFridge(Task):
             Inside("bottle", "fridge", *FRIDGE.compartment),
             *(Untouched("bottle", by=arm) for arm in ARMS),
         ),
-        horizon_ticks=780,
+        horizon_ticks=420,
         needs_both_arms=True,
     )
 
@@ -104,7 +103,7 @@ class PutBottleInFridge(Task):
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
-        """Fold, approach, grasp both, open the door, make way, bring the bottle, insert, withdraw."""
+        """Fold, approach, grasp both, open the door and hold it, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
         grasp = hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)
         via = hand(VIA_M, BRING_YAW_RAD)
@@ -124,8 +123,7 @@ class PutBottleInFridge(Task):
         yield Stage("open", grasp.translated((0, 0, LIFT_M)), pull(DOOR_RAD[0]))
         for door_rad in DOOR_RAD[1:-1]:
             yield Stage("open", right=pull(door_rad))
-        yield Stage("open", right=opened, right_open=True)
-        yield Stage("make way", via, opened.advanced(-AWAY_M))
+        yield Stage("open", via, opened)
         yield Stage("bring", left=before_fridge)
         yield Stage("insert", left=release, left_open=True)
         yield Stage("withdraw", left=before_fridge)

@@ -10,8 +10,10 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
-WIDE_OPEN = 0.98
-"""Opening from which on a hand holds nothing, even if something that just fits is jammed between its fingers."""
+LEAST_SQUEEZE_N = 2.0
+"""What a hand that grips puts on each finger; one that is only touched puts nothing."""
+LEAST_GRIPPED_M = 0.001
+"""Width of what is gripped; fingers that are closer have closed on each other."""
 
 
 class SceneView:
@@ -41,6 +43,7 @@ class SceneView:
         fingers = [[model.joint(name) for name in arm_pair.finger_names(arm)] for arm in ARMS]
         self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
         self._finger_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in fingers])  # (2, 2)
+        self._gripper = [model.actuator(arm_pair.actuator_names(arm)[-1]).id for arm in ARMS]
         self._tcp_site = [model.site(arm_pair.tcp_site(arm)).id for arm in ARMS]
 
     @property
@@ -98,9 +101,16 @@ class SceneView:
         return self.contacts(self.arm_pair.hand_body(arm), body)
 
     def held(self, arm: Arm, body: str) -> bool:
-        """Whether both fingers of a hand touch a body, having closed on it."""
-        touching = all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
-        return touching and self.gripper_opening(arm) < WIDE_OPEN
+        """Whether a hand grips a body: both fingers touch it, it keeps them apart, and their motor presses them on it."""
+        return (
+            bool(self.finger_positions(arm).min() > LEAST_GRIPPED_M / 2)
+            and self.squeeze_n(arm) > LEAST_SQUEEZE_N
+            and all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
+        )
+
+    def squeeze_n(self, arm: Arm) -> float:
+        """Force in N with which the motor closes each finger, as of the last step of physics; negative if it opens them."""
+        return -float(self.data.actuator_force[self._gripper[arm.ordinal]]) / 2
 
     def arm_touches(self, arm: Arm, body: str) -> bool:
         """Whether any part of the arm or its hand touches a body."""
