@@ -78,7 +78,7 @@ def test_the_clearest_camera_is_one_that_the_moved_thing_is_not_hidden_from(scen
     for move_m in (-0.03, 0.03):
         scene.reset()
         scene.place("box", Pose.upright(wall_m, np.arctan2(*(wall_m - block_m)[:2])))
-        scene.place("item", Pose.upright(block_m + (move_m, 0, 0)))
+        scene.place("item", Pose.upright(block_m + np.array([move_m, 0, 0])))
         states.append(scene.save_state())
     assert clearest_camera(scene, states) != camera.name
 

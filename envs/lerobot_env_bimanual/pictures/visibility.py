@@ -7,7 +7,8 @@ the move, in which a policy has to choose where to go.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,9 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 IMAGE_SIZE = 256
 """Side of the images whose pixels are counted."""
 MIN_PIXELS = 20
-"""Of a target that a view shows: five of an image with half the side."""
+"""Of a target that a camera sees: five of an image with half the side."""
+MIN_VIEWS = 2
+"""In which a target ought to be seen."""
 NEAR_M = 0.10
 """Around the point that a hand goes to: so much of the object is its target."""
 REACH_M = 0.15
@@ -70,6 +73,40 @@ class Sight:
     def views(self, arm: Arm) -> int:
         """Number of cameras that see an arm's target."""
         return int(np.count_nonzero(self.targets[arm][1] >= MIN_PIXELS))
+
+
+@dataclass(frozen=True)
+class TargetViews:
+    """How well an arm's target is seen before the same move of several episodes.
+
+    Attributes:
+        names: the objects that it was.
+        least_views: cameras that saw it when the fewest did.
+        seen: episodes in which at least `MIN_VIEWS` cameras saw it.
+        episodes: in which the arm moves to something.
+    """
+
+    names: tuple[str, ...]
+    least_views: int
+    seen: int
+    episodes: int
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What the cameras see before the same move of several episodes.
+
+    Attributes:
+        step: number of the move; 0 is the first, before which stands the start.
+        move: its name.
+        items: per object the median of its pixels in each camera.
+        targets: per arm, by its name.
+    """
+
+    step: int
+    move: str
+    items: dict[str, tuple[int, ...]]
+    targets: dict[str, TargetViews]
 
 
 class Items:
@@ -139,6 +176,41 @@ def sights(task: str, seeds: Sequence[int], split: str) -> Iterator[Sight]:
     env.close()
 
 
+def summarise(sights: Iterable[Sight]) -> tuple[Moment, ...]:
+    """The moments of a task, move by move."""
+    by_step: dict[int, list[Sight]] = defaultdict(list)
+    for sight in sights:
+        by_step[sight.step].append(sight)
+    return tuple(
+        Moment(
+            step,
+            alike[0].move,
+            {
+                name: tuple(
+                    int(pixels) for pixels in np.median([sight.items[name] for sight in alike], axis=0)
+                )
+                for name in alike[0].items
+            },
+            {
+                arm.value: _target_views(arm, having)
+                for arm in ARMS
+                if (having := [sight for sight in alike if arm in sight.targets])
+            },
+        )
+        for step, alike in sorted(by_step.items())
+    )
+
+
+def _target_views(arm: Arm, sights: Sequence[Sight]) -> TargetViews:
+    views = [sight.views(arm) for sight in sights]
+    return TargetViews(
+        names=tuple(sorted({sight.targets[arm][0] for sight in sights})),
+        least_views=min(views),
+        seen=sum(number >= MIN_VIEWS for number in views),
+        episodes=len(views),
+    )
+
+
 def find_targets(scene: Scene, before: SceneState, after: SceneState) -> dict[Arm, Target]:
     """What each arm that moves to something goes to.
 
@@ -190,9 +262,7 @@ def look(
     for camera, (geoms, depth_m) in enumerate(renderer.segment().values()):
         item = items.of_geom[geoms]
         shown[:, camera] = np.bincount(item[item >= 0], minlength=len(shown))
-        points_m = unproject(
-            depth_m, intrinsics[camera].reshape(3, 3), extrinsics[camera].reshape(4, 4)
-        )
+        points_m = unproject(depth_m, intrinsics[camera].reshape(3, 3), extrinsics[camera].reshape(4, 4))
         for arm, target in targets.items():
             near = np.linalg.norm(points_m - target.point_m, axis=-1) < NEAR_M
             aimed[arm][camera] = np.count_nonzero(near & (item == target.item))

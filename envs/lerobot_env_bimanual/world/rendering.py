@@ -183,7 +183,9 @@ class _Context:
         rgb, depth = self._pixels(data, camera_id)
         for flag in SEGMENTATION_FLAGS:
             self._scene.flags[flag] = False
-        geoms = np.full(self._scene.maxgeom + 1, -1, np.int32)  # by the colour, which is 0 where nothing is drawn
+        geoms = np.full(
+            self._scene.maxgeom + 1, -1, np.int32
+        )  # by the colour, which is 0 where nothing is drawn
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 geoms[geom.segid + 1] = geom.objid
