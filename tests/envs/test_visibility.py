@@ -85,15 +85,18 @@ def test_a_wall_hides_the_target_from_the_camera_behind_it_only(scene, renderer,
 
 def test_segmentation_shows_every_geom_where_the_picture_does(scene, renderer):
     reaching(scene, (0.15, 0.1, 0.78), (0.45, -0.3, 0.85))
-    images, geoms = renderer.render(), renderer.segment()
-    item = scene.model.geom_bodyid == scene.model.body("item").id
+    images, segments = renderer.render(), renderer.segment()
+    is_item = scene.model.geom_bodyid == scene.model.body("item").id
+    found = 0
     for camera in CAMERA_NAMES:
-        (rgb, depth_m), (shown, depth_too_m) = images[camera], geoms[camera]
-        assert np.mean(depth_m[shown >= 0] == depth_too_m[shown >= 0]) > 0.99
+        (rgb, depth_m), (geoms, depth_too_m) = images[camera], segments[camera]
+        assert np.mean(depth_m[geoms >= 0] == depth_too_m[geoms >= 0]) > 0.99
         red, green, blue = rgb.astype(int).transpose(2, 0, 1)
-        is_red = (red > 90) & (green < 30) & (blue < 30)
-        assert np.mean(item[shown[is_red]]) > 0.95
-        assert not is_red[shown < 0].any()
+        shown = geoms[(red > 90) & (green < 30) & (blue < 30)]
+        assert np.all(shown >= 0)
+        assert np.count_nonzero(is_item[shown]) >= 0.95 * len(shown)
+        found += len(shown)
+    assert found > 200
 
 
 def test_a_stored_measurement_is_read_as_it_was_written_and_a_damaged_one_is_refused(tmp_path):
