@@ -37,7 +37,7 @@ class Drum:
     start: tuple[float, float, float]
     end: tuple[float, float, float]
     radius: float
-    bevel: float = 0.006
+    bevel: float = 0.012
     facets: int = FACETS
 
     def points(self) -> NDArray[np.float64]:
@@ -133,13 +133,13 @@ LINKS = (
         ),
     ),
     (
-        Shell((Drum((0, 0, -0.040), (0, 0, 0.068), 0.044),)),
-        Shell((Drum((0, 0, 0.066), (0, 0, 0.107), 0.036, bevel=0.003),), DARK),
+        Shell((Drum((0, 0, -0.040), (0, 0, 0.088), 0.044),)),
+        Shell((Drum((0, 0, 0.084), (0, 0, 0.108), 0.034, bevel=0.003),), DARK),
     ),
 )
 HAND = (
-    Shell((*_slab(0.030, 0.050, (0.0, 0.020), 0.016), *_slab(0.031, 0.102, (0.030, 0.058), 0.014))),
-    Shell(_slab(0.024, 0.098, (0.054, 0.0668), 0.005), DARK),
+    Shell((*_slab(0.027, 0.074, (0.002, 0.020), 0.016), *_slab(0.0315, 0.102, (0.024, 0.060), 0.016))),
+    Shell(_slab(0.022, 0.096, (0.054, 0.0668), 0.005), DARK),
 )
 FINGER = (
     Shell(

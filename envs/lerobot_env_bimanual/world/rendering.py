@@ -31,18 +31,20 @@ class Quality:
         samples: per pixel; 0 is no anti-aliasing.
         shadow_map_size: pixels of the shadow map's side; 0 is no shadows.
         slices: facets around a round shape; half as many along it.
+        quads: squares along the side of a box, at whose corners light is computed.
     """
 
     samples: int
     shadow_map_size: int
     slices: int
+    quads: int
 
 
 # On a software rasteriser shadows and anti-aliasing each cost several times the image itself. Twenty facets keep
 # the largest prop, a ball of 30 cm, round to 2 mm and cost a quarter less than MuJoCo's 28.
 QUALITIES = {
-    "observation": Quality(samples=0, shadow_map_size=0, slices=20),
-    "high": Quality(samples=4, shadow_map_size=2048, slices=48),
+    "observation": Quality(samples=0, shadow_map_size=0, slices=20, quads=2),
+    "high": Quality(samples=4, shadow_map_size=4096, slices=48, quads=8),
 }
 
 
@@ -224,6 +226,7 @@ def _offscreen_settings(model: mujoco.MjModel, height: int, width: int, quality:
         (model.vis.quality, "shadowsize", quality.shadow_map_size),
         (model.vis.quality, "numslices", quality.slices),
         (model.vis.quality, "numstacks", quality.slices // 2),
+        (model.vis.quality, "numquads", quality.quads),
     )
     kept = [getattr(section, field) for section, field, _ in lent]
     for section, field, value in lent:

@@ -32,10 +32,10 @@ def boards(colour: ArrayLike, size: tuple[int, int], count: int, joints: int, se
     grain = noise(seed + 2, size, (height // 3, 6))[rows, (columns + shift) % width]
     rings = np.sin(2 * np.pi * (3 * noise(seed + 3, size, (count * 2, 3)) + 2.0 * rows / (height / count)))
     rings = rings[rows, (columns + 3 * shift) % width]
-    shade = 1 + 0.10 * tone + 0.07 * (grain - 0.5) + 0.025 * rings
-    shade[(rows * count) % height < count] *= 0.86
+    shade = 1 + 0.09 * tone + 0.06 * (grain - 0.5) + 0.018 * rings
+    shade[(rows * count) % height < count] *= 0.88
     if joints:
-        shade[:, 1:][np.diff(piece, axis=1) != 0] *= 0.86
+        shade[:, 1:][np.diff(piece, axis=1) != 0] *= 0.88
     return to_image(shade[..., None] * np.asarray(colour))
 
 
