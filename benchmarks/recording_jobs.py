@@ -163,7 +163,7 @@ def record(settings: GenerationSettings, writer: type[ViewWriter], folder: Path)
                 finished.append((target, reports[-1]))
     with watch.stage(MERGING):
         for view in settings.views:
-            merge_shards(MergeJob(settings, view, "", finished, folder / "merged", folder / "cache"))
+            merge_shards(MergeJob(settings, view, "", {}, finished, folder / "merged"))
     recorder.close()
     demos = settings.total_episodes
     pixels = watch.calls[RENDERING] * len(settings.cameras) * settings.height * settings.width

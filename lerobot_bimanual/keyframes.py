@@ -13,7 +13,7 @@ MIN_REST_FRAMES = 2
 """Shortest rest that ends a keypose."""
 
 GRIPPER_FRAMES = 10
-"""Half a second, in which a gripper opens or closes."""
+"""Half a second, in which a gripper opens or closes: 40 mm per finger at 0.1 m/s, and a moment to press."""
 
 
 def discover_keyframes(actions: ArrayLike) -> list[int]:

@@ -72,6 +72,7 @@ class Provenance:
         schema_version: version of the feature table.
         view: which rows and images are stored.
         versions: package -> version, of `STAMPED_PACKAGES`.
+        worlds: task -> version of the world in which it was played.
         settings: what was asked for, by option name; equal settings and versions give an equal dataset.
         command: the command line that regenerates it.
         episodes: key of each episode, in order of the episode index.
@@ -81,6 +82,7 @@ class Provenance:
     schema_version: int
     view: View
     versions: Mapping[str, str]
+    worlds: Mapping[str, str]
     settings: Mapping[str, Any]
     command: str
     episodes: Sequence[EpisodeKey]
@@ -120,6 +122,7 @@ class Provenance:
         if content["view"] not in VIEWS:
             raise SchemaMismatch(f"view is {_shortened(content['view'])}, not one of {', '.join(VIEWS)}")
         check_versions(content["versions"])
+        check_versions(content["worlds"])
         for name, kind in (("settings", dict), ("command", str), ("episodes", list), ("skipped", list)):
             if not isinstance(content[name], kind):
                 raise SchemaMismatch(f"{name} is {_shortened(content[name])}")
@@ -145,17 +148,15 @@ class Provenance:
 
 
 def check_versions(versions: object) -> None:
-    """Refuse what are no versions of packages.
+    """Refuse what are no versions of packages or worlds.
 
     Raises:
-        SchemaMismatch: it is not a version by package.
+        SchemaMismatch: it is not a version by name.
     """
     if not isinstance(versions, dict) or not all(
         isinstance(version, str) and re.fullmatch(VERSION, version) for version in versions.values()
     ):
-        raise SchemaMismatch(
-            f"versions are {_shortened(versions)}, not a version such as 3.2.1 for each package"
-        )
+        raise SchemaMismatch(f"versions are {_shortened(versions)}, not a version such as 3.2.1 by name")
 
 
 def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:

@@ -86,6 +86,7 @@ class RecordedDataset:
         info: content of that file.
         view: which rows are stored.
         cameras: cameras with an RGB image, in stored order.
+        has_depth: whether there are depth images.
         provenance: where the dataset comes from, if it still says so.
 
     Raises:
@@ -102,6 +103,7 @@ class RecordedDataset:
         self.cameras = tuple(
             key.removeprefix(schema.IMAGE_PREFIX) for key, f in images.items() if not is_depth(f)
         )
+        self.has_depth = any(map(is_depth, images.values()))
         self.provenance = Provenance.read(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
         self._index = episode_table(self.root, columns)

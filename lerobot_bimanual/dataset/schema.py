@@ -11,7 +11,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.keypose import KEYPOSE_NAMES
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 VERSION_INFO = "bimanual_schema_version"
 """Where the version stands: in the `info` of the feature `TASK_NAME`, which LeRobot keeps when it merges."""
 
@@ -45,9 +45,14 @@ VARIATION = "variation"
 SEED = "seed"
 
 JOINT_NAMES = tuple(
-    f"{arm}_{name}" for arm in ARMS for name in (*(f"joint{i + 1}" for i in range(JOINTS_PER_ARM)), "gripper")
+    f"{arm}_{name}.pos"
+    for arm in ARMS
+    for name in (*(f"joint{i + 1}" for i in range(JOINTS_PER_ARM)), "gripper")
 )
-"""Layout of `observation.state` and `action`: per arm seven joints in radians and the opening 0..1."""
+"""Layout of `observation.state` and `action`: per arm seven joints in radians and the opening 0..1.
+
+LeRobot's rollout and replay know positions by the ending `.pos`.
+"""
 
 POSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
 FINGER_NAMES = tuple(f"{arm}_finger{i}" for arm in ARMS for i in (1, 2))
@@ -92,7 +97,9 @@ def depth_key(camera: str) -> str:
     return f"{IMAGE_PREFIX}{camera}_depth"
 
 
-def features(cameras: tuple[str, ...], height: int, width: int, view: View) -> dict[str, dict[str, Any]]:
+def features(
+    cameras: tuple[str, ...], height: int, width: int, view: View, depth: bool = True
+) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 
     Args:
@@ -100,18 +107,20 @@ def features(cameras: tuple[str, ...], height: int, width: int, view: View) -> d
         height: image height in pixels.
         width: image width in pixels.
         view: "frames" stores images as video, "keyframes" stores them losslessly in the table.
+        depth: whether each camera has a depth image.
     """
     dtype = "video" if view == "frames" else "image"
     names = ["height", "width", "channels"]
     table: dict[str, dict[str, Any]] = {}
     for camera in cameras:
         table[image_key(camera)] = {"dtype": dtype, "shape": (height, width, 3), "names": names}
-        table[depth_key(camera)] = {
-            "dtype": dtype,
-            "shape": (height, width, 1),
-            "names": names,
-            "info": {"is_depth_map": True},
-        }
+        if depth:
+            table[depth_key(camera)] = {
+                "dtype": dtype,
+                "shape": (height, width, 1),
+                "names": names,
+                "info": {"is_depth_map": True},
+            }
     for key, elements in VECTORS.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
     for key, scalar in SCALARS.items():

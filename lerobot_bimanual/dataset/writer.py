@@ -34,6 +34,7 @@ class ViewWriter:
         height: image height in pixels.
         width: image width in pixels.
         intermediate: see `rows_of_view`.
+        depth: whether depth images are stored.
     """
 
     def __init__(
@@ -45,15 +46,17 @@ class ViewWriter:
         height: int,
         width: int,
         intermediate: Sequence[float] = (),
+        depth: bool = True,
     ):
         self.root = root
         self.view: View = view
         self._intermediate = tuple(intermediate)
         self._cameras = tuple(cameras)
+        self._depth = depth
         self._meta = LeRobotDatasetMetadata.create(
             repo_id=repo_id,
             fps=schema.FPS,
-            features=schema.features(self._cameras, height, width, view),
+            features=schema.features(self._cameras, height, width, view, depth),
             robot_type=schema.ROBOT_TYPE,
             root=root,
             use_videos=view == "frames",
@@ -90,7 +93,8 @@ class ViewWriter:
         for camera in self._cameras:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]
-            frame[depth] = np.rint(images[depth]).astype(np.uint16)[0, ..., None]  # (H, W, 1) mm
+            if self._depth:
+                frame[depth] = np.rint(images[depth]).astype(np.uint16)[0, ..., None]  # (H, W, 1) mm
         self._writer.add_frame(frame | {"task": episode.meta.instruction})
 
     def end_episode(self) -> None:

@@ -26,6 +26,7 @@ def root(request, datasets, tmp_path: Path) -> Path:
         schema_version=schema.SCHEMA_VERSION,
         view=request.param,
         versions=installed_versions(),
+        worlds={"lift_ball": "0123456789ab"},
         settings={"episodes": 2, "intermediate": [0.5]},
         command=COMMAND,
         episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],

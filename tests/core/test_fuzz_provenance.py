@@ -21,6 +21,7 @@ RIGHT = {
     "schema_version": SCHEMA_VERSION,
     "view": "frames",
     "versions": {"mujoco": "3.3.0", "numpy": "2.2.0"},
+    "worlds": {"lift_ball": "0123456789ab"},
     "settings": {"episodes": 1, "intermediate": [0.5]},
     "command": "lerobot-bimanual generate --task=lift_ball",
     "episodes": [KEY],

@@ -182,6 +182,7 @@ def provenance() -> Provenance:
         schema_version=schema.SCHEMA_VERSION,
         view="frames",
         versions=installed_versions(),
+        worlds={"lift_ball": "0123456789ab"},
         settings={"episodes": 2, "intermediate": [0.5]},
         command="lerobot-bimanual generate --task=lift_ball",
         episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],

@@ -152,26 +152,46 @@ def test_a_diverging_state_is_reported_until_reset(scene, caplog, tmp_path, monk
     assert scene.unstable
 
 
-def test_targets_between_ticks_are_interpolated_with_the_servos_lead(scene, monkeypatch):
+def commands_of_every_step(scene: Scene, actions: np.ndarray, monkeypatch) -> np.ndarray:
+    """Actuator commands (ticks * 25, 16) while these joint actions (ticks, 16) are carried out."""
     seen = []
-    step = mujoco.mj_step
+    for function in ("mj_step2", "mj_step"):  # with these every step of physics begins
+        real = getattr(mujoco, function)
 
-    def spy(model, data):
-        seen.append(data.ctrl.copy())
-        step(model, data)
+        def spy(model, data, real=real):
+            seen.append(data.ctrl.copy())
+            real(model, data)
 
-    monkeypatch.setattr(mujoco, "mj_step", spy)
-    start = scene.commanded.astype(np.float64)
-    change = np.zeros(16)
-    change[3] = 0.02
-    change[7] = -1.0  # close the left gripper
-    scene.tick((start + change).astype(np.float32))
-    lead = scene.arm_pair.servo_lead_s / 0.05
-    ticks = np.arange(2, 26) / 25
-    joint = np.array([ctrl[3] for ctrl in seen])
-    assert joint == pytest.approx(start[3] + 0.02 * (ticks + lead), abs=1e-6)
-    assert [ctrl[7] for ctrl in seen] == pytest.approx([scene.arm_pair.gripper_closed_ctrl] * 24)
-    assert [ctrl[15] for ctrl in seen] == pytest.approx([scene.arm_pair.gripper_open_ctrl] * 24)
+        monkeypatch.setattr(mujoco, function, spy)
+    for action in actions:
+        scene.tick(action)
+    monkeypatch.undo()
+    return np.array(seen)
+
+
+def test_commanded_acceleration_between_ticks_is_that_of_the_actions(scene, monkeypatch):
+    actions = np.tile(scene.commanded.astype(np.float64), (8, 1))
+    actions[2:, 3] += np.cumsum([0.01, 0.03, 0.04, 0.02, 0.0, 0.0])
+    actions = actions.astype(np.float32)
+    commands = commands_of_every_step(scene, actions, monkeypatch)[:, 3].reshape(8, 25)
+    by_actions = np.diff(actions[:, 3].astype(np.float64), n=2) / 0.05**2
+    # Between two ticks the command steps, by what velocity and inertia need to be fed forward.
+    accelerations = np.diff(commands[2:], n=2, axis=1) / PHYSICS_STEP_S**2
+    assert accelerations == pytest.approx(np.repeat(by_actions[:, None], 23, axis=1), abs=0.05)
+    assert commands[-1] == pytest.approx(actions[-1, 3], abs=1e-6)
+
+
+def test_a_hand_that_lets_go_does_so_at_once_and_closes_at_the_hands_pace(scene, monkeypatch):
+    pair = scene.arm_pair
+    closed, opened = scene.commanded, scene.commanded
+    closed[7] = 0.0
+    closing = commands_of_every_step(scene, np.tile(closed, (12, 1)), monkeypatch)[:, 7]
+    assert -np.diff(closing).min() == pytest.approx(pair.finger_speed_m_s * PHYSICS_STEP_S)
+    assert closing[-1] == pair.closed_travel_m
+    opening = commands_of_every_step(scene, np.tile(opened, (10, 1)), monkeypatch)[:, 7]
+    assert opening[0] == pytest.approx(0.0, abs=1e-3)  # where the fingers are
+    assert np.diff(opening).max() == pytest.approx(pair.finger_speed_m_s * PHYSICS_STEP_S)
+    assert scene.gripper_opening(Arm.LEFT) == pytest.approx(1.0, abs=0.02)
 
 
 def test_readings_are_copies(scene):

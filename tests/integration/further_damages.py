@@ -284,6 +284,10 @@ FURTHER = (
         d.provenance(d.setting(("settings", "cameras"), ["front"])),
     ),
     d.Damage(
+        "provenance asks for no depth", "provenance", d.provenance(d.setting(("settings", "depth"), False))
+    ),
+    d.Damage("provenance without a world", "provenance", d.provenance(d.without("worlds", "lift_ball"))),
+    d.Damage(
         "provenance asks for 10^12 episodes",
         "plan",
         d.provenance(d.setting(("settings", "episodes"), 10**12)),

@@ -125,7 +125,9 @@ def test_a_recipe_is_followed_or_refused(settings, tmp_path, monkeypatch, data) 
 
     monkeypatch.setattr("lerobot_env_bimanual.commands.generate.make_dataset", make_dataset)
     key = EpisodeKey("lift_ball", 0, "train", 0)
-    origin = Provenance(SCHEMA_VERSION, "frames", installed_versions(), settings.to_dict(), "ls", [key], [])
+    origin = Provenance(
+        SCHEMA_VERSION, "frames", installed_versions(), {}, settings.to_dict(), "ls", [key], []
+    )
     (tmp_path / "meta").mkdir(exist_ok=True)
     origin.write(tmp_path)
     recipe = tmp_path / "meta/bimanual.json"

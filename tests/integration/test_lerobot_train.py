@@ -33,6 +33,7 @@ TINY_ACT = [
         | {"observation.state": {"type": "STATE", "shape": [16]}}
     ),
 ]
+UNNAMED_ACT = [flag for flag in TINY_ACT if not flag.startswith("--policy.input_features")]
 
 
 def run(command: str, *flags: str, folder: Path, fails: bool = False) -> str:
@@ -62,7 +63,7 @@ def train(*flags: str, folder: Path, command: str = "lerobot-train") -> None:
     )
 
 
-def evaluate(output: str, folder: Path) -> dict:
+def evaluate(output: str, folder: Path, *flags: str) -> dict:
     run(
         "lerobot-eval",
         f"--policy.path={output}/checkpoints/last/pretrained_model",
@@ -73,6 +74,7 @@ def evaluate(output: str, folder: Path) -> dict:
         "--eval.n_episodes=1",
         "--eval.batch_size=1",
         f"--output_dir={output}/eval",
+        *flags,
         folder=folder,
     )
     return json.loads((folder / output / "eval" / "eval_info.json").read_text())["overall"]
@@ -205,3 +207,11 @@ def test_act_trains_on_named_cameras_and_is_evaluated(room):
     data = ("--dataset.repo_id=local/data", f"--dataset.root={room / 'data' / 'frames'}")
     train(*TINY_ACT, *data, "--output_dir=act", "--steps=2", "--save_freq=2", folder=room)
     assert evaluate("act", room)["n_episodes"] == 1
+
+
+def test_act_trains_on_a_dataset_without_depth_as_it_is(room):
+    flags = ("--task=push_box", "--episodes=1", f"--image_size={SIZE}", "--workers=1", "--view=frames")
+    run("lerobot-bimanual", "generate", *flags, "--depth=false", "--root=colours", folder=room)
+    data = ("--dataset.repo_id=local/colours", "--dataset.root=colours")
+    train(*UNNAMED_ACT, *data, "--output_dir=unnamed", "--steps=2", "--save_freq=2", folder=room)
+    assert evaluate("unnamed", room, "--env.obs=rgb")["n_episodes"] == 1

@@ -40,6 +40,13 @@ def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -
     assert not (tmp_path / "never").exists()
 
 
+def test_the_provenance_of_another_world_is_refused(provenance, tmp_path) -> None:
+    rewrite(provenance, lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))
+    with pytest.raises(DatasetError, match="lift_ball in world 0123456789ab"):
+        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+    assert not (tmp_path / "never").exists()
+
+
 @pytest.mark.parametrize("version", ["3.3; rm -rf ~", "3.3 git+https://elsewhere", "3.3`id`", ""])
 def test_a_version_is_nothing_but_a_version(provenance, tmp_path, version) -> None:
     rewrite(provenance, lambda origin: origin["versions"].update(mujoco=version))

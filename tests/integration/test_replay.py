@@ -109,6 +109,15 @@ def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
     assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
 
 
+def test_another_world_is_named(generated, tmp_path, capsys) -> None:
+    root = tmp_path / "old"
+    shutil.copytree(generated / "keyframes", root)
+    path = root / PROVENANCE_FILE
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"worlds": {"lift_ball": "0123456789ab"}}))
+    assert replay_verb(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert "lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
+
+
 def test_joint_actions_need_the_view_frames(generated) -> None:
     with pytest.raises(DatasetError, match="--replay=keypose"):
         replay_verb(ReplayConfig(root=generated / "keyframes"))

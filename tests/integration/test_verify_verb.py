@@ -9,8 +9,10 @@ import pytest
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.content_hash import content_hash
+from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.commands.generate import generate
 from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
 
 pytestmark = pytest.mark.sim
@@ -44,6 +46,26 @@ def test_not_replayed_is_not_passed(copy, capsys) -> None:
     printed = capsys.readouterr().out
     assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: 3." in printed
     assert "replayed actions" not in printed
+
+
+def test_a_dataset_of_another_world_is_not_passed(copy, capsys) -> None:
+    root = copy("keyframes")
+    damages.provenance(lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))(root)
+    write_card(root, "local/small")
+    write_seal(root)
+    assert verify(VerifyConfig(root=root, workers=1)) == 3
+    assert "not replayed, so not passed: it holds lift_ball in world 0123456789ab" in capsys.readouterr().out
+
+
+def test_a_dataset_without_depth_holds_colours_alone_and_passes(small_generation, tmp_path, capsys) -> None:
+    root = tmp_path / "colours"
+    generate(small_generation(root, episodes=1, depth=False))
+    for view in schema.VIEWS:
+        stored = read_info(root / view)["features"].keys()
+        assert schema.image_key("front") in stored
+        assert schema.depth_key("front") not in stored
+    assert verify(VerifyConfig(root=root, workers=1)) == 0
+    assert "not replayed" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("lost", ["", "meta/info.json"])

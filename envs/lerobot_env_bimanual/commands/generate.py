@@ -35,6 +35,9 @@ class GenerateConfig:
     view: Literal["frames", "keyframes", "both"] = "both"
     image_size: str = "256"  # side in pixels, or HEIGHTxWIDTH
     cameras: tuple[str, ...] = CAMERA_NAMES  # whose images are stored; calibration covers all five
+    # Store depth beside the colours. Keypose policies need it; LeRobot's own policies take every image for colours, and
+    # train on a dataset without depth as it is.
+    depth: bool = True
     # Further rows of `keyframes`, at these fractions of each stage's motion, e.g. 0.35,0.7.
     intermediate: tuple[str, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
@@ -101,6 +104,7 @@ def settings_of(config: GenerateConfig) -> GenerationSettings:
         cameras=images.camera_names,
         height=images.size[0],
         width=images.size[1],
+        depth=config.depth,
         intermediate=tuple(map(_fraction, config.intermediate)),
         discretise=config.discretise,
         episodes_per_shard=config.episodes_per_shard,

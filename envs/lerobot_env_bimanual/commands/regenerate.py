@@ -35,6 +35,7 @@ def regenerate(config: RegenerateConfig) -> None:
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
     from lerobot_env_bimanual.commands.generate import make_dataset
+    from lerobot_env_bimanual.expert.world_version import other_worlds
     from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
@@ -53,6 +54,11 @@ def regenerate(config: RegenerateConfig) -> None:
         raise DatasetError(
             f"{config.provenance} was made with another simulation, in which seeds mean other episodes; installed: "
             f"{found}. Make it in an environment with `pip install {wanted}`"
+        )
+    if worlds := other_worlds(provenance.worlds):
+        raise DatasetError(
+            f"{config.provenance} lists {worlds}, where the same seeds mean other episodes. Make it with the version of "
+            "this package that made it"
         )
     try:
         settings = GenerationSettings.from_dict(provenance.settings)

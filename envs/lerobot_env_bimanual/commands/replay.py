@@ -91,6 +91,8 @@ def _read_indices(text: str, count: int) -> Iterator[int]:
 
 
 def _warn_of_other_versions(dataset: RecordedDataset) -> None:
+    from lerobot_env_bimanual.expert.world_version import other_worlds
+
     if dataset.provenance is None:
         print(f"warning: {dataset.root} does not say with which versions it was generated")
         return
@@ -99,6 +101,8 @@ def _warn_of_other_versions(dataset: RecordedDataset) -> None:
             f"warning: generated with {package} {recorded}, but {installed} is installed: "
             "trajectories may differ"
         )
+    if worlds := other_worlds(dataset.provenance.worlds):
+        print(f"warning: it holds {worlds}: trajectories differ")
 
 
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:

@@ -200,6 +200,8 @@ def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewR
 
 def _why_not_replayed(provenance: Provenance | None) -> str:
     """Empty if this installation can play the dataset's episodes."""
+    from lerobot_env_bimanual.expert.world_version import other_worlds
+
     if provenance is None:
         return "not replayed, so not passed: the dataset does not say with which versions it was generated"
     if others := provenance.other_versions():
@@ -207,6 +209,8 @@ def _why_not_replayed(provenance: Provenance | None) -> str:
             f"{package} {versions[0]} (installed: {versions[1]})" for package, versions in others.items()
         )
         return f"not replayed, so not passed: generated with {listing}"
+    if worlds := other_worlds(provenance.worlds):
+        return f"not replayed, so not passed: it holds {worlds}, where the same seeds mean other episodes"
     return ""
 
 

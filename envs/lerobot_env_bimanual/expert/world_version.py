@@ -25,6 +25,7 @@ from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import FINGERS
 from lerobot_env_bimanual.task import Task
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 PROBE_SPLIT, PROBE_SEED = "val", 0
 VERSION_DIGITS = 12
@@ -71,6 +72,20 @@ def joint_version(worlds: Mapping[str, str]) -> str:
     """One version for several tasks, given each one's."""
     text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
     return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
+
+
+def other_worlds(recorded: Mapping[str, str]) -> str:
+    """Which tasks are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
+
+    Args:
+        recorded: task -> version of the world in which something was played.
+    """
+    here = {task: world_version(task) if task in list_tasks() else "none" for task in recorded}
+    return ", ".join(
+        f"{task} in world {version} (here: {here[task]})"
+        for task, version in recorded.items()
+        if version != here[task]
+    )
 
 
 def _task_facts(task: Task) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -24,17 +24,17 @@ class MergeJob:
         settings: what was recorded.
         view: which of the views.
         command: the command line that made it.
+        worlds: task -> version of the world in which it was played.
         shards: folder and report of each shard, in the order of the episodes.
         root: new folder; holds the view, or a folder per view.
-        cache: folder of this job alone, for the copies that reading a table leaves behind.
     """
 
     settings: GenerationSettings
     view: View
     command: str
+    worlds: Mapping[str, str]
     shards: Sequence[tuple[Path, ShardReport]]
     root: Path
-    cache: Path
 
 
 class Executor(Protocol):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 from pathlib import Path
 
-import datasets.config
-from lerobot.datasets.aggregate import aggregate_datasets
-
 from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.merging import merge_datasets
 from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.dataset.seal import write_seal
@@ -23,19 +19,8 @@ def merge_shards(job: MergeJob) -> None:
 
     Every shard keeps its own files, so the time grows with the size of the dataset and not with its square.
     """
-    full = [folder for folder, report in job.shards if report.episodes]
-    datasets.config.HF_DATASETS_CACHE = job.cache
     folder = view_folder(job.root, job.settings, job.view)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.redirect_stderr(io.StringIO()):  # two progress bars of its own
-        aggregate_datasets(
-            [job.settings.repo_id] * len(full),
-            job.settings.repo_id,
-            roots=[shard / job.view for shard in full],
-            aggr_root=folder,
-            concatenate_videos=False,
-            concatenate_data=False,
-        )
+    merge_datasets([shard / job.view for shard, report in job.shards if report.episodes], folder)
     _sort_keys(folder / "meta" / "stats.json")
     _provenance(job).write(folder)
     write_card(folder, job.settings.repo_id)
@@ -48,6 +33,7 @@ def _provenance(job: MergeJob) -> Provenance:
         schema_version=SCHEMA_VERSION,
         view=job.view,
         versions=installed_versions(),
+        worlds=job.worlds,
         settings=job.settings.to_dict(),
         command=job.command,
         episodes=[episode for report in reports for episode in report.episodes],

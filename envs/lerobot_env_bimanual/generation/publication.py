@@ -10,6 +10,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.dataset.seal import seal_problems
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_env_bimanual.expert.world_version import other_worlds
 from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
@@ -82,5 +83,7 @@ def _problems(folder: Path, view: View, origin: Origin) -> Iterator[str]:
         return  # which the seal has told
     if provenance.view != view:
         yield f"{folder} holds the view {provenance.view!r}"
+    if others := other_worlds(provenance.worlds):
+        yield f"{folder} holds {others}, where the same seeds mean other episodes"
     if (count := len(provenance.episodes)) != origin.settings.total_episodes:
         yield f"{folder} has {count} episodes, not {origin.settings.total_episodes}"

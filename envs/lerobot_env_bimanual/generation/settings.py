@@ -40,6 +40,7 @@ class GenerationSettings:
         cameras: cameras whose images are stored.
         height: image height in pixels.
         width: image width in pixels.
+        depth: whether every camera's depth is stored beside its colours.
         intermediate: fractions of each stage's motion at which the view `keyframes` has another row.
         discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         episodes_per_shard: episodes per file of the dataset.
@@ -58,6 +59,7 @@ class GenerationSettings:
     cameras: tuple[str, ...]
     height: int
     width: int
+    depth: bool
     intermediate: tuple[float, ...]
     discretise: int
     episodes_per_shard: int
@@ -73,6 +75,8 @@ class GenerationSettings:
             value = getattr(self, option)
             if type(value) is not int or not least <= value <= most:
                 raise InvalidChoice(option, value, [f"an integer from {least} to {most}"])
+        if type(self.depth) is not bool:
+            raise InvalidChoice("depth", self.depth, ["true", "false"])
         for option in ("tasks", "views", "cameras"):
             _check_names(option, getattr(self, option))
         for task in self.tasks:
@@ -133,6 +137,7 @@ class GenerationSettings:
             "view": "both" if self.views == VIEWS else self.views[0],
             "image_size": f"{self.height}x{self.width}",
             "cameras": ",".join(self.cameras),
+            "depth": str(self.depth).lower(),
             "intermediate": ",".join(map(str, self.intermediate)),
             "discretise": self.discretise,
             "episodes_per_shard": self.episodes_per_shard,

@@ -121,4 +121,5 @@ def _writer(settings: GenerationSettings, folder: Path, view: View) -> ViewWrite
         settings.height,
         settings.width,
         settings.intermediate,
+        settings.depth,
     )

@@ -14,16 +14,13 @@ from lerobot_bimanual.keyframes import GRIPPER_FRAMES
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
+from lerobot_env_bimanual.motion.corners import rounded
 from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
+from lerobot_env_bimanual.motion.joint_path import JointPath
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
+from lerobot_env_bimanual.motion.pace import CONTACT, FREE, Pace
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
-from lerobot_env_bimanual.motion.time_law import (
-    CONTACT_SPEED,
-    FREE_SPEED,
-    JointPath,
-    SpeedLimits,
-    tick_fractions,
-)
+from lerobot_env_bimanual.motion.time_law import tick_fractions
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -38,8 +35,6 @@ PATH_CHECK_RAD = 0.02
 MAX_GOALS = 4
 """Combinations of goal postures that are tried."""
 RRT_ITERATIONS = 1500
-RRT_SLOWDOWN = 1.6
-"""Paths around obstacles have corners, which are taken more slowly."""
 SWEEP = np.linspace(0.0, 1.0, 5)
 """Where along its own motion the other arm is looked at, when only one arm searches a way around obstacles."""
 
@@ -67,13 +62,13 @@ class _Motion:
 
     start: dict[Arm, Array]
     paths: dict[Arm, JointPath] = field(default_factory=dict)
-    speeds: dict[Arm, SpeedLimits] = field(default_factory=dict)
+    paces: dict[Arm, Pace] = field(default_factory=dict)
     line_fallbacks: int = 0
     used_rrt: bool = False
 
-    def add(self, arm: Arm, path: JointPath, speed: SpeedLimits) -> None:
+    def add(self, arm: Arm, path: JointPath, pace: Pace) -> None:
         self.paths[arm] = path
-        self.speeds[arm] = speed
+        self.paces[arm] = pace
 
 
 class KeyposePlanner:
@@ -112,7 +107,7 @@ class KeyposePlanner:
         for arm in ARMS:
             target, start = keypose[arm].pose, motion.start[arm]
             if stays(self._kinematics[arm], start, target.matrix):
-                motion.add(arm, JointPath.even(np.stack([start, start])), FREE_SPEED)
+                motion.add(arm, JointPath(np.stack([start, start])), FREE)
                 continue
             _require_inside(arm, target)
             (straight if keypose[arm].ignore_collisions else free)[arm] = target
@@ -133,7 +128,7 @@ class KeyposePlanner:
                 start = motion.start[arm]
                 line = np.stack([start, self._goals(arm, start, targets[arm])[0]])
                 motion.line_fallbacks += 1
-            motion.add(arm, JointPath.even(line), CONTACT_SPEED)
+            motion.add(arm, JointPath(line), CONTACT)
 
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}
@@ -144,15 +139,15 @@ class KeyposePlanner:
         )
         goals, obstacle = self._free_goals(motion, rules, candidates)
         for goal in goals:
-            straight = {arm: JointPath.even(np.stack([start[arm], goal[arm]])) for arm in targets}
+            straight = {arm: JointPath(np.stack([start[arm], goal[arm]])) for arm in targets}
             if self._is_free(rules, motion.paths | straight):
                 for arm, path in straight.items():
-                    motion.add(arm, path, FREE_SPEED)
+                    motion.add(arm, path, FREE)
                 return
             around = self._search(motion, rules, goal, rng)
             if around is not None:
                 for arm, path in around.items():
-                    motion.add(arm, path, FREE_SPEED.slowed(RRT_SLOWDOWN))
+                    motion.add(arm, path, FREE)
                 motion.used_rrt = True
                 return
         blamed = next(iter(targets)) if len(targets) == 1 else "both"
@@ -223,11 +218,8 @@ class KeyposePlanner:
         )
         if knots is None:
             return None
-        steps = np.abs(np.diff(knots, axis=0)).max(axis=1)
-        knots = knots[np.append(True, steps > 0)]
-        length = np.append(0.0, steps[steps > 0].cumsum())
-        per_arm = np.split(knots, len(goal), axis=1)
-        return {arm: JointPath(length / length[-1], path) for arm, path in zip(goal, per_arm, strict=True)}
+        per_arm = np.split(rounded(knots, is_free), len(goal), axis=1)
+        return {arm: JointPath(path) for arm, path in zip(goal, per_arm, strict=True)}
 
     # -- timing -------------------------------------------------------------------------------------------
 
@@ -235,14 +227,14 @@ class KeyposePlanner:
         """Sample both paths at control ticks, then rest, then set the grippers.
 
         Args:
-            motion: paths and speed limits of both arms.
+            motion: paths and paces of both arms.
             keypose: for the grippers' final state.
             grippers: (2,) commanded openings at the start.
         """
         fractions = tick_fractions(
             [motion.paths[arm] for arm in ARMS],
             [self._kinematics[arm] for arm in ARMS],
-            [motion.speeds[arm] for arm in ARMS],
+            [motion.paces[arm].limits(self._scene.arm_pair.joint_limits) for arm in ARMS],
         )
         ticks = len(fractions)
         opened = np.array([float(keypose[arm].gripper_open) for arm in ARMS], dtype=np.float32)

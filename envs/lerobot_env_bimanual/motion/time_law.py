@@ -1,4 +1,12 @@
-"""How fast the arms travel their paths: one minimum-jerk law for both, which end together."""
+"""How fast the arms travel their paths: as fast as joints and hands may, together, without a jolt.
+
+Along the path the fastest speed is found that keeps the limits of velocity and acceleration: one pass forward for
+speeding up, one backward for braking (Bobrow et al., "Time-Optimal Control of Robotic Manipulators Along Specified
+Paths", IJRR 1985). A moving average over time takes the steps out of its acceleration. Control ticks are sampled from
+the result, and where they break a limit after all, the motion takes a tick more.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,100 +15,158 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_env_bimanual.motion.joint_path import JointPath
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 Array = NDArray[np.floating]
 
-MIN_DURATION_S = 0.35
-PEAK_OVER_MEAN = 1.875
-"""Peak speed of the minimum-jerk law, relative to its mean speed."""
-SAMPLES = 64
-"""Least number of stretches in which the speed along a motion is chosen."""
-
-
-@dataclass(frozen=True)
-class SpeedLimits:
-    """Peak speeds of one arm.
-
-    Attributes:
-        joint_rad_s: of the fastest joint.
-        tip_m_s: of the tool centre point.
-    """
-
-    joint_rad_s: float
-    tip_m_s: float
-
-    def slowed(self, factor: float) -> "SpeedLimits":
-        """The same, divided by `factor`."""
-        return SpeedLimits(self.joint_rad_s / factor, self.tip_m_s / factor)
-
-
-FREE_SPEED = SpeedLimits(joint_rad_s=1.3, tip_m_s=0.7)
-CONTACT_SPEED = SpeedLimits(joint_rad_s=0.8, tip_m_s=0.35)
-"""Grasps, pulls and pushes need about half the speed of free motions."""
+STEPS = 64
+"""Stretches of the path in which speeds are chosen."""
+SMOOTHING_S = 0.1
+"""Time over which the law is averaged: accelerations come and go over this time."""
+BEND_SHARE = 0.7
+"""Largest share of the acceleration that may go into following the path's bends at constant speed."""
+ROUNDING = 1e-3
+"""Relative excess over a limit that is let pass; actions are float32."""
 
 
 @dataclass(frozen=True, eq=False)
-class JointPath:
-    """A polyline in one arm's joint space over the common path parameter of both arms.
+class MotionLimits:
+    """What one arm may do during a motion.
 
     Attributes:
-        fractions: (n,) increasing from 0 to 1.
-        knots: (n, 7) rad.
+        velocity_rad_s: (7,) of each joint.
+        acceleration_rad_s2: (7,) of each joint.
+        acceleration_step_rad_s2: (7,) from one control tick to the next.
+        tip_m_s: speed of the tool centre point.
     """
 
-    fractions: Array
-    knots: Array
-
-    @classmethod
-    def even(cls, knots: Array) -> "JointPath":
-        """Knots (n, 7) at equal steps of the path parameter."""
-        return cls(np.linspace(0.0, 1.0, len(knots)), knots)
-
-    @property
-    def is_still(self) -> bool:
-        """Whether the arm does not move at all."""
-        return bool((self.knots == self.knots[0]).all())
-
-    def at(self, fractions: Array) -> Array:
-        """Joints (m, 7) in rad at path parameters (m,)."""
-        upper = np.clip(np.searchsorted(self.fractions, fractions), 1, len(self.fractions) - 1)
-        before, after = self.fractions[upper - 1], self.fractions[upper]
-        share = ((fractions - before) / (after - before))[:, None]
-        # Exact at both knots, so that a path ends where it was planned to end.
-        return (1.0 - share) * self.knots[upper - 1] + share * self.knots[upper]
-
-
-def minimum_jerk(progress: Array) -> Array:
-    """Share of the way at a share of the duration, both 0 to 1; at rest at both ends."""
-    return progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
+    velocity_rad_s: Array
+    acceleration_rad_s2: Array
+    acceleration_step_rad_s2: Array
+    tip_m_s: float
 
 
 def tick_fractions(
-    paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[SpeedLimits]
+    paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[MotionLimits]
 ) -> Array:
     """Path parameters (ticks,) at the end of each control tick of a motion; the last one is 1.
 
     The arms stay in step: both are at the same path parameter at any time, so what was checked for their paths
-    together holds for their motion. Where either arm would have to hurry, the parameter advances more slowly;
-    on the way so stretched, the minimum-jerk law is applied.
+    together holds for their motion. No ticks at all if both stand still.
 
     Args:
         paths: both arms' paths.
         kinematics: both arms.
-        limits: both arms' peak speeds.
+        limits: both arms' limits.
     """
-    grid = np.union1d(np.linspace(0.0, 1.0, SAMPLES + 1), np.concatenate([path.fractions for path in paths]))
-    seconds = np.zeros(len(grid) - 1)
-    for path, arm, limit in zip(paths, kinematics, limits, strict=True):
-        joints = path.at(grid)
-        tips = np.array([arm.fk(posture)[:3, 3] for posture in joints])
-        joint_seconds = np.abs(np.diff(joints, axis=0)).max(axis=1) / limit.joint_rad_s
-        tip_seconds = np.linalg.norm(np.diff(tips, axis=0), axis=1) / limit.tip_m_s
-        seconds = np.maximum(seconds, np.maximum(joint_seconds, tip_seconds))
-    duration = max(MIN_DURATION_S, PEAK_OVER_MEAN * seconds.sum())
-    ticks = int(np.ceil(duration * CONTROL_HZ - 1e-9))
-    way = np.concatenate([[0.0], seconds.cumsum()])
-    fractions = np.interp(minimum_jerk(np.arange(1, ticks + 1) / ticks) * way[-1], way, grid)
-    fractions[-1] = 1.0
-    return fractions
+    if all(path.is_still for path in paths):
+        return np.empty(0)
+    law = _SmoothLaw(_fastest_speeds(paths, kinematics, limits))
+    ticks = int(np.ceil(law.duration_s * CONTROL_HZ))
+    while True:
+        fractions = law.at(np.arange(1, ticks + 1) / ticks)
+        excess = max(
+            _excess(path.at(np.append(0.0, fractions)), limit)
+            for path, limit in zip(paths, limits, strict=True)
+        )
+        if excess <= 1.0 + ROUNDING:
+            return fractions
+        ticks = max(ticks + 1, int(ticks * excess))
+
+
+def _fastest_speeds(
+    paths: Sequence[JointPath], kinematics: Sequence[ArmKinematics], limits: Sequence[MotionLimits]
+) -> Array:
+    """Speeds (n,) of the path parameter, 1/s, at equal steps of it; zero at both ends."""
+    grid = np.linspace(0.0, 1.0, STEPS + 1)
+    step = 1.0 / STEPS
+    highest, push = np.full(len(grid), np.inf), np.full(len(grid), np.inf)
+    moving = [case for case in zip(paths, kinematics, limits, strict=True) if not case[0].is_still]
+    slopes, bends = [], []
+    with np.errstate(divide="ignore"):
+        for path, arm, limit in moving:
+            joints = path.at(grid)
+            tips = np.array([arm.fk(posture)[:3, 3] for posture in joints])
+            slope, bend = _at_nodes(np.abs(np.diff(joints, axis=0)) / step), np.zeros_like(joints)
+            bend[1:-1] = np.abs(np.diff(joints, n=2, axis=0)) / step**2
+            tip_slope = _at_nodes(np.linalg.norm(np.diff(tips, axis=0), axis=1) / step)
+            by_joint = np.minimum(
+                limit.velocity_rad_s / slope, np.sqrt(BEND_SHARE * limit.acceleration_rad_s2 / bend)
+            )
+            highest = np.minimum(highest, np.minimum(by_joint.min(axis=1), limit.tip_m_s / tip_slope))
+            slopes.append(slope / limit.acceleration_rad_s2)
+            bends.append(bend / limit.acceleration_rad_s2)
+        for slope, bend in zip(slopes, bends, strict=True):
+            push = np.minimum(push, ((1.0 - bend * highest[:, None] ** 2) / slope).min(axis=1))
+    squares = (highest**2).tolist()
+    squares[0] = squares[-1] = 0.0
+    # What is gained within one step: v dv = a ds.
+    gains = (2.0 * step * np.minimum(push[:-1], push[1:])).tolist()
+    for i in range(STEPS):
+        squares[i + 1] = min(squares[i + 1], squares[i] + gains[i])
+    for i in reversed(range(STEPS)):
+        squares[i] = min(squares[i], squares[i + 1] + gains[i])
+    return np.sqrt(squares)
+
+
+class _SmoothLaw:
+    """The path parameter over time, averaged over the last `SMOOTHING_S`.
+
+    Args:
+        speeds: (n,) of the path parameter at equal steps of it, 1/s; between them the acceleration is constant.
+
+    Attributes:
+        duration_s: from rest to rest.
+    """
+
+    def __init__(self, speeds: Array):
+        step = 1.0 / (len(speeds) - 1)
+        seconds = 2.0 * step / (speeds[:-1] + speeds[1:])
+        self._speeds, self._fractions = speeds[:-1], np.linspace(0.0, 1.0, len(speeds))[:-1]
+        self._accelerations = np.diff(speeds) / seconds
+        self._times = np.append(0.0, seconds.cumsum())
+        self._integrals = np.append(0.0, self._integral_within(np.arange(len(seconds)), seconds).cumsum())
+        self.duration_s = self._times[-1] + SMOOTHING_S
+
+    def at(self, progress: Array) -> Array:
+        """Path parameters at shares (n,) of the duration; exactly 1 at its end."""
+        times = progress * self.duration_s
+        fractions = (self._integral(times) - self._integral(times - SMOOTHING_S)) / SMOOTHING_S
+        fractions[progress >= 1.0] = 1.0
+        return np.clip(fractions, 0.0, 1.0)
+
+    def _integral(self, times: Array) -> Array:
+        """Integral of the path parameter from the start to `times`, with rest before and after."""
+        inside = np.clip(times, 0.0, self._times[-1])
+        index = np.clip(np.searchsorted(self._times, inside, side="right") - 1, 0, len(self._speeds) - 1)
+        within = self._integral_within(index, inside - self._times[index])
+        return self._integrals[index] + within + np.maximum(times - self._times[-1], 0.0)
+
+    def _integral_within(self, index: NDArray[np.integer], seconds: Array) -> Array:
+        """The same from the start of stretch `index` on."""
+        speed, acceleration = self._speeds[index], self._accelerations[index]
+        return seconds * (self._fractions[index] + seconds * (speed / 2.0 + seconds * acceleration / 6.0))
+
+
+def _at_nodes(segments: Array) -> Array:
+    """The larger value of both neighbouring segments, (n + 1, ...) of (n, ...)."""
+    return np.maximum(np.concatenate([segments[:1], segments]), np.concatenate([segments, segments[-1:]]))
+
+
+def _excess(joints: Array, limit: MotionLimits) -> float:
+    """By how much slower a motion has to be, so that the commands at its ticks keep all limits.
+
+    Args:
+        joints: (ticks + 1, 7) rad, from the start.
+        limit: of the arm.
+    """
+    at_rest = np.concatenate([joints[:1], joints[:1], joints, joints[-1:], joints[-1:]])
+    excess = 0.0
+    for order, bounds in enumerate(
+        (limit.velocity_rad_s, limit.acceleration_rad_s2, limit.acceleration_step_rad_s2), start=1
+    ):
+        rate = CONTROL_HZ ** min(order, 2)
+        worst = float((np.abs(np.diff(at_rest, n=order, axis=0)).max(axis=0) * rate / bounds).max())
+        excess = max(excess, worst ** (1.0 / order))
+    return excess

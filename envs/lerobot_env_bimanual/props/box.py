@@ -46,7 +46,7 @@ class Box:
             friction=(0.5, 0.005, 0.0001),
             solref=(0.005, 1),
         )
-        # Of two geoms the larger friction counts, and the table's is 1.0: only an explicit pair can be lower.
+        # Of two geoms the larger friction counts, and the table's is 0.5: only an explicit pair can be lower.
         spec.add_pair(
             geomname1="table",
             geomname2=self.name,

@@ -99,7 +99,6 @@ class Broom:
             pos=position,
             size=size,
             mass=mass,
-            friction=(0.3, 0.005, 0.0001),
             contype=DIRT_ONLY,
             conaffinity=0,
             group=HIDDEN_GROUP,

@@ -62,11 +62,9 @@ class DrawerCabinet:
 
     Attributes:
         name: body; also the prefix of the drawers' bodies (`..._top`) and slides (`..._top_slide`).
-        friction: of the drawers against what lies in them. Low, so that a dropped block hardly bounces.
     """
 
     name: str = "cabinet"
-    friction: float = 0.4
 
     @property
     def top_m(self) -> float:
@@ -164,7 +162,6 @@ class DrawerCabinet:
             size=half,
             mass=PART_MASSES_KG[part],
             rgba=rgba,
-            friction=(self.friction, 0.005, 0.0001),
         )
 
     def _add_handle(self, drawer) -> None:

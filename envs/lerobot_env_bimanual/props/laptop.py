@@ -38,8 +38,8 @@ class Laptop:
         lid_size_m: full sizes of the lid.
         base_mass_kg: half of the original's 1.35 kg, which sags in a grip of 30 N per finger.
         lid_mass_kg: of the lid (PerAct2 code).
-        friction: against everything but the grippers' rubber. A push with rubber tips jams where the support's
-            friction is near one.
+        friction: against its support, which is smoother. A push with rubber tips jams where the support's friction is
+            near one.
     """
 
     name: str = "laptop"

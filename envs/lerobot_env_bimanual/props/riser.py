@@ -26,7 +26,7 @@ class Riser:
         name: body and geom.
         size_m: full sizes (PerAct2 code).
         mass_kg: enough to stay where it is while something is pushed over it (PerAct2 code).
-        friction: low, so that things can be pushed over it.
+        friction: low, so that what is pushed over it slides by its own; against the table, the table's counts.
     """
 
     name: str = "holder"

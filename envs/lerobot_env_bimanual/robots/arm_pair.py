@@ -15,6 +15,15 @@ FINGERS = (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
+class JointLimits:
+    """What the joints of an arm can do at most, (7,) each."""
+
+    velocity_rad_s: np.ndarray
+    acceleration_rad_s2: np.ndarray
+    jerk_rad_s3: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class ArmPair:
     """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
 
@@ -28,12 +37,14 @@ class ArmPair:
         home_joints: (7,) rad, the joints of either arm at reset.
         joint_lower: (7,) rad.
         joint_upper: (7,) rad.
+        joint_limits: of velocity, acceleration and jerk.
+        position_gain_nm_rad: (7,) of the joints' servos.
         servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
             the command is advanced by this time times the target's velocity.
-        gripper_closed_ctrl: gripper command of a closing hand, m of finger travel; below zero so that the
-            servo still pushes on a thin object.
-        gripper_open_ctrl: gripper command of an opening hand, m of finger travel.
-        finger_travel_m: stroke of one finger.
+        closed_travel_m: finger travel to which a closing hand is sent; below zero so that it still pushes on a thin
+            object.
+        finger_travel_m: stroke of one finger, and where an opening hand is sent.
+        finger_speed_m_s: at which a finger moves.
         kinematics_at: the kinematics of an arm whose base has this pose in the world, within the joint limits.
         add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
     """
@@ -42,10 +53,12 @@ class ArmPair:
     home_joints: np.ndarray
     joint_lower: np.ndarray
     joint_upper: np.ndarray
+    joint_limits: JointLimits
+    position_gain_nm_rad: np.ndarray
     servo_lead_s: float
-    gripper_closed_ctrl: float
-    gripper_open_ctrl: float
+    closed_travel_m: float
     finger_travel_m: float
+    finger_speed_m_s: float
     kinematics_at: Callable[[Pose, np.ndarray, np.ndarray], ArmKinematics]
     add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
 
@@ -90,6 +103,6 @@ class ArmPair:
         """Site of the tool centre point."""
         return f"{arm.value}_tcp"
 
-    def gripper_ctrl(self, opening: float) -> float:
-        """Gripper command in metres for an opening of 0 (closed) to 1 (open)."""
-        return self.gripper_closed_ctrl + opening * (self.gripper_open_ctrl - self.gripper_closed_ctrl)
+    def finger_target_m(self, openings: np.ndarray) -> np.ndarray:
+        """Finger travels to which hands are sent for openings of 0 (closed) to 1 (open)."""
+        return self.closed_travel_m + openings * (self.finger_travel_m - self.closed_travel_m)

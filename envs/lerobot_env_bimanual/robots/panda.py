@@ -27,22 +27,30 @@ PALM_M = 0.0668
 
 JOINT_LOWER = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973])
 JOINT_UPPER = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
+# "Limits" of the Franka Control Interface documentation.
 TORQUE_LIMIT_NM = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
+VELOCITY_LIMIT_RAD_S = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
+ACCELERATION_LIMIT_RAD_S2 = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+JERK_LIMIT_RAD_S3 = 500.0 * ACCELERATION_LIMIT_RAD_S2
 
-# Stiff position servos with little damping; the missing velocity term is fed forward by the caller. How far hands end
-# from their targets stands in docs/tasks.md.
-POSITION_GAIN = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
-VELOCITY_GAIN_RATIO_S = 0.02
+# Position servos, half as stiff as Franka's own joint impedance (3000 to 2000 N m/rad), so that hands that press do not
+# drive the wrists into their torque limits. Velocity and inertia are fed forward by the caller. How far hands end from
+# their targets stands in docs/tasks.md.
+POSITION_GAIN = np.array([1500.0, 1500.0, 1500.0, 1200.0, 600.0, 600.0, 600.0])
+VELOCITY_GAIN_RATIO_S = 0.05
 JOINT_ARMATURE = 0.1
 JOINT_DAMPING = 1.0
 
-# The two fingers share one servo: 20 N per finger at zero width, 29 N at 18 mm, 38 N at 36 mm. The real hand
-# holds with up to 70 N; all thirteen tasks work with less.
-GRIPPER_GAIN = 2000.0
+# The two fingers share one servo: 20 N per finger at zero width, 40 N, where its force ends, from 28 mm on. The real
+# hand holds with up to 70 N; all thirteen tasks work with less.
+GRIPPER_GAIN = 3000.0
 GRIPPER_DAMPING = 80.0
-GRIPPER_CLOSED_CTRL = -0.02
-GRIPPER_FORCE_LIMIT_N = 140.0
+GRIPPER_FORCE_LIMIT_N = 80.0
+CLOSED_TRAVEL_M = -0.013
+FINGER_SPEED_M_S = 0.1
 FINGER_DAMPING = 5.0
+STIFF_SOLREF = (0.004, 1)
+STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2)
 
 LINK_MASS_KG = (4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
 LINK_CENTRE_OF_MASS_M = (
@@ -95,20 +103,21 @@ LINK_COVERS = (
     (
         (CAPSULE, 0.056, (0, 0, -0.26), (0, 0, -0.20)),
         (CAPSULE, 0.035, (0, 0.07, -0.18), (0, 0.085, -0.05)),
-        (CYLINDER, 0.05, (0, -0.04, 0), (0, 0.05, 0)),
+        (CYLINDER, 0.045, (0, -0.04, 0), (0, 0.05, 0)),
     ),
     (
         (CYLINDER, 0.045, (0, 0, -0.05), (0, 0, 0.02)),
         (CAPSULE, 0.045, (0.088, -0.02, 0), (0.088, 0.05, 0)),
     ),
     (
-        (CAPSULE, 0.042, (0, 0, -0.03), (0, 0, 0.05)),
+        (CAPSULE, 0.04, (0, 0, -0.03), (0, 0, 0.05)),
         (CYLINDER, 0.043, (0, 0, 0.075), (0, 0, 0.107)),
     ),
 )
 
-# Links that are neighbours over a short link, and the world-fixed base with its first link, touch by design.
-TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"), ("link5", "link7"), ("link5", "hand"))
+# The world-fixed base with its first link, and the hand with its flange, touch by design. Everything else that can
+# meet does so: a hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
+TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"))
 
 WRIST_CAMERA_POSITION_M = (0.075, 0.0, 0.05)
 WRIST_CAMERA_TARGET_M = (0.0, 0.0, 0.18)
@@ -167,19 +176,22 @@ def _add_link(parent, prefix: str, index: int):
         range=(JOINT_LOWER[index], JOINT_UPPER[index]),
         armature=JOINT_ARMATURE,
         damping=JOINT_DAMPING,
+        # The motor carries the arm's weight, and what it lends to that it cannot give to motion.
+        actgravcomp=True,
+        actfrclimited=True,
+        actfrcrange=(-TORQUE_LIMIT_NM[index], TORQUE_LIMIT_NM[index]),
     )
     _add_covers(link, LINK_COVERS[index])
     return link
 
 
 def _add_servo(spec: mujoco.MjSpec, prefix: str, index: int) -> None:
-    gain, torque = POSITION_GAIN[index], TORQUE_LIMIT_NM[index]
+    gain = POSITION_GAIN[index]
     servo = spec.add_actuator(
         name=f"{prefix}_actuator{index + 1}",
         target=f"{prefix}_joint{index + 1}",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         ctrlrange=(JOINT_LOWER[index], JOINT_UPPER[index]),
-        forcerange=(-torque, torque),
     )
     servo.set_to_position(kp=gain, kv=VELOCITY_GAIN_RATIO_S * gain)
 
@@ -216,6 +228,8 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=(0, 1, 0),
         range=(0, FINGER_TRAVEL_M),
+        solref_limit=STIFF_SOLREF,
+        solimp_limit=STIFF_SOLIMP,
         armature=JOINT_ARMATURE,
         damping=FINGER_DAMPING,
     )
@@ -230,8 +244,8 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
         rgba=panda_looks.DARK,
         condim=4,
         friction=(1.5, 0.02, 0.0005),
-        solref=(0.004, 1),
-        solimp=(0.95, 0.99, 0.001, 0.5, 2),
+        solref=STIFF_SOLREF,
+        solimp=STIFF_SOLIMP,
         priority=1,
     )
     return finger
@@ -250,13 +264,13 @@ def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
         name2=f"{prefix}_finger2",
         data=(0, 1, *(0,) * 10),  # one finger's travel equals the other's
         solref=(0.005, 1),
-        solimp=(0.95, 0.99, 0.001, 0.5, 2),
+        solimp=STIFF_SOLIMP,
     )
     servo = spec.add_actuator(
         name=f"{prefix}_gripper",
         target=f"{prefix}_fingers",
         trntype=mujoco.mjtTrn.mjTRN_TENDON,
-        ctrlrange=(GRIPPER_CLOSED_CTRL, FINGER_TRAVEL_M),
+        ctrlrange=(CLOSED_TRAVEL_M, FINGER_TRAVEL_M),
         forcerange=(-GRIPPER_FORCE_LIMIT_N, GRIPPER_FORCE_LIMIT_N),
     )
     servo.set_to_position(kp=GRIPPER_GAIN, kv=GRIPPER_DAMPING)

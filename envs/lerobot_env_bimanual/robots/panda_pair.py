@@ -5,7 +5,7 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.robots import panda
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.arm_pair import ArmPair, JointLimits
 from lerobot_env_bimanual.robots.panda_kinematics import PandaKinematics
 
 PANDA_PAIR = ArmPair(
@@ -19,10 +19,14 @@ PANDA_PAIR = ArmPair(
     home_joints=np.array([0.0, 0.1745, 0.0, -0.803, 0.0, 1.2217, 0.7854]),
     joint_lower=panda.JOINT_LOWER,
     joint_upper=panda.JOINT_UPPER,
+    joint_limits=JointLimits(
+        panda.VELOCITY_LIMIT_RAD_S, panda.ACCELERATION_LIMIT_RAD_S2, panda.JERK_LIMIT_RAD_S3
+    ),
+    position_gain_nm_rad=panda.POSITION_GAIN,
     servo_lead_s=panda.VELOCITY_GAIN_RATIO_S,
-    gripper_closed_ctrl=panda.GRIPPER_CLOSED_CTRL,
-    gripper_open_ctrl=panda.FINGER_TRAVEL_M,
+    closed_travel_m=panda.CLOSED_TRAVEL_M,
     finger_travel_m=panda.FINGER_TRAVEL_M,
+    finger_speed_m_s=panda.FINGER_SPEED_M_S,
     kinematics_at=PandaKinematics,
     add_arm=panda.add_panda,
 )

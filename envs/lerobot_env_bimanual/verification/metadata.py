@@ -109,7 +109,7 @@ def check_schema(root: Path) -> Iterator[Fault]:
     height, width = sizes.pop()
     if not MIN_IMAGE_SIDE <= min(height, width) <= max(height, width) <= MAX_IMAGE_SIDE:
         yield Fault(f"images have {height}x{width} pixels, beyond {MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE}")
-    wanted = expected_features(dataset.cameras, height, width, dataset.view)
+    wanted = expected_features(dataset.cameras, height, width, dataset.view, dataset.has_depth)
     for key in sorted(wanted.keys() - features.keys()):
         yield Fault(f"{key} is missing")
     for key in sorted(features.keys() - wanted.keys()):
@@ -120,10 +120,10 @@ def check_schema(root: Path) -> Iterator[Fault]:
 
 
 def expected_features(
-    cameras: tuple[str, ...], height: int, width: int, view: schema.View
+    cameras: tuple[str, ...], height: int, width: int, view: schema.View, depth: bool = True
 ) -> dict[str, dict[str, Any]]:
     """LeRobot's feature table of a dataset that `generate` made, with all that LeRobot adds to the schema."""
-    table = schema.features(cameras, height, width, view)
+    table = schema.features(cameras, height, width, view, depth)
     for feature in table.values():
         if feature["dtype"] in IMAGE_TYPES:
             is_depth = bool(feature.get("info"))
@@ -167,6 +167,10 @@ def check_provenance(root: Path) -> Iterator[Fault]:
         yield Fault(
             f"it gives versions of {', '.join(provenance.versions)}, not {', '.join(STAMPED_PACKAGES)}"
         )
+    if sorted(provenance.worlds) != sorted({key.task for key in provenance.episodes}):
+        yield Fault(
+            f"it gives worlds of {', '.join(provenance.worlds) or 'no task'}, not of the tasks it holds"
+        )
     if len(provenance.episodes) != len(dataset):
         yield Fault(f"it lists {len(provenance.episodes)} episodes, but there are {len(dataset)}")
     for key, count in Counter(provenance.episodes).items():
@@ -177,6 +181,9 @@ def check_provenance(root: Path) -> Iterator[Fault]:
         yield Fault(
             f"its settings name the cameras {settings.get('cameras')}, but it holds {dataset.cameras}"
         )
+    if settings.get("depth") is not dataset.has_depth:
+        held = "depth" if dataset.has_depth else "no depth"
+        yield Fault(f"its settings say depth={settings.get('depth')}, but it holds {held}")
     for key, feature in dataset.info["features"].items():
         if feature["dtype"] in IMAGE_TYPES:
             size = [settings.get("height"), settings.get("width")]

@@ -15,6 +15,13 @@ from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 
 PHYSICS_STEP_S = 0.002
 
+FRICTION = (0.5, 0.005, 0.0001)
+"""Sliding, m of torsion, m of rolling, of all that states none of its own; 0.5 slides in the original simulator, too.
+
+Of two surfaces that touch the larger friction is at work, unless one has priority (the grippers' rubber), so a prop's
+own value counts against table, arms and furniture where it is at least this.
+"""
+
 TABLE_CENTRE_XY_M = (0.27, 0.0)
 TABLE_HALF_SIZE_M = (0.75, 0.65, 0.025)
 LEG_RADIUS_M = 0.03
@@ -53,6 +60,7 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10
+    spec.default.geom.friction = FRICTION
 
 
 def _add_room(spec: mujoco.MjSpec) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
@@ -53,6 +53,7 @@ class SceneState:
         physics: MuJoCo's integration state. (Its smaller physics state is not enough: solver warm starts count.)
         sleep: the values of `SLEEP_FIELDS`, which are not part of the integration state.
         commanded: (16,) the joint action of the last tick.
+        previous: (16,) that of the tick before.
         model_fields: the values of `RESETTABLE_FIELDS`.
         ticks: control ticks since the episode started.
         unstable: whether MuJoCo has warned in this episode.
@@ -61,6 +62,7 @@ class SceneState:
     physics: NDArray[np.float64]
     sleep: tuple[NDArray | int, ...]
     commanded: NDArray[np.float32]
+    previous: NDArray[np.float32]
     model_fields: tuple[NDArray, ...]
     ticks: int
     unstable: bool
@@ -88,10 +90,11 @@ class Scene(SceneView):
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
+        self._joint_dofs = self.model.jnt_dofadr[
+            [[self.model.joint(name).id for name in arm_pair.joint_names(arm)] for arm in ARMS]
+        ]
         self._index_actuators()
-        self._ctrl_ramp = self._make_ctrl_ramp()
-        self._ctrl_rows = np.empty_like(self._ctrl_ramp)
-        self._ctrl_target = self._to_ctrl(self._home_action)
+        self._old_share, self._new_share = self._make_spline_shares()
         self.reset()
 
     # -- episode ------------------------------------------------------------------------------------------
@@ -104,9 +107,8 @@ class Scene(SceneView):
         for arm in ARMS:
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
-        self._commanded = self._home_action
-        self._ctrl_target = self._to_ctrl(self._home_action)
-        self.data.ctrl[:JOINT_ACTION_DIM] = self._ctrl_target
+        self._commanded = self._previous = self._home_action
+        self.data.ctrl[GRIPPERS] = self.arm_pair.finger_travel_m
         self.ticks = 0
         self._latched_unstable = False
         self._refresh()
@@ -152,18 +154,21 @@ class Scene(SceneView):
     def tick(self, joint_action: ArrayLike) -> None:
         """Advance one control tick of 50 ms.
 
-        Arm targets go linearly from the last action to this one, advanced by the servos' lag so that the arms
-        follow without delay; grippers get their new target at once.
+        Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is
+        continuous, and their acceleration within a tick is that which the last three actions tell. They are advanced
+        by what the servos lag for velocity and inertia, so that the arms follow them without delay. Finger
+        targets go to where they are sent at the fingers' speed.
 
         Args:
             joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
         """
-        self._commanded = np.array(joint_action, dtype=np.float32)
-        target = self._to_ctrl(self._commanded)
-        rows = self._ctrl_rows
-        np.multiply(self._ctrl_ramp, target - self._ctrl_target, out=rows)
-        rows += self._ctrl_target
-        self._ctrl_target = target
+        before, last = self._previous, self._commanded
+        new = np.array(joint_action, dtype=np.float32)
+        self._previous, self._commanded = last, new
+        old_change, new_change = last - before.astype(np.float64), new - last.astype(np.float64)
+        rows = self._old_share * old_change + self._new_share * new_change
+        rows += before + 0.5 * old_change + self._inertia_lead((new_change - old_change) / TICK_S**2)
+        rows[:, GRIPPERS] = self._finger_ramp(new[GRIPPERS])
         # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
         commands, ctrl = rows.tobytes(), self._ctrl_bytes
         model, data, step = self.model, self.data, mujoco.mj_step
@@ -198,6 +203,7 @@ class Scene(SceneView):
         digest = hashlib.sha256(self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
+        digest.update(self._previous.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
         return digest.hexdigest()
@@ -208,6 +214,7 @@ class Scene(SceneView):
             physics=self._physics_state(),
             sleep=tuple(copy.copy(getattr(self.data, field)) for field in SLEEP_FIELDS),
             commanded=self._commanded.copy(),
+            previous=self._previous.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
             ticks=self.ticks,
             unstable=self.unstable,
@@ -219,8 +226,7 @@ class Scene(SceneView):
             getattr(self.model, field)[:] = values
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
-        self._commanded = state.commanded.copy()
-        self._ctrl_target = self._to_ctrl(self._commanded)
+        self._commanded, self._previous = state.commanded.copy(), state.previous.copy()
         self.ticks = state.ticks
         self._latched_unstable = state.unstable
         self._refresh()
@@ -236,7 +242,7 @@ class Scene(SceneView):
     # -- internals ----------------------------------------------------------------------------------------
 
     def _index_actuators(self) -> None:
-        """Make sure that the first actuators are those of the joint action, and keep how it becomes commands."""
+        """Make sure that the first actuators are those of the joint action."""
         pair = self.arm_pair
         order = [self.model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
         if order != list(range(JOINT_ACTION_DIM)):
@@ -244,21 +250,38 @@ class Scene(SceneView):
                 f"arm actuators must come first, in the order of the joint action; got ids {order}"
             )
         self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
-        self._ctrl_scale = np.ones(JOINT_ACTION_DIM)
-        self._ctrl_scale[GRIPPERS] = pair.gripper_ctrl(1.0) - pair.gripper_ctrl(0.0)
-        self._ctrl_offset = np.zeros(JOINT_ACTION_DIM)
-        self._ctrl_offset[GRIPPERS] = pair.gripper_ctrl(0.0)
 
-    def _make_ctrl_ramp(self) -> NDArray[np.float64]:
-        """(25, 16) share of a tick's change of target that is commanded at each physics step."""
-        linear = np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK
-        ramp = np.repeat((linear + self.arm_pair.servo_lead_s / TICK_S)[:, None], JOINT_ACTION_DIM, axis=1)
-        ramp[:, GRIPPERS] = 1.0
-        return ramp
+    def _make_spline_shares(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(25, 1) shares of the last and of the new change of action in the command at each physics step.
 
-    def _to_ctrl(self, joint_action: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Actuator targets (16,) of a joint action."""
-        return joint_action * self._ctrl_scale + self._ctrl_offset
+        The B-spline starts a tick in the middle between the last two actions; its velocity goes from the last to the
+        new change of action per tick.
+        """
+        u = (np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK)[:, None]
+        lead = self.arm_pair.servo_lead_s / TICK_S
+        return u - u**2 / 2 + lead * (1 - u), u**2 / 2 + lead * u
+
+    def _inertia_lead(self, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far (16,) the servos' targets have to lie ahead, so that they give an acceleration (16,) of the arms."""
+        arms = by_arm(acceleration)[:, :-1]
+        generalised, force = np.zeros(self.model.nv), np.empty(self.model.nv)
+        generalised[self._joint_dofs] = arms
+        mujoco.mj_mulM(self.model, self.data, force, generalised)
+        lead = np.zeros_like(acceleration)
+        by_arm(lead)[:, :-1] = force[self._joint_dofs] / self.arm_pair.position_gain_nm_rad
+        return lead
+
+    def _finger_ramp(self, openings: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Finger travels (25, 2) in m that are commanded on the way to openings (2,), at the fingers' speed.
+
+        The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
+        have to take back at first how hard it pressed.
+        """
+        target = self.arm_pair.finger_target_m(openings.astype(np.float64))
+        last, fingers = self.data.ctrl[GRIPPERS], self.data.qpos[self._finger_qpos].mean(axis=1)
+        start = np.where(target < fingers, np.minimum(last, fingers), np.maximum(last, fingers))
+        reach = self.arm_pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)[:, None]
+        return start + np.clip(target - start, -reach, reach)
 
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""

@@ -3,60 +3,87 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_env_bimanual.motion.time_law import (
-    CONTACT_SPEED,
-    FREE_SPEED,
-    MIN_DURATION_S,
-    JointPath,
-    minimum_jerk,
-    tick_fractions,
-)
+from lerobot_env_bimanual.motion.joint_path import JointPath
+from lerobot_env_bimanual.motion.pace import CONTACT, FREE, Pace
+from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 HOME = PANDA_PAIR.home_joints
+JOINTS = PANDA_PAIR.joint_limits
 BOTH = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
-STILL = JointPath.even(np.stack([HOME, HOME]))
+STILL = JointPath(np.stack([HOME, HOME]))
 
 
-def _swing(*angles: float) -> JointPath:
+def swing(*angles: float) -> JointPath:
     """A path that only turns the first joint."""
-    return JointPath.even(np.array([[angle, *HOME[1:]] for angle in angles]))
+    return JointPath(np.array([[angle, *HOME[1:]] for angle in angles]))
 
 
-def test_the_law_rests_at_both_ends_and_never_goes_back():
-    shares = minimum_jerk(np.linspace(0, 1, 101))
-    assert (shares[0], shares[-1]) == (0, 1)
-    assert (np.diff(shares) > 0).all()
-    assert shares[1] < 1e-4
-    assert shares[-2] > 1 - 1e-4
+def law(left: JointPath, right: JointPath = STILL, pace: Pace = FREE) -> np.ndarray:
+    return tick_fractions([left, right], BOTH, [pace.limits(JOINTS)] * 2)
 
 
-@pytest.mark.parametrize("limits", [FREE_SPEED, CONTACT_SPEED])
-@pytest.mark.parametrize("path", [_swing(0, 1.5), _swing(0, 0.1, 1.2, 1.3), _swing(0, -0.4)])
-def test_neither_joints_nor_tip_exceed_their_peak_speed(path, limits):
-    fractions = tick_fractions([path, STILL], BOTH, [limits, limits])
-    joints = np.concatenate([path.knots[:1], path.at(fractions)])
+def rates(joints: np.ndarray) -> list[np.ndarray]:
+    """Velocity, acceleration, and its step from tick to tick, of a motion from rest to rest."""
+    at_rest = np.concatenate([np.repeat(joints[:1], 2, axis=0), joints, np.repeat(joints[-1:], 2, axis=0)])
+    return [
+        np.abs(np.diff(at_rest, n=order, axis=0)).max(axis=0) * CONTROL_HZ ** min(order, 2)
+        for order in (1, 2, 3)
+    ]
+
+
+def random_path(rng: np.random.Generator) -> JointPath:
+    """A winding path with up to seven knots."""
+    steps = rng.uniform(-0.4, 0.4, size=(rng.integers(1, 7), 7))
+    return JointPath(np.cumsum(np.concatenate([HOME[None], steps]), axis=0))
+
+
+@pytest.mark.parametrize("pace", [FREE, CONTACT])
+@pytest.mark.parametrize("seed", range(10))
+def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
+    rng = np.random.default_rng(seed)
+    paths = [random_path(rng), random_path(rng)]
+    fractions = law(*paths, pace)
+    assert (np.diff(fractions) >= 0).all()
+    assert fractions[-1] == 1.0
+    for path in paths:
+        velocity, acceleration, step = rates(path.at(np.append(0.0, fractions)))
+        assert (velocity <= 1.001 * pace.velocity_share * JOINTS.velocity_rad_s).all()
+        assert (acceleration <= 1.001 * pace.acceleration_share * JOINTS.acceleration_rad_s2).all()
+        assert (step <= 1.001 * pace.acceleration_share * JOINTS.jerk_rad_s3 * 0.002).all()
+
+
+@pytest.mark.parametrize("pace", [FREE, CONTACT])
+@pytest.mark.parametrize("path", [swing(0, 1.5), swing(0, 0.1, 1.2, 1.3), swing(0, -0.4)])
+def test_the_tip_keeps_its_greatest_speed(path, pace):
+    joints = path.at(np.append(0.0, law(path, pace=pace)))
     tips = np.array([BOTH[0].fk(posture)[:3, 3] for posture in joints])
-    assert (np.diff(fractions) > 0).all()
-    assert np.abs(np.diff(joints, axis=0)).max() * CONTROL_HZ < 1.01 * limits.joint_rad_s
-    assert np.linalg.norm(np.diff(tips, axis=0), axis=1).max() * CONTROL_HZ < 1.01 * limits.tip_m_s
+    assert np.linalg.norm(np.diff(tips, axis=0), axis=1).max() * CONTROL_HZ < 1.02 * pace.tip_m_s
 
 
-def test_a_hasty_stretch_does_not_slow_down_the_whole_motion():
-    slow = tick_fractions([_swing(0, 0.5, 1.0), STILL], BOTH, [FREE_SPEED] * 2)
-    uneven = JointPath(np.array([0.0, 0.1, 1.0]), _swing(0, 0.5, 1.0).knots)
-    assert len(tick_fractions([uneven, STILL], BOTH, [FREE_SPEED] * 2)) <= len(slow) + 1
+def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must():
+    path, pace = swing(0, 2.0), Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
+    speed, push = 0.5 * JOINTS.velocity_rad_s[0], 0.2 * JOINTS.acceleration_rad_s2[0]
+    fastest_s = 2.0 / speed + speed / push
+    ticks = len(law(path, pace=pace))
+    assert fastest_s * CONTROL_HZ < ticks <= (fastest_s + SMOOTHING_S) * CONTROL_HZ + 2
+    velocity = rates(path.at(np.append(0.0, law(path, pace=pace))))[0][0]
+    assert velocity > 0.97 * speed
 
 
 def test_the_slower_arm_decides_the_duration():
-    short, long = _swing(0, 0.2), _swing(0, 1.0)
-    alone = tick_fractions([long, STILL], BOTH, [FREE_SPEED] * 2)
-    assert len(tick_fractions([long, short], BOTH, [FREE_SPEED] * 2)) == len(alone)
-    assert len(tick_fractions([short, long], BOTH, [FREE_SPEED] * 2)) == len(alone)
+    short, long = swing(0, 0.2), swing(0, 1.0)
+    assert len(law(long, short)) == len(law(short, long)) == len(law(long))
 
 
-def test_the_shortest_motion_takes_its_least_duration_and_ends_exactly():
-    for path in (STILL, _swing(0, 1e-3)):
-        fractions = tick_fractions([path, STILL], BOTH, [FREE_SPEED] * 2)
-        assert len(fractions) == round(MIN_DURATION_S * CONTROL_HZ)
-        assert np.array_equal(path.at(fractions)[-1], path.knots[-1])
+def test_the_law_starts_and_ends_gently():
+    steps = np.diff(np.append(0.0, law(swing(0, 1.0))))
+    assert steps[0] < 0.3 * steps.max()
+    assert steps[-1] < 0.3 * steps.max()
+
+
+def test_arms_that_stand_still_take_no_time_and_a_small_step_a_moment():
+    assert len(law(STILL)) == 0
+    small = swing(0, 1e-3)
+    assert 1 <= len(law(small)) <= 5
+    assert np.array_equal(small.at(law(small))[-1], small.knots[-1])

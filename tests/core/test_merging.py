@@ -1,0 +1,102 @@
+"""Merging gives what LeRobot's own function gives, and takes no file of the sources away."""
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from lerobot.datasets.aggregate import aggregate_datasets
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.content_hash import content_hash
+from lerobot_bimanual.dataset.merging import merge_datasets
+from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
+from lerobot_bimanual.errors import DatasetError
+
+CAMERAS = ("front", "left_wrist")
+SIZE = (24, 32)
+
+
+@pytest.fixture(params=schema.VIEWS)
+def sources(request, make_episode, tmp_path) -> list[Path]:
+    """Three datasets of one, two and one episodes, with two sentences."""
+    folders = []
+    for name, seeds in (("a", (0,)), ("b", (1, 2)), ("c", (3,))):
+        folders.append(tmp_path / name)
+        with ViewWriter(folders[-1], "local/part", request.param, CAMERAS, *SIZE, (0.5,)) as writer:
+            for seed in seeds:
+                write_episode(make_episode(seed), [writer])
+    return folders
+
+
+def contents(root: Path) -> dict[str, object]:
+    """What every file says, by its path: values and row groups of tables, JSON, bytes of videos."""
+    found = {}
+    for path in sorted(root.rglob("*")):
+        if path.suffix == ".parquet":
+            file = pq.ParquetFile(path)
+            groups = [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
+            found[str(path.relative_to(root))] = file.read().to_pydict(), groups
+        elif path.suffix == ".json":
+            found[str(path.relative_to(root))] = json.loads(path.read_text())
+        elif path.is_file():
+            found[str(path.relative_to(root))] = path.read_bytes()
+    return found
+
+
+def of_lerobot(sources: list[Path], root: Path) -> dict[str, object]:
+    aggregate_datasets(
+        ["local/part"] * len(sources),
+        "local/whole",
+        roots=sources,
+        aggr_root=root,
+        concatenate_videos=False,
+        concatenate_data=False,
+    )
+    return contents(root)
+
+
+def test_the_result_is_that_of_lerobot(sources, tmp_path) -> None:
+    merge_datasets(sources, tmp_path / "ours")
+    ours, theirs = contents(tmp_path / "ours"), of_lerobot(sources, tmp_path / "theirs")
+    assert ours.keys() == theirs.keys()
+    for path in ours:
+        assert ours[path] == theirs[path], path
+    assert content_hash(tmp_path / "ours") == content_hash(tmp_path / "theirs")
+
+
+def test_tables_keep_their_types(sources, tmp_path) -> None:
+    """LeRobot's function loses the lengths of vectors on the way."""
+    merge_datasets(sources, tmp_path / "whole")
+    for kind in ("data", "meta/episodes"):
+        wanted = pq.read_schema(next(sources[0].glob(f"{kind}/*/*.parquet")))
+        features = json.loads((wanted.metadata or {}).get(b"huggingface", b"{}")).get("info")
+        for path in (tmp_path / "whole").glob(f"{kind}/*/*.parquet"):
+            found = pq.read_schema(path)
+            assert found.equals(wanted)
+            if features:
+                assert json.loads(found.metadata[b"huggingface"]) == {"info": features}
+
+
+def test_what_is_merged_can_be_merged_again(sources, tmp_path) -> None:
+    merge_datasets(sources[:2], tmp_path / "first")
+    merge_datasets([tmp_path / "first", sources[2]], tmp_path / "again")
+    merge_datasets(sources, tmp_path / "at once")
+    again, at_once = contents(tmp_path / "again"), contents(tmp_path / "at once")
+    again.pop("meta/stats.json"), at_once.pop("meta/stats.json")  # averages of averages
+    assert again == at_once
+
+
+def test_the_sources_stay_as_they_are(sources, tmp_path) -> None:
+    before = [contents(source) for source in sources]
+    merge_datasets(sources, tmp_path / "whole")
+    assert [contents(source) for source in sources] == before
+
+
+def test_datasets_of_different_features_are_refused(sources, make_episode, tmp_path) -> None:
+    view = "frames" if any(sources[0].rglob("*.mp4")) else "keyframes"
+    with ViewWriter(tmp_path / "d", "local/part", view, CAMERAS[:1], *SIZE) as writer:
+        write_episode(make_episode(4), [writer])
+    with pytest.raises(DatasetError, match="differ in features"):
+        merge_datasets([*sources, tmp_path / "d"], tmp_path / "whole")
+    assert not (tmp_path / "whole").exists()

@@ -1,0 +1,46 @@
+import numpy as np
+
+from lerobot_bimanual.arms import Arm
+from lerobot_env_bimanual.motion.joint_path import JointPath
+from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+
+HOME = PANDA_PAIR.home_joints
+WAVE = np.stack([HOME + 0.3 * np.sin(turn) for turn in np.linspace(0, 2, 8)])
+
+
+def test_a_path_goes_exactly_through_its_knots():
+    assert np.array_equal(JointPath(WAVE).at(np.linspace(0, 1, 8))[[0, -1]], WAVE[[0, -1]])
+    assert np.abs(JointPath(WAVE).at(np.linspace(0, 1, 8)) - WAVE).max() < 1e-12
+
+
+def test_two_knots_are_joined_by_a_straight_way():
+    ends = WAVE[[0, 4]]
+    share = np.linspace(0, 1, 11)[:, None]
+    assert np.abs(JointPath(ends).at(share[:, 0]) - (ends[0] + share * (ends[1] - ends[0]))).max() < 1e-12
+
+
+def test_neither_velocity_nor_acceleration_jumps_at_a_knot():
+    step = 1e-3
+    ways = JointPath(WAVE).at(np.arange(0, 1 + step / 2, step))
+    curvature = np.diff(ways, n=2, axis=0) / step**2
+    assert np.abs(np.diff(curvature, axis=0)).max() < 0.02 * np.abs(curvature).max()
+
+
+def test_a_path_along_a_straight_line_keeps_the_hand_on_it():
+    kinematics = PANDA_PAIR.kinematics[Arm.LEFT]
+    start = kinematics.fk(HOME)
+    target = start.copy()
+    target[:3, 3] += (0.15, 0.2, -0.25)
+    (knots,) = straight_lines([LineRequest(kinematics, HOME, target)])
+    assert knots is not None
+    way = (target - start)[:3, 3]
+    shifts = np.array([kinematics.fk(q)[:3, 3] for q in JointPath(knots).at(np.linspace(0, 1, 200))])
+    shifts -= start[:3, 3]
+    aside = shifts - np.outer(shifts @ way, way) / (way @ way)
+    assert np.linalg.norm(aside, axis=1).max() < 1e-4
+
+
+def test_a_path_of_equal_knots_is_still():
+    assert JointPath(np.stack([HOME, HOME])).is_still
+    assert not JointPath(WAVE).is_still
