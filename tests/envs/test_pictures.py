@@ -9,6 +9,7 @@ from lerobot_env_bimanual.pictures.layout import (
     GAP,
     GREEN,
     PANEL_WIDTH,
+    SEAM,
     Panel,
     contact_sheet,
     gallery,
@@ -55,6 +56,14 @@ def test_a_contact_sheet_starts_every_row_at_the_left_and_has_room_for_its_title
 
 def test_few_panels_make_a_narrow_sheet() -> None:
     assert gallery([red(), red()]).width == 2 * PITCH[1] + GAP
+
+
+def test_a_second_picture_stands_beside_the_first_at_its_height() -> None:
+    green = np.full((20, 20, 3), GREEN, dtype=np.uint8)
+    image = np.asarray(gallery([red(beside=green)]))
+    assert image.shape[1] == 2 * GAP + PANEL_WIDTH + SEAM + 300
+    assert (image[GAP : GAP + 300, GAP : GAP + PANEL_WIDTH] == RED_RGB).all()
+    assert (image[GAP : GAP + 300, GAP + PANEL_WIDTH + SEAM : -GAP] == GREEN).all()
 
 
 def test_text_stands_below_the_picture_and_color_frames_it() -> None:

@@ -1,7 +1,7 @@
 """How a Panda looks: white shells, dark lids on its joints, the wide hand and its tapering fingers.
 
-The shells are seen and nothing else; what collides are the plain shapes of `panda.py`, which they follow to within about
-a centimetre. Each is the convex hull of a few drums, which blends a joint's housing into the tube of its link as the real
+The shells are seen and nothing else; what collides are the plain shapes of `panda.py`, out of which they stand by 20 mm
+at most. Each is the convex hull of a few drums, which blends a joint's housing into the tube of its link as the real
 covers do: light meshes of our own making, drawn by eye.
 """
 
@@ -119,13 +119,17 @@ LINKS = (
     ),
     (
         Shell(
-            (Drum((0, 0, -0.261), (0, 0, -0.215), 0.057), Drum((0, 0.062, -0.125), (0, 0.066, -0.105), 0.036))
+            (Drum((0, 0, -0.261), (0, 0, -0.215), 0.057), Drum((0, 0.062, -0.150), (0, 0.066, -0.130), 0.035))
         ),
         Shell(
-            (Drum((0, 0.062, -0.150), (0, 0.064, -0.125), 0.036), Drum((0, 0.045, 0), (0, 0.105, 0), 0.040))
+            (
+                Drum((0, 0.062, -0.170), (0, 0.066, -0.140), 0.035),
+                Drum((0, 0.066, -0.090), (0, 0.068, -0.065), 0.033),
+                Drum((0, 0.010, 0), (0, 0.064, 0), 0.044),
+            )
         ),
-        Shell((Drum((0, -0.040, 0), (0, 0.060, 0), 0.045),)),
-        _lids((0, -0.044, 0), (0, 0.108, 0), 0.036),
+        Shell((Drum((0, -0.040, 0), (0, 0.050, 0), 0.045),)),
+        _lids((0, -0.044, 0), (0, 0.069, 0), 0.037),
     ),
     (
         Shell(
