@@ -24,7 +24,7 @@ own value counts against table, arms and furniture where it is at least this.
 
 TABLE_CENTRE_XY_M = (0.27, 0.0)
 TABLE_HALF_SIZE_M = (0.75, 0.65, 0.025)
-LEG_RADIUS_M = 0.03
+LEG_HALF_SIDE_M = 0.03
 LEG_INSET_M = 0.08
 
 ROOM_HALF_SIDE_M = 2.6
@@ -159,8 +159,8 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     for side_x in (-1, 1):
         for side_y in (-1, 1):
             world.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-                size=(LEG_RADIUS_M, leg_height / 2, 0),
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=(LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2),
                 pos=(
                     centre_x + side_x * (half_x - LEG_INSET_M),
                     centre_y + side_y * (half_y - LEG_INSET_M),

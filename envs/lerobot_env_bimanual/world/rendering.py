@@ -40,10 +40,10 @@ class Quality:
     quads: int
 
 
-# On a software rasteriser shadows and anti-aliasing each cost several times the image itself. Twenty facets keep
-# the largest prop, a ball of 30 cm, round to 2 mm and cost a quarter less than MuJoCo's 28.
+# On a software rasteriser shadows and anti-aliasing each cost several times the image itself. Twenty-four facets keep
+# the largest prop, a ball of 30 cm, round to 1.3 mm.
 QUALITIES = {
-    "observation": Quality(samples=0, shadow_map_size=0, slices=20, quads=2),
+    "observation": Quality(samples=0, shadow_map_size=0, slices=24, quads=2),
     "high": Quality(samples=4, shadow_map_size=4096, slices=48, quads=8),
 }
 
