@@ -131,6 +131,16 @@ def test_the_cameras_see_the_whole_placement_area(scene):
     assert (inside["left_shoulder"] | inside["right_shoulder"]).all()
 
 
+@pytest.mark.parametrize("camera", FIXED)
+def test_at_home_both_hands_are_wholly_in_every_fixed_view(scene, camera):
+    extrinsics, intrinsics = cameras_of(scene)
+    for arm in Arm:
+        hand_m = [scene.data.geom(geom).xpos for geom in (f"{arm}_pad1", f"{arm}_pad2")]
+        hand_m.append(scene.data.body(f"{arm}_hand").xpos)
+        pixels = project(hand_m, intrinsics[camera], extrinsics[camera])
+        assert np.all((pixels[:, :2] > 0) & (pixels[:, :2] < SIZE))
+
+
 def test_at_home_each_hand_s_camera_sees_the_table_and_its_own_fingertips(scene, images):
     extrinsics, intrinsics = cameras_of(scene)
     for arm in Arm:

@@ -12,7 +12,7 @@ from PIL import Image
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.render import RenderConfig, render
-from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
+from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH, SEAM
 from lerobot_env_bimanual.pictures.shooting import CLEAREST
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.workers import WorkerPool
@@ -74,7 +74,7 @@ def test_two_tasks_make_a_gallery(small) -> None:
         "dual_push_buttons.png",
         "tasks.jpg",
     }
-    assert Image.open(config.output / "tasks.jpg").width == 2 * (PANEL_WIDTH + GAP) + GAP
+    assert Image.open(config.output / "tasks.jpg").width == 2 * (PANEL_WIDTH + SEAM + 300 + GAP) + GAP
 
 
 @pytest.mark.parametrize(
@@ -105,4 +105,4 @@ def test_all_tasks_are_drawn(small) -> None:
     render(config)
     sheets = {path.stem for path in config.output.glob("*.png")}
     assert sheets == set(list_tasks())
-    assert 50_000 < (config.output / "tasks.jpg").stat().st_size < 400_000
+    assert 50_000 < (config.output / "tasks.jpg").stat().st_size < 800_000

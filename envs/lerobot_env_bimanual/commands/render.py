@@ -37,7 +37,8 @@ def render(config: RenderConfig) -> None:
     """Draw the experts at work: a contact sheet and a film per task, and a gallery of several.
 
     For each task, one episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4.
-    Several tasks make a gallery tasks.jpg, one picture each.
+    Several tasks make a gallery tasks.jpg: a close-up of each in the chosen quality and, beside it, the camera's whole
+    image as policies get it.
 
     An expert that does not solve its episode is an error, but its pictures are there to look at.
 
@@ -96,4 +97,8 @@ def _orders(config: RenderConfig) -> list[Order]:
 def _write_gallery(shots: Sequence[Shot], path: Path) -> None:
     from lerobot_env_bimanual.pictures.layout import Panel, gallery
 
-    gallery([Panel(shot.thumbnail, shot.outcome.task) for shot in shots]).save(path, quality=85)
+    panels = [
+        Panel(shot.thumbnail, shot.outcome.task, note="what policies see", beside=shot.policy_view)
+        for shot in shots
+    ]
+    gallery(panels).save(path, quality=85)

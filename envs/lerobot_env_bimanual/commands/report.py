@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,21 @@ hands move, the correlation of their speeds, and how alike their motions are whe
 one follows the other).
 
 {coupling}
+{visibility}"""
+
+VISIBILITY = """\
+
+## What the cameras see
+
+Written by `scripts/visibility.py` from {split} seeds {seeds}. The *target* of an arm is the part of an object, within
+{near_cm:.0f} cm, that its fingers are next to at the end of a move; it counts as seen in a view before that move if at least
+{pixels} of {size} x {size} pixels show it. What a hand carries is its target only if the hand brings it to nothing else.
+
+{targets}
+
+Pixels of the objects in each view, medians: at the start / over the start and all keyposes but the last.
+
+{objects}
 """
 
 
@@ -73,6 +89,9 @@ class ReportConfig:
     """Options of the verb `report`."""
 
     certificates: Path = Path("results/certificates")  # folder of the files that `certify` has written
+    visibility: Path = Path(
+        "results/visibility.json"
+    )  # what `scripts/visibility.py` has written, if it is there
     output: Path | None = None  # Markdown file; without it the page is printed
 
 
@@ -108,5 +127,27 @@ def report(config: ReportConfig) -> None:
         strain=tables.strain_table(certified),
         paper=tables.paper_table(certified),
         coupling=tables.coupling_table(certified),
+        visibility=_visibility(config.visibility, expert.worlds) if config.visibility.exists() else "",
     )
     write_page(page, config.output)
+
+
+def _visibility(path: Path, worlds: Mapping[str, str]) -> str:
+    from lerobot_bimanual.errors import BimanualError
+    from lerobot_env_bimanual.pictures.visibility import IMAGE_SIZE, MIN_PIXELS, NEAR_M
+    from lerobot_env_bimanual.reports.visibility import Visibility, pixels_table, targets_table
+
+    visibility = Visibility.read(path)
+    if visibility.worlds != worlds:
+        raise BimanualError(
+            f"{path} was measured in other worlds than the certificates; run scripts/visibility.py again"
+        )
+    return VISIBILITY.format(
+        split=visibility.split,
+        seeds=visibility.seeds,
+        near_cm=100 * NEAR_M,
+        pixels=MIN_PIXELS,
+        size=IMAGE_SIZE,
+        targets=targets_table(visibility),
+        objects=pixels_table(visibility),
+    )

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 PANEL_WIDTH = 400
 CAPTION_HEIGHT = 34
 GAP = 16
+SEAM = 4
 TITLE_SIZE = 34
 TEXT_SIZE = 21
 CAPTION_SIZE = 19
@@ -25,19 +26,21 @@ RED = (196, 38, 34)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A picture with a line of text below it.
+    """A picture, perhaps a second one beside it, with a line of text below.
 
     Attributes:
         rgb: (height, width, 3) uint8; all panels of a sheet have the same shape.
         caption: the line, from the left.
         note: a remark at the line's right end.
         color: RGB of both texts; coloured ones get a frame of the same colour.
+        beside: (height, width, 3) uint8, the second picture; it is brought to the height of the first.
     """
 
     rgb: NDArray[np.uint8]
     caption: str
     note: str = ""
     color: tuple[int, int, int] = INK
+    beside: NDArray[np.uint8] | None = None
 
 
 def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], columns: int = 4) -> Image.Image:
@@ -55,7 +58,7 @@ def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], col
     return sheet
 
 
-def gallery(panels: Sequence[Panel], columns: int = 5) -> Image.Image:
+def gallery(panels: Sequence[Panel], columns: int = 3) -> Image.Image:
     """Panels in rows; a last row that is not full stands in the middle."""
     return _grid(panels, columns, centred=True)
 
@@ -75,15 +78,22 @@ def _grid(panels: Sequence[Panel], columns: int, centred: bool) -> Image.Image:
 
 
 def _draw_panel(panel: Panel) -> Image.Image:
-    picture = Image.fromarray(panel.rgb)
-    height = round(PANEL_WIDTH * picture.height / picture.width)
-    framed = Image.new("RGB", (PANEL_WIDTH, height + CAPTION_HEIGHT), PAPER)
-    framed.paste(picture.resize((PANEL_WIDTH, height), Image.Resampling.LANCZOS))
+    first = Image.fromarray(panel.rgb)
+    height = round(PANEL_WIDTH * first.height / first.width)
+    pictures = [first.resize((PANEL_WIDTH, height), Image.Resampling.LANCZOS)]
+    if panel.beside is not None:
+        second = Image.fromarray(panel.beside)
+        width = round(height * second.width / second.height)
+        pictures.append(second.resize((width, height), Image.Resampling.LANCZOS))
+    width = sum(picture.width for picture in pictures) + SEAM * (len(pictures) - 1)
+    framed = Image.new("RGB", (width, height + CAPTION_HEIGHT), PAPER)
+    framed.paste(pictures[0])
+    framed.paste(pictures[-1], (width - pictures[-1].width, 0))
     draw, font = ImageDraw.Draw(framed), ImageFont.load_default(CAPTION_SIZE)
     if panel.color != INK:
-        draw.rectangle((0, 0, PANEL_WIDTH - 1, height - 1), outline=panel.color, width=4)
+        draw.rectangle((0, 0, width - 1, height - 1), outline=panel.color, width=4)
     baseline = height + CAPTION_HEIGHT - 9
     draw.text((2, baseline), panel.caption, fill=panel.color, font=font, anchor="ls")
     note_color = GREY if panel.color == INK else panel.color
-    draw.text((PANEL_WIDTH - 2, baseline), panel.note, fill=note_color, font=font, anchor="rs")
+    draw.text((width - 2, baseline), panel.note, fill=note_color, font=font, anchor="rs")
     return framed

@@ -79,10 +79,12 @@ class Shot:
     Attributes:
         outcome: of the episode.
         thumbnail: (height, width, 3) uint8, a close-up that shows what the task is about.
+        policy_view: (256, 256, 3) uint8, the same moment as the camera shows it to policies.
     """
 
     outcome: Outcome
     thumbnail: NDArray[np.uint8]
+    policy_view: NDArray[np.uint8]
 
 
 def shoot(order: Order) -> Shot:
@@ -126,9 +128,13 @@ def _shoot(order: Order) -> Shot:
         contact_sheet(order.task, (env.task_description, _imprint(outcome, camera)), panels).save(order.sheet)
         if order.film:
             _film(order, map(image, range(len(states))))
-        thumbnail = close_up(env.scene, camera, image(round(THUMBNAIL_MOMENT * outcome.ticks)))
+        moment = round(THUMBNAIL_MOMENT * outcome.ticks)
+        thumbnail = close_up(env.scene, camera, image(moment))
+    with Renderer(env.scene, (camera,)) as renderer:  # in the size and quality of observations
+        env.scene.restore_state(states[moment])
+        policy_view = renderer.render()[camera][0]
     env.close()
-    return Shot(outcome, thumbnail)
+    return Shot(outcome, thumbnail, policy_view)
 
 
 def _imprint(outcome: Outcome, camera: str) -> str:

@@ -8,6 +8,9 @@ from lerobot_env_bimanual.gl import mujoco
 VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "group": 2})
 """Settings of a geom that is seen but neither touches nor weighs anything."""
 
+UNSEEN = MappingProxyType({"group": 3})
+"""Settings of a geom that touches but is not drawn."""
+
 
 class Prop(Protocol):
     """A thing in the scene: a small frozen dataclass of sizes that can write itself into a model."""

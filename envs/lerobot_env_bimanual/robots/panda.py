@@ -3,7 +3,7 @@
 Kinematics are the modified Denavit-Hartenberg parameters of the Franka Control Interface documentation. Masses,
 centres of mass and inertias of the links are those identified by Gaz et al., "Dynamic Identification of the
 Franka Emika Panda Robot With Retrieval of Feasible Parameters", RA-L 2019. Shapes are our own: capsules,
-cylinders and boxes sized by eye to the real covers, so that collision checks are cheap and no mesh is needed.
+cylinders and boxes sized by eye to the real covers, so that collision checks are cheap. They are not drawn: what is seen stands in `panda_looks.py`.
 """
 
 import numpy as np
@@ -11,7 +11,9 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import UNSEEN
+from lerobot_env_bimanual.robots import panda_looks
+from lerobot_env_bimanual.robots.panda_looks import add_looks
 
 LINK_OFFSET_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
 LINK_LENGTH_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -72,56 +74,46 @@ LINK_INERTIA = (
     (1.2516e-2, 1.0027e-2, 4.815e-3, -4.28e-4, -1.196e-3, -7.41e-4),
 )
 
-WHITE = (0.93, 0.94, 0.95, 1.0)
-DARK = (0.22, 0.22, 0.24, 1.0)
-
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 
-# Round covers of each link in its own frame: shape, radius, and the two ends of its axis.
+# What collides of each link, in its own frame: shape, radius, and the two ends of its axis.
 BASE_COVERS = (
-    (CYLINDER, 0.075, (0, 0, 0), (0, 0, 0.14), WHITE),
-    (CAPSULE, 0.06, (0, 0, 0.10), (0, 0, 0.16), WHITE),
+    (CYLINDER, 0.075, (0, 0, 0), (0, 0, 0.14)),
+    (CAPSULE, 0.06, (0, 0, 0.10), (0, 0, 0.16)),
 )
 LINK_COVERS = (
     (
-        (CAPSULE, 0.06, (0, 0, -0.17), (0, 0, -0.06), WHITE),
-        (CYLINDER, 0.062, (0, -0.06, 0), (0, 0.06, 0), WHITE),
+        (CAPSULE, 0.06, (0, 0, -0.17), (0, 0, -0.06)),
+        (CYLINDER, 0.062, (0, -0.06, 0), (0, 0.06, 0)),
     ),
     (
-        (CYLINDER, 0.06, (0, 0, -0.06), (0, 0, 0.06), WHITE),
-        (CAPSULE, 0.058, (0, -0.10, 0), (0, -0.19, 0), WHITE),
+        (CYLINDER, 0.06, (0, 0, -0.06), (0, 0, 0.06)),
+        (CAPSULE, 0.058, (0, -0.10, 0), (0, -0.19, 0)),
     ),
     (
-        (CAPSULE, 0.056, (0, 0, -0.12), (0, 0, -0.06), WHITE),
-        (CYLINDER, 0.055, (0.0825, -0.055, 0), (0.0825, 0.055, 0), WHITE),
+        (CAPSULE, 0.056, (0, 0, -0.12), (0, 0, -0.06)),
+        (CYLINDER, 0.055, (0.0825, -0.055, 0), (0.0825, 0.055, 0)),
     ),
     (
-        (CYLINDER, 0.054, (0, 0, -0.055), (0, 0, 0.055), WHITE),
-        (CAPSULE, 0.054, (-0.0825, 0.08, 0), (-0.0825, 0.12, 0), WHITE),
+        (CYLINDER, 0.054, (0, 0, -0.055), (0, 0, 0.055)),
+        (CAPSULE, 0.054, (-0.0825, 0.08, 0), (-0.0825, 0.12, 0)),
     ),
     (
-        (CAPSULE, 0.056, (0, 0, -0.26), (0, 0, -0.20), WHITE),
-        (CAPSULE, 0.035, (0, 0.07, -0.18), (0, 0.085, -0.05), WHITE),
-        (CYLINDER, 0.045, (0, -0.04, 0), (0, 0.05, 0), WHITE),
+        (CAPSULE, 0.056, (0, 0, -0.26), (0, 0, -0.20)),
+        (CAPSULE, 0.035, (0, 0.07, -0.18), (0, 0.085, -0.05)),
+        (CYLINDER, 0.045, (0, -0.04, 0), (0, 0.05, 0)),
     ),
     (
-        (CYLINDER, 0.045, (0, 0, -0.05), (0, 0, 0.02), WHITE),
-        (CAPSULE, 0.045, (0.088, -0.02, 0), (0.088, 0.05, 0), WHITE),
+        (CYLINDER, 0.045, (0, 0, -0.05), (0, 0, 0.02)),
+        (CAPSULE, 0.045, (0.088, -0.02, 0), (0.088, 0.05, 0)),
     ),
     (
-        (CAPSULE, 0.04, (0, 0, -0.03), (0, 0, 0.05), WHITE),
-        (CYLINDER, 0.043, (0, 0, 0.075), (0, 0, 0.107), DARK),
+        (CAPSULE, 0.04, (0, 0, -0.03), (0, 0, 0.05)),
+        (CYLINDER, 0.043, (0, 0, 0.075), (0, 0, 0.107)),
     ),
 )
-
-# Dark lids on both ends of a joint's housing, for the eye only, in the frame of the link that carries the housing.
-JOINT_LIDS = {
-    1: (CYLINDER, 0.057, (0, -0.063, 0), (0, 0.063, 0), DARK),
-    3: (CYLINDER, 0.051, (0.0825, -0.058, 0), (0.0825, 0.058, 0), DARK),
-    5: (CYLINDER, 0.041, (0, -0.043, 0), (0, 0.053, 0), DARK),
-}
 
 # The base with its first link, and the hand with its flange, touch by design. Everything else that can meet does so: a
 # hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
@@ -152,14 +144,18 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
         base: world pose of the mounting face.
     """
     body = spec.worldbody.add_body(name=f"{prefix}_base", pos=base.position, quat=base.quat_wxyz)
-    body.add_geom(type=BOX, size=(0.09, 0.07, 0.03), pos=(-0.05, 0, 0.03), rgba=WHITE)
+    body.add_geom(type=BOX, size=(0.09, 0.07, 0.03), pos=(-0.05, 0, 0.03), **UNSEEN)
     _add_covers(body, BASE_COVERS)
+    add_looks(spec, body, "panda_base", panda_looks.BASE)
     for index in range(7):
         body = _add_link(body, prefix, index)
+        add_looks(spec, body, f"panda_link{index + 1}", panda_looks.LINKS[index])
         _add_servo(spec, prefix, index)
     hand = _add_hand(body, prefix)
-    for finger, yaw in ((1, 0.0), (2, np.pi)):
-        _add_finger(hand, f"{prefix}_finger{finger}", f"{prefix}_pad{finger}", yaw)
+    add_looks(spec, hand, "panda_hand", panda_looks.HAND)
+    for side, yaw in ((1, 0.0), (2, np.pi)):
+        finger = _add_finger(hand, f"{prefix}_finger{side}", f"{prefix}_pad{side}", yaw)
+        add_looks(spec, finger, "panda_finger", panda_looks.FINGER)
     _add_wrist_camera(hand, f"{prefix}_wrist")
     _add_gripper(spec, prefix)
     for first, second in TOUCHING_BY_DESIGN + NEVER_MEETING:
@@ -167,9 +163,9 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     spec.add_exclude(bodyname1=f"{prefix}_finger1", bodyname2=f"{prefix}_finger2")
 
 
-def _add_covers(body, covers, **settings) -> None:
-    for shape, radius, start, end, rgba in covers:
-        body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), rgba=rgba, **settings)
+def _add_covers(body, covers) -> None:
+    for shape, radius, start, end in covers:
+        body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), **UNSEEN)
 
 
 def _add_link(parent, prefix: str, index: int):
@@ -197,8 +193,6 @@ def _add_link(parent, prefix: str, index: int):
         actfrcrange=(-TORQUE_LIMIT_NM[index], TORQUE_LIMIT_NM[index]),
     )
     _add_covers(link, LINK_COVERS[index])
-    if index + 1 in JOINT_LIDS:
-        _add_covers(link, [JOINT_LIDS[index + 1]], **VISUAL_ONLY)
     return link
 
 
@@ -224,12 +218,12 @@ def _add_hand(link7, prefix: str):
         inertia=(0.001, 0.0025, 0.0017),
         explicitinertial=True,
     )
-    hand.add_geom(type=BOX, size=(0.0316, 0.1025, PALM_M / 2), pos=(0, 0, PALM_M / 2), rgba=WHITE)
+    hand.add_geom(type=BOX, size=(0.0316, 0.1025, PALM_M / 2), pos=(0, 0, PALM_M / 2), **UNSEEN)
     hand.add_site(name=f"{prefix}_tcp", pos=(0, 0, TCP_M), size=(0.004, 0, 0), rgba=(1, 0, 0, 0))
     return hand
 
 
-def _add_finger(hand, name: str, pad: str, yaw: float) -> None:
+def _add_finger(hand, name: str, pad: str, yaw: float):
     finger = hand.add_body(
         name=name,
         pos=(0, 0, FINGER_MOUNT_M),
@@ -250,21 +244,22 @@ def _add_finger(hand, name: str, pad: str, yaw: float) -> None:
         armature=JOINT_ARMATURE,
         damping=FINGER_DAMPING,
     )
-    finger.add_geom(type=BOX, size=(0.0105, 0.007, 0.011), pos=(0, 0.0145, 0.011), rgba=WHITE)
-    finger.add_geom(type=BOX, size=(0.0085, 0.006, 0.016), pos=(0, 0.008, 0.031), rgba=WHITE)
+    finger.add_geom(type=BOX, size=(0.0105, 0.007, 0.011), pos=(0, 0.0145, 0.011), **UNSEEN)
+    finger.add_geom(type=BOX, size=(0.0085, 0.006, 0.016), pos=(0, 0.008, 0.031), **UNSEEN)
     # Hard, grippy rubber whose friction wins over whatever it touches.
     finger.add_geom(
         name=pad,
         type=BOX,
         size=(0.0095, 0.004, 0.0105),
         pos=(0, 0.004, 0.0445),
-        rgba=DARK,
+        rgba=panda_looks.DARK,
         condim=4,
         friction=(1.5, 0.02, 0.0005),
         solref=STIFF_SOLREF,
         solimp=STIFF_SOLIMP,
         priority=1,
     )
+    return finger
 
 
 def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.contact_layers import COMMON_LAYER, TABLE_ONLY
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY, Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
+from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 
 PHYSICS_STEP_S = 0.002
 
@@ -22,11 +24,15 @@ own value counts against table, arms and furniture where it is at least this.
 
 TABLE_CENTRE_XY_M = (0.27, 0.0)
 TABLE_HALF_SIZE_M = (0.75, 0.65, 0.025)
-LEG_RADIUS_M = 0.03
+LEG_HALF_SIDE_M = 0.03
 LEG_INSET_M = 0.08
 
-# Finite for rendering: an endless plane alone costs as much as a third of an image.
-FLOOR_HALF_SIZE_M = 5.0
+ROOM_HALF_SIDE_M = 2.6
+ROOM_HEIGHT_M = 3.2
+MAPLE = (0.88, 0.79, 0.66)
+OAK_GREY = (0.50, 0.47, 0.44)
+PAINT = (0.58, 0.66, 0.68)
+CEILING = (0.92, 0.92, 0.90, 1)
 
 KEY_LIGHT_POSITION_M = (-0.3, -1.7, 3.1)
 
@@ -60,17 +66,40 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
 def _add_room(spec: mujoco.MjSpec) -> None:
     _set_depth_range(spec)
     _add_light(spec)
-    world = spec.worldbody
-    world.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        pos=(*TABLE_CENTRE_XY_M, 0),
-        size=(FLOOR_HALF_SIZE_M, FLOOR_HALF_SIZE_M, 1),
-        rgba=(0.60, 0.65, 0.70, 1),
-    )
-    _add_table(world)
+    _add_walls(spec)
+    _add_table(spec)
     for camera in FIXED_CAMERAS:
-        camera.add_to(world)
+        camera.add_to(spec.worldbody)
+
+
+def _add_walls(spec: mujoco.MjSpec) -> None:
+    """Floor, four painted walls and a ceiling; only the floor is touched."""
+    add_material(spec, "floor", boards(OAK_GREY, (256, 256), count=8, joints=2, seed=1), repeat=(3, 3))
+    add_material(spec, "wall", plaster(PAINT, (160, 256), skirting=5, seed=2))
+    world = spec.worldbody
+    x, y = TABLE_CENTRE_XY_M
+    plane, side, half_height = mujoco.mjtGeom.mjGEOM_PLANE, ROOM_HALF_SIDE_M, ROOM_HEIGHT_M / 2
+    # A plane's size is that of its picture; where it stops things it has no end.
+    world.add_geom(name="floor", type=plane, pos=(x, y, 0), size=(side, side, 1), material="floor")
+    world.add_geom(
+        type=plane,
+        pos=(x, y, ROOM_HEIGHT_M),
+        size=(side, side, 1),
+        quat=(0, 1, 0, 0),
+        rgba=CEILING,
+        **VISUAL_ONLY,
+    )
+    for yaw_rad in np.arange(4) * np.pi / 2:
+        inward = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0])
+        rotation = np.column_stack([np.cross((0, 0, 1), inward), (0, 0, 1), inward])
+        world.add_geom(
+            type=plane,
+            pos=(x, y, half_height) - side * inward,
+            size=(side, half_height, 1),
+            quat=matrix_to_quat_wxyz(rotation),
+            material="wall",
+            **VISUAL_ONLY,
+        )
 
 
 def _set_depth_range(spec: mujoco.MjSpec) -> None:
@@ -109,19 +138,12 @@ def _add_light(spec: mujoco.MjSpec) -> None:
         specular=(0, 0, 0),
         castshadow=False,
     )
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.62, 0.74, 0.88),
-        rgb2=(0.90, 0.93, 0.96),
-        width=64,
-        height=384,
-    )
 
 
-def _add_table(world) -> None:
+def _add_table(spec: mujoco.MjSpec) -> None:
     """A wooden board that props rest on, with legs for the eye only."""
+    add_material(spec, "table", boards(MAPLE, (480, 512), count=10, joints=0, seed=3))
+    world = spec.worldbody
     half_x, half_y, half_z = TABLE_HALF_SIZE_M
     centre_x, centre_y = TABLE_CENTRE_XY_M
     world.add_geom(
@@ -129,7 +151,7 @@ def _add_table(world) -> None:
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=TABLE_HALF_SIZE_M,
         pos=(centre_x, centre_y, TABLE_HEIGHT_M - half_z),
-        rgba=(0.86, 0.80, 0.70, 1),
+        material="table",
         contype=COMMON_LAYER,
         conaffinity=COMMON_LAYER | TABLE_ONLY,
     )
@@ -137,8 +159,8 @@ def _add_table(world) -> None:
     for side_x in (-1, 1):
         for side_y in (-1, 1):
             world.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-                size=(LEG_RADIUS_M, leg_height / 2, 0),
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=(LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2),
                 pos=(
                     centre_x + side_x * (half_x - LEG_INSET_M),
                     centre_y + side_y * (half_y - LEG_INSET_M),
