@@ -88,7 +88,7 @@ def test_the_other_arm_stays_at_home_and_the_episode_is_determined(env_of, name,
 
 @pytest.mark.sim
 def test_one_arm_solves_what_the_certificates_say_it_solves(env_of):
-    assert run_episode(env_of("pick_plate"), SEED, make_control("solo_right", 0)).success
+    assert run_episode(env_of("pick_laptop"), SEED, make_control("solo_left", 0)).success
     assert not run_episode(env_of("lift_ball"), SEED, make_control("solo_left", 0)).success
 
 
