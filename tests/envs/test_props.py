@@ -9,6 +9,7 @@ from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.tasks.put_bottle_in_fridge import FRIDGE_POSE
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -75,7 +76,7 @@ def test_the_ball_is_slippery_against_everything_and_lies_still():
 
 def test_the_door_of_the_fridge_is_shut_half_a_second_after_it_was_let_go():
     scene = Scene([Fridge()])
-    scene.place("fridge", Pose.upright((0.25, 0.3, TABLE)))
+    scene.place("fridge", FRIDGE_POSE)
     scene.set_joint("fridge_hinge", np.deg2rad(80))
     for _ in range(10):
         scene.tick(scene.commanded)
