@@ -8,8 +8,11 @@ from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
+from lerobot_env_bimanual.props.fridge import Fridge
+from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.rope import Rope
 from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.tasks.put_bottle_in_fridge import FRIDGE_POSE
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -72,6 +75,26 @@ def test_the_ball_is_slippery_against_everything_and_lies_still():
     assert scene.speed("ball") < 1e-4
     assert scene.pose("ball").position == pytest.approx((0.25, -0.05, 0.90), abs=1e-3)
     assert scene.model.geom("ball").priority[0] > scene.model.geom("left_pad1").priority[0]
+
+
+def test_the_door_of_the_fridge_is_shut_half_a_second_after_it_was_let_go():
+    scene = Scene([Fridge()])
+    scene.place("fridge", FRIDGE_POSE)
+    scene.set_joint("fridge_hinge", np.deg2rad(80))
+    for _ in range(10):
+        scene.tick(scene.commanded)
+    assert scene.joint_value("fridge_hinge") < np.deg2rad(5)
+    for _ in range(5):
+        scene.tick(scene.commanded)
+    assert abs(scene.joint_value("fridge_hinge")) < np.deg2rad(1)
+
+
+def test_the_plate_is_as_slippery_to_fingertips_as_to_the_table():
+    scene = Scene([Plate()])
+    plate = scene.model.geom_bodyid == scene.model.body("plate").id
+    felt = plate & (scene.model.geom_contype > 0)
+    assert np.all(scene.model.geom_priority[felt] > scene.model.geom("left_pad1").priority[0])
+    assert scene.model.geom_friction[felt, 0] == pytest.approx(0.35)
 
 
 def test_the_target_touches_nothing():

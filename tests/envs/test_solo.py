@@ -11,6 +11,7 @@ from lerobot_env_bimanual.expert.controls import make_control
 from lerobot_env_bimanual.expert.reading import readings
 from lerobot_env_bimanual.expert.runner import run_episode
 from lerobot_env_bimanual.solo.ways import alone, find_ways
+from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 SEED = 0
@@ -107,3 +108,13 @@ def test_one_of_the_readings_of_a_scene_is_the_right_one(env_of, name):
 def _poses(stage) -> np.ndarray:
     poses = [pose for pose in (stage.left, stage.right) if pose is not None]
     return np.concatenate([pose.matrix.ravel() for pose in poses])
+
+
+def test_no_colour_of_a_button_tells_whether_it_is_meant():
+    targets = {color for *asked_for, _ in TRIPLES for color in asked_for}
+    left_alone = {other for *_, other in TRIPLES}
+    assert targets == left_alone == set(COLORS)
+    answers = [frozenset(triple[:2]) for triple in TRIPLES]
+    assert len(set(answers)) == len(answers)
+    for triple in TRIPLES:
+        assert sum(set(triple) == set(other) for other in TRIPLES) > 1

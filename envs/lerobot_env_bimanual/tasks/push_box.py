@@ -6,7 +6,7 @@ arrive in the time there is (docs/tasks.md).
 
 Departures from the original: the box's centre must come to rest in the 10 cm square at the target's centre. The
 original is satisfied as soon as any part of the box touches that square, which a motion that ignores the scene
-achieves too often. For the same reason placements spread over 26 x 27 cm and +-20 degrees instead of +-10 degrees.
+achieves too often. For the same reason placements spread over 21 x 27 cm and +-20 degrees instead of +-10 degrees.
 The hands are closed instead of open.
 """
 
@@ -30,7 +30,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 BOX = Box("box", size_m=(0.384, 0.192, 0.128), mass_kg=50.0, table_friction=0.42)
 TARGET = Target("target", size_m=(0.333, 0.198))
-AREA = PlacementArea(center_m=(0.22, -0.185), half_size_m=(0.13, 0.135), half_yaw_rad=np.deg2rad(20.0))
+AREA = PlacementArea(center_m=(0.235, -0.185), half_size_m=(0.105, 0.135), half_yaw_rad=np.deg2rad(20.0))
 TARGET_OFFSET_M = (0.021, 0.516)
 """From the box to the target, in the box's axes (decoded from RLBench's task file)."""
 TOLERANCE_M = 0.05
