@@ -123,9 +123,20 @@ JOINT_LIDS = {
     5: (CYLINDER, 0.041, (0, -0.043, 0), (0, 0.053, 0), DARK),
 }
 
-# The world-fixed base with its first link, and the hand with its flange, touch by design. Everything else that can
-# meet does so: a hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
+# The base with its first link, and the hand with its flange, touch by design. Everything else that can meet does so: a
+# hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"))
+# Second neighbours that stay apart whatever the joints: 3 mm the flange from the forearm, 38 mm and more the others.
+# Leaving them out changes nothing but the time that collisions take.
+NEVER_MEETING = (
+    ("base", "link2"),
+    ("link1", "link3"),
+    ("link2", "link4"),
+    ("link3", "link5"),
+    ("link4", "link6"),
+    ("link5", "link7"),
+    ("link6", "hand"),
+)
 
 WRIST_CAMERA_POSITION_M = (0.075, 0.0, 0.05)
 WRIST_CAMERA_TARGET_M = (0.0, 0.0, 0.18)
@@ -151,7 +162,7 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
         _add_finger(hand, f"{prefix}_finger{finger}", f"{prefix}_pad{finger}", yaw)
     _add_wrist_camera(hand, f"{prefix}_wrist")
     _add_gripper(spec, prefix)
-    for first, second in TOUCHING_BY_DESIGN:
+    for first, second in TOUCHING_BY_DESIGN + NEVER_MEETING:
         spec.add_exclude(bodyname1=f"{prefix}_{first}", bodyname2=f"{prefix}_{second}")
     spec.add_exclude(bodyname1=f"{prefix}_finger1", bodyname2=f"{prefix}_finger2")
 
