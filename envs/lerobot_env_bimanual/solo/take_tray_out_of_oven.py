@@ -35,7 +35,7 @@ def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
 def _in_turn(
     scene: SceneView, arm: Arm, handle_y_m: float, door_rad, bar_swapped: bool, tray_swapped: bool
 ) -> Iterator[Stage]:
-    """Open the door, back off, up and over to the tray, grasp, lift, out, raise."""
+    """Open the door, back off, wait until it is down, over to the tray, grasp, lift, out, raise."""
     oven = scene.pose("oven")
 
     def handle(door: float):
@@ -52,6 +52,8 @@ def _in_turn(
     grasp = oven @ expert.hand(
         (expert.TRAY_EDGE_M + expert.INSERT_M, 0, expert.TRAY_M[2]), fingers_swapped=tray_swapped
     )
+    outside = (OVEN.front_m + expert.WAIT_M[0], 0, expert.WAIT_M[2])  # of the door's sweep, until it is down
+    yield alone(arm, "wait", oven @ expert.hand(outside, fingers_swapped=tray_swapped))
     yield alone(arm, "before the tray", grasp.advanced(-expert.BEFORE_TRAY_M))
     yield alone(arm, "grasp", grasp, is_open=False, holds="tray")
     lifted = grasp.translated((0, 0, expert.LIFT_M))

@@ -1,7 +1,7 @@
 """Take the tray out of the oven.
 
-The paper grants this task to one arm, and the left one alone does it, too (docs/tasks.md): with two, the right hand opens
-the door and makes way, while the left hand is already where it reaches in and takes the tray.
+The paper grants this task to one arm, and the right one alone does all in turn (docs/tasks.md). Here the right hand opens the door and
+makes way, while the left hand already waits where it reaches in and takes the tray.
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand
 hold it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released.
