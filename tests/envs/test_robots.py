@@ -1,3 +1,5 @@
+import itertools
+
 import frankik
 import numpy as np
 import pytest
@@ -122,15 +124,22 @@ def test_a_folded_hand_meets_its_own_forearm(scene):
     scene.reset()
 
 
-@pytest.mark.parametrize("fold", np.linspace(0.5, 3.7, 6))
-def test_the_forearm_leaves_room_for_the_wrist(scene, fold):
+@pytest.mark.parametrize(("inner", "outer"), panda.NEVER_MEETING)
+def test_links_that_are_left_out_of_collisions_never_meet(scene, inner, outer):
     scene.reset()
-    for turn in np.linspace(-2.8, 2.8, 9):
-        joints = PANDA_PAIR.home_joints.copy()
-        joints[5:] = fold, turn
-        for arm in ARMS:
-            put_joints(scene, arm, joints)
-            assert not scene.data.ncon
+    model, data = scene.model, scene.data
+    shapes = [
+        np.flatnonzero((model.geom_bodyid == model.body(f"left_{link}").id) & (model.geom_contype > 0))
+        for link in (inner, outer)
+    ]
+    pairs = list(itertools.product(*shapes))
+    between = range(("base", *(f"link{i}" for i in range(1, 8))).index(inner), 7)[:2]
+    angles = [np.linspace(PANDA_PAIR.joint_lower[i], PANDA_PAIR.joint_upper[i], 13) for i in between]
+    for posture in itertools.product(*angles):
+        data.qpos[:7] = PANDA_PAIR.home_joints
+        data.qpos[list(between)] = posture
+        mujoco.mj_kinematics(model, data)
+        assert min(mujoco.mj_geomDistance(model, data, a, b, 1.0, None) for a, b in pairs) > 0.002
     scene.reset()
 
 
@@ -153,7 +162,7 @@ def test_a_gripper_closes_opens_and_reports_it(scene, arm):
     command[GRIPPERS[arm.ordinal]] = 0.5
     for _ in range(10):
         scene.tick(command)
-    half = PANDA_PAIR.finger_target_m(np.array(0.5)) / PANDA_PAIR.finger_travel_m
+    half = PANDA_PAIR.finger_target_m(0.5) / PANDA_PAIR.finger_travel_m
     assert scene.gripper_opening(arm) == pytest.approx(half, abs=0.02)
 
 

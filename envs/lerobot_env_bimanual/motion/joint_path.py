@@ -37,6 +37,8 @@ class JointPath:
         v = 1.0 - u
         # Exact at both knots, so that a path ends where it was planned to end.
         straight = v * self.knots[before] + u * self.knots[before + 1]
+        if spans == 1:
+            return straight
         bent = (v**3 - v) * self._curvature[before] + (u**3 - u) * self._curvature[before + 1]
         return straight + bent / 6.0
 

