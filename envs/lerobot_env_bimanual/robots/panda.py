@@ -130,9 +130,9 @@ NEVER_MEETING = (
     ("link6", "hand"),
 )
 
-WRIST_CAMERA_POSITION_M = (0.075, 0.0, 0.05)
+WRIST_CAMERA_POSITION_M = (0.085, 0.0, 0.04)
 WRIST_CAMERA_TARGET_M = (0.0, 0.0, 0.18)
-WRIST_CAMERA_FOVY_DEG = 70.0
+WRIST_CAMERA_FOVY_DEG = 75.0
 
 
 def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:

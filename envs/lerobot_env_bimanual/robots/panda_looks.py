@@ -17,6 +17,8 @@ from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 FACETS = 20
 """Around a drum; its rims are rounded by one ring each."""
 
+type Point = tuple[float, float, float]
+
 WHITE = (0.93, 0.94, 0.95, 1.0)
 DARK = (0.20, 0.21, 0.23, 1.0)
 GREY = (0.62, 0.64, 0.66, 1.0)
@@ -34,8 +36,8 @@ class Drum:
         facets: sides.
     """
 
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
+    start: Point
+    end: Point
     radius: float
     bevel: float = 0.012
     facets: int = FACETS
@@ -67,9 +69,9 @@ class Shell:
     rgba: tuple[float, float, float, float] = WHITE
 
 
-def _lids(start: Sequence[float], end: Sequence[float], radius: float) -> Shell:
+def _lids(start: Point, end: Point, radius: float) -> Shell:
     """Dark lids that stand out of both ends of a housing: one drum through it."""
-    return Shell((Drum(tuple(start), tuple(end), radius, bevel=0.004),), DARK)
+    return Shell((Drum(start, end, radius, bevel=0.004),), DARK)
 
 
 def _slab(

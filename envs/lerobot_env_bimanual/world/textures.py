@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_env_bimanual.gl import mujoco
 
 type Image = NDArray[np.uint8]
-type Field = NDArray[np.float64]
+type Field = NDArray[np.floating]
 
 
 def boards(colour: ArrayLike, size: tuple[int, int], count: int, joints: int, seed: int) -> Image:

@@ -1,0 +1,77 @@
+"""What is seen of arms and room: shells near what collides, textures that are the same everywhere."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.textures import boards, plaster
+
+MOST_M = 0.02
+
+
+@pytest.fixture(scope="module")
+def model_and_data():
+    scene = Scene()
+    return scene.model, scene.data
+
+
+def distance_m(model, data, geom: int, points: np.ndarray) -> np.ndarray:
+    """Of points (n, 3) from the surface of a capsule, cylinder or box; negative inside."""
+    local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+    size, kind = model.geom_size[geom], model.geom_type[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
+        return np.linalg.norm(local, axis=1) - size[0]
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        over = np.column_stack([np.hypot(local[:, 0], local[:, 1]), np.abs(local[:, 2])]) - size[:2]
+    else:
+        assert kind == mujoco.mjtGeom.mjGEOM_BOX
+        over = np.abs(local) - size
+    return np.minimum(over.max(axis=1), 0) + np.linalg.norm(np.maximum(over, 0), axis=1)
+
+
+def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(model_and_data):
+    model, data = model_and_data
+    collides = model.geom_contype != 0
+    shells = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & ~collides)
+    assert len(shells) > 30
+    for shell in shells:
+        body = model.geom_bodyid[shell]
+        mesh = model.geom_dataid[shell]
+        first = model.mesh_vertadr[mesh]
+        corners = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+        corners = data.geom_xpos[shell] + corners @ data.geom_xmat[shell].reshape(3, 3).T
+        # At a joint the housing belongs to one link or the other.
+        kin = np.flatnonzero((model.body_parentid == body) | (np.arange(model.nbody) == body))
+        kin = np.append(kin, model.body_parentid[body])
+        near = np.flatnonzero(collides & np.isin(model.geom_bodyid, kin[kin > 0]))
+        away = np.min([distance_m(model, data, geom, corners) for geom in near], axis=0)
+        assert away.max() < MOST_M, f"{model.body(body).name} looks larger than it is"
+
+
+def test_what_an_arm_collides_with_is_not_drawn_but_for_its_finger_pads(model_and_data):
+    model, _ = model_and_data
+    of_arm = np.isin(
+        model.body_rootid[model.geom_bodyid], [model.body(f"{arm}_base").id for arm in ("left", "right")]
+    )
+    drawn = np.flatnonzero(of_arm & (model.geom_contype != 0) & (model.geom_group < 3))
+    assert {model.geom(geom).name for geom in drawn} == {
+        f"{arm}_pad{side}" for arm in ("left", "right") for side in (1, 2)
+    }
+
+
+def test_textures_are_the_same_pixels_on_every_machine():
+    wood = boards((0.8, 0.7, 0.6), (40, 64), count=4, joints=2, seed=5)
+    wall = plaster((0.6, 0.7, 0.7), (32, 48), skirting=3, seed=5)
+    assert (wood.dtype, wood.shape, wall.shape) == (np.uint8, (40, 64, 3), (32, 48, 3))
+    assert hashlib.sha256(wood.tobytes() + wall.tobytes()).hexdigest()[:16] == "89b0316a1eb822ac"
+
+
+def test_boards_differ_from_each_other_and_are_parted_by_dark_lines():
+    wood = boards((0.8, 0.7, 0.6), (120, 64), count=3, joints=0, seed=5).astype(float).mean(axis=(1, 2))
+    lines = wood[[0, 40, 80]]
+    assert np.all(lines < 0.95 * wood[[20, 60, 100]])
+    assert np.ptp([wood[start + 3 : start + 38].mean() for start in (0, 40, 80)]) > 1
