@@ -10,8 +10,8 @@ Measured at every step of physics (2 ms), of both arms:
 * how deep two bodies lie in each other.
 
 Measured of the joint actions, one per tick of 50 ms: velocity, acceleration and jerk of each joint over its limit, by
-differences. The scene's commands follow a quadratic spline, of which these are what it reaches: accelerations are constant within
-a tick and step between two within one step of physics.
+differences. The scene's commands follow a quadratic spline, of which these are what it reaches: accelerations are
+constant within a tick and step between two within one step of physics.
 """
 
 from __future__ import annotations

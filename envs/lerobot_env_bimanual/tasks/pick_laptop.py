@@ -1,13 +1,14 @@
 """Pick up the laptop.
 
-A laptop that lies flat on a block offers no gripper a hold until it overhangs. The paper grants this task to one arm, and
-either one can push and grasp in turn (docs/tasks.md); here one hand pushes an edge between the waiting fingers of the other.
+A laptop that lies flat on a block offers no gripper a hold until it overhangs. The paper grants this task to one arm,
+and either one can push and grasp in turn (docs/tasks.md); here one hand pushes an edge between the waiting fingers of
+the other.
 
-Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher;
-the original, whose text asks for a secure grasp, checks the height of the lid alone. The original pushes it over its near
-edge; here the left hand pushes it over whichever edge leaves both arms most at ease. Laptop and block slide on each other at
-friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the friction of one
-gripper holds it. Placements spread over 26 x 35 cm instead of the whole workspace.
+Departures from the original: the laptop must be between the fingers of one hand while it is at 1.00 m or higher; the
+original, whose text asks for a secure grasp, checks the height of the lid alone. The original pushes it over its near
+edge; here the left hand pushes it over whichever edge leaves both arms most at ease. Laptop and block slide on each
+other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the friction of
+one gripper holds it. Placements spread over 26 x 35 cm instead of the whole workspace.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """Put the item in the bottom, middle or top drawer.
 
-The paper asks that the item be placed inside the drawer, and not that two arms be needed: the left one alone does all in
-turn, in twice the time (docs/tasks.md). Here the left hand pulls the drawer open while the right hand picks the item up from the
-cabinet's top, and holds it over the drawer as soon as that is open.
+The paper asks that the item be placed inside the drawer, and not that two arms be needed: the left one alone does all
+in turn, in twice the time (docs/tasks.md). Here the left hand pulls the drawer open while the right hand picks the
+item up from the cabinet's top, and holds it over the drawer as soon as that is open.
 
-Departures from the original: the item must lie inside the drawer with no arm touching it; the original is
-satisfied as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a
-brake of 0.6 N and a damping of 2 N s/m keep a drawer where it was left (the original's slide freely), and cabinet and
-drawers pass through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over
-24 x 20 cm instead of the whole workspace.
+Departures from the original: the item must lie inside the drawer with no arm touching it; the original is satisfied
+as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a brake of 0.6 N
+and a damping of 2 N s/m keep a drawer where it was left (the original's slide freely), and cabinet and drawers pass
+through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 24 x
+20 cm instead of the whole workspace.
 """
 
 from __future__ import annotations

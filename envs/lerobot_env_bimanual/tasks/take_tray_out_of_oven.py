@@ -1,17 +1,17 @@
 """Take the tray out of the oven.
 
-The paper grants this task to one arm, and the right one alone does all in turn (docs/tasks.md). Here the right hand opens the door and
-makes way, while the left hand already waits where it reaches in and takes the tray.
+The paper grants this task to one arm, and the right one alone does all in turn (docs/tasks.md). Here the right hand
+opens the door and makes way, while the left hand already waits where it reaches in and takes the tray.
 
-Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand
-hold it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released.
-The oven turns by 20 degrees to either side of 65 and moves by 17 cm along x and y; the original turns it by 45
-degrees to either side of 53 and moves it by 30 x 55 cm, most of which is out of reach of one arm or the other. The door
-weighs 0.8 kg instead of 0.1, its brake holds 0.15 N m instead of 1.0, and its hinge is damped by 3 N m s, so that it
-sinks open by itself when it is let go of half-way: a horizontal hand cannot follow its handle all the way down. The
-rack's brake is 0.5 N instead of 0.1, and damped by 2 N s/m. The bar of the door and the grip of the tray are short
-and stand proud, the bar by 50 mm, the grip by 43 mm: a bar and a lip as wide as the original's let a motion that ignores
-the scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
+Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand hold
+it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released. The
+oven turns by 20 degrees to either side of 65 and moves by 17 cm along x and y; the original turns it by 45 degrees to
+either side of 53 and moves it by 30 x 55 cm, most of which is out of reach of one arm or the other. The door weighs
+0.8 kg instead of 0.1, its brake holds 0.15 N m instead of 1.0, and its hinge is damped by 3 N m s, so that it sinks
+open by itself when it is let go of half-way: a horizontal hand cannot follow its handle all the way down. The rack's
+brake is 0.5 N instead of 0.1, and damped by 2 N s/m. The bar of the door and the grip of the tray are short and stand
+proud, the bar by 50 mm, the grip by 43 mm: a bar and a lip as wide as the original's let a motion that ignores the
+scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
 """
 
 from __future__ import annotations
