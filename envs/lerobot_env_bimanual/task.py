@@ -78,6 +78,8 @@ class TaskSpec:
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
+        strain_bounds: bounds of its own on what the expert asks of the arms, by name, where those of all tasks
+            (`lerobot_env_bimanual.expert.strain`) are too low for it; the task's file says why.
     """
 
     name: str
@@ -89,6 +91,7 @@ class TaskSpec:
     success: tuple[Condition, ...]
     horizon_ticks: int
     needs_both_arms: bool = False
+    strain_bounds: Mapping[str, float] = field(default_factory=dict)
 
     def variation_index(self, variation: object) -> int | None:
         """Index that an option `variation` means; `None` to draw one per episode.

@@ -82,7 +82,7 @@ def _flaws_of_experts(outcomes: Sequence[Outcome]) -> Iterator[str]:
 def _excessive_strain(outcomes: Sequence[Outcome]) -> Iterator[str]:
     for outcome in outcomes:
         if outcome.evidence is not None:
-            for _, excess in excesses(outcome.evidence.strain):
+            for _, excess in excesses(outcome.task, outcome.evidence.strain):
                 yield f"{_episode(outcome)}: {excess}"
 
 

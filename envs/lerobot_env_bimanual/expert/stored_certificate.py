@@ -279,7 +279,7 @@ def _faults_of_rates(stored: StoredCertificate) -> Iterator[str]:
             said = [text for text in said if f" (variation {truth['variation']}): " in text]
             faults = [*_faults_of_coupling(row["coupling"]), *_faults_of_strain(row["strain"])]
             if not stored.campaign.discretise:
-                faults += _unmentioned_strain(row["strain"], said)
+                faults += _unmentioned_strain(truth["task"], row["strain"], said)
             yield from (f"{place}: {fault}" for fault in faults)
 
 
@@ -308,8 +308,8 @@ def _faults_of_strain(value: Any) -> Iterator[str]:
         yield f"strain.penetrating is {shown(strain.penetrating)}, but must name two bodies just if two penetrate"
 
 
-def _unmentioned_strain(value: Any, complaints: Sequence[str]) -> Iterator[str]:
+def _unmentioned_strain(task: str, value: Any, complaints: Sequence[str]) -> Iterator[str]:
     """What is beyond its bound although none of the variation's complaints says so."""
-    for name, excess in excesses(Strain(**value)):
+    for name, excess in excesses(task, Strain(**value)):
         if not any(f": {name} is " in complaint for complaint in complaints):
             yield f"strain.{excess}, and complaints does not say so"

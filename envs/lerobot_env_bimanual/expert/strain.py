@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import by_arm
+from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import TICK_S, Scene
@@ -85,9 +86,14 @@ that squeeze and push; here 100 N bound the whole force. Fingers may move as fas
 """
 
 
-def excesses(strain: Strain) -> Iterator[tuple[str, str]]:
-    """Name of each number that is beyond its bound, and how far."""
-    for name, most in BOUNDS.items():
+def bounds_of(task: str) -> dict[str, float]:
+    """`BOUNDS`, with those of a task's own."""
+    return BOUNDS | dict(get_task(task).spec.strain_bounds)
+
+
+def excesses(task: str, strain: Strain) -> Iterator[tuple[str, str]]:
+    """Name of each number that is beyond its bound in a task, and how far."""
+    for name, most in bounds_of(task).items():
         number = getattr(strain, name)
         if number > most:
             where = f" ({strain.penetrating})" if name == "penetration_mm" else ""

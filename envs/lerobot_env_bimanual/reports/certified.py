@@ -268,6 +268,10 @@ def strain_table(certified: Certified) -> str:
         assert exact is not None  # every certified task has rows of the exact expert
         cell = NOT_MEASURED if rounded is None else f"{rounded.contact_force_n:.0f} N"
         rows.append((f"`{task}`", *_strain_cells(exact), cell))
+        if own := get_task(task).spec.strain_bounds:
+            rows.append(
+                (f"*at most in `{task}`*", *_strain_cells(Strain(**BOUNDS | dict(own), penetrating="")), "")
+            )
     return markdown_table(headings, rows)
 
 

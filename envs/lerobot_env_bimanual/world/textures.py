@@ -3,8 +3,10 @@
 A texture is an array (height, width, 3) uint8 whose edges meet, so that it may repeat.
 """
 
+import functools
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
 
@@ -12,7 +14,10 @@ type Image = NDArray[np.uint8]
 type Field = NDArray[np.floating]
 
 
-def boards(colour: ArrayLike, size: tuple[int, int], count: int, joints: int, seed: int) -> Image:
+@functools.cache  # every scene shows the same
+def boards(
+    colour: tuple[float, float, float], size: tuple[int, int], count: int, joints: int, seed: int
+) -> Image:
     """Boards along the image's width, each with its tone and grain.
 
     Args:
@@ -39,7 +44,8 @@ def boards(colour: ArrayLike, size: tuple[int, int], count: int, joints: int, se
     return to_image(shade[..., None] * np.asarray(colour))
 
 
-def plaster(colour: ArrayLike, size: tuple[int, int], skirting: int, seed: int) -> Image:
+@functools.cache
+def plaster(colour: tuple[float, float, float], size: tuple[int, int], skirting: int, seed: int) -> Image:
     """A painted wall, a little uneven, with a white skirting board below.
 
     Args:
