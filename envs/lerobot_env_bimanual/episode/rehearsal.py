@@ -31,6 +31,8 @@ type Steps = Generator[list[LineRequest], list[Array | None], str | None]
 MIN_MARGIN = 0.04
 """Least distance of a joint to its limits at the end of a stage, as a fraction of its range."""
 MIN_MARGIN_ROUNDED = 0.03
+ON_THE_WAY = (0.25, 0.5, 0.75)
+"""Where along straight lines arms are looked at, too."""
 
 
 class Rehearsal:
@@ -171,12 +173,19 @@ class _ScriptRun:
         lines = yield [
             LineRequest(self._kinematics[arm], self._joints[arm], target) for arm, target in targets.items()
         ]
-        ends = {}
+        paths: Postures = {}
         for arm, line in zip(targets, lines, strict=True):
             if line is None:
                 return f"{arm} arm cannot follow its line"
-            ends[arm] = line[-1]
-        return ends
+            paths[arm] = line
+        self._checker.look()
+        for share in ON_THE_WAY:
+            both = self._joints | {arm: path[round(share * (len(path) - 1))] for arm, path in paths.items()}
+            if obstacle := self._checker.obstacle(
+                self._checker.contact_rules, both[Arm.LEFT], both[Arm.RIGHT]
+            ):
+                return f"collision of {obstacle} on the way"
+        return {arm: path[-1] for arm, path in paths.items()}
 
 
 class RehearsalView(SceneView):

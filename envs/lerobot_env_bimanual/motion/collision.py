@@ -44,7 +44,7 @@ class CollisionChecker:
         scene: the world; its positions are read by `look`.
 
     Attributes:
-        contact_rules: of a motion into contact: an arm may touch props, not itself, the table or the other arm.
+        contact_rules: of a motion into contact: forearm and hand may touch props, no arm itself, the table or the other.
             Fingers of the two hands may overlap: without physics it is unknown how far they are closed.
         standing_rules: of arms that stand still: clearance from all props, as a motion cannot begin within them.
     """
@@ -125,11 +125,15 @@ class CollisionChecker:
             is_finger[[self._model.body(name).id for name in fingers]] = True
         left, right = (self._owner == arm.ordinal for arm in ARMS)
         world = np.arange(self._model.nbody) == 0
+        upper = np.zeros(self._model.nbody, dtype=bool)
+        for arm in ARMS:
+            upper[[self._model.body(name).id for name in self._scene.arm_pair.upper_links(arm)]] = True
         least = self._no_rules()
         _require(least, left, left, 0.0)
         _require(least, right, right, 0.0)
         _require(least, left & ~is_finger, right & ~is_finger, 0.0)
         _require(least, left | right, world, 0.0)
+        _require(least, upper, ~(left | right), 0.0)
         return CollisionRules(least)
 
     def _make_standing_rules(self) -> CollisionRules:

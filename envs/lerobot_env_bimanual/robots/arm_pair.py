@@ -12,6 +12,8 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 
 FINGERS = (1, 2)
+ELBOW = 4
+"""Number of the joint whose link is the last of the upper arm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,10 @@ class ArmPair:
     def finger_names(self, arm: Arm) -> tuple[str, ...]:
         """The two fingers: bodies, and slide joints of the same name."""
         return tuple(f"{arm.value}_finger{i}" for i in FINGERS)
+
+    def upper_links(self, arm: Arm) -> tuple[str, ...]:
+        """Bodies from the shoulder to the elbow."""
+        return tuple(f"{arm.value}_link{i}" for i in range(1, ELBOW + 1))
 
     def base_body(self, arm: Arm) -> str:
         """Root body of the arm's subtree."""

@@ -7,11 +7,12 @@ Whoever does not read cannot know which two are meant: each of three buttons is 
 alone, wherever they lie, and the same three colours occur with different answers (40 % right by guessing).
 
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
-original is satisfied when the first and some time later the second has been touched. The paper's five variations
-are triples of our own choice; of the original's first five, three share their distractor, which is never asked for. Buttons
-keep 38 cm apart, where the original's may overlap. It draws one button in either half of the table, the first colour's in
-the right one, so that order and places give the answer away; here the right hand takes the nearer to its side of the two,
-whichever is named first. Pressing the third button in addition does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
+original is satisfied when the first and some time later the second has been touched. The paper's five
+variations are triples of our own choice; of the original's first five, three share their distractor, which is
+never asked for. Buttons keep 38 cm apart, where the original's may overlap. It draws one button in either half
+of the table, the first colour's in the right one, so that order and places give the answer away; here the right
+hand takes the nearer to its side of the two, whichever is named first. Pressing the third button in addition
+does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
 AREA = PlacementArea((0.25, 0.0125), half_size_m=(0.258, 0.4159), half_yaw_rad=np.pi)
 """Both halves of the original."""
 LEAST_DISTANCE_M = 0.38
+MOST_DRAWS = 1000
 REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
 """Least and largest distance from an arm's base of buttons that it can be asked to press."""
 
@@ -96,6 +98,8 @@ class DualPushButtons(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Three buttons that any two hands could press two of; which one is to be left alone is drawn afterwards."""
         poses = _draw_apart({arm: scene.arm_pair.base_pose(arm) for arm in ARMS}, rng)
+        if poses is None:
+            return False
         other = poses.pop(rng.integers(len(poses)))
         *asked_for, left_alone = (COLORS[variation.words[word]] for word in WORDS)
         rng.shuffle(asked_for)
@@ -118,12 +122,12 @@ def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Sta
     yield Stage("press", *_hands(left, right, PRESS_Z_M))
 
 
-def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose]:
-    """Three poses in order of y, uniform among those that keep apart and that both arms can share in any way.
+def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] | None:
+    """Three poses in order of y, uniform among those that keep apart and that both arms can share; None if unlucky.
 
     Of two buttons the right arm presses the one with the smaller y, so the middle one has to be in reach of both arms.
     """
-    while True:
+    for _ in range(MOST_DRAWS):
         poses = sorted(
             (AREA.sample(rng, TABLE_HEIGHT_M) for _ in range(3)), key=lambda pose: pose.position[1]
         )
@@ -135,6 +139,7 @@ def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose]:
         )
         if in_reach and all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations(poses, 2)):
             return poses
+    return None
 
 
 def _hands(left_xy: np.ndarray, right_xy: np.ndarray, height_m: float) -> tuple[Pose, Pose]:

@@ -76,7 +76,7 @@ class PushBox(Task):
         success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
         horizon_ticks=300,
         needs_both_arms=True,
-        strain_bounds={"saturated": 0.5, "contact_force_n": 500.0},
+        strain_bounds={"saturated": 0.7, "contact_force_n": 600.0},
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
