@@ -1,4 +1,4 @@
-"""Committed rows of results with one thing wrong: each is found, named with its file, and then no page is written."""
+"""A committed row of results with one thing wrong: each is found, named with its file, and then no page is written."""
 
 import json
 import shutil
@@ -13,9 +13,7 @@ from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.errors import BimanualError
 
 ROOT = Path(__file__).parents[2]
-DAMAGED, SISTER, OTHER = (
-    f"{name}_small_seed1000.json" for name in ("push_box_rvt_lf", "push_box_peract2", "lift_ball_act")
-)
+DAMAGED, SISTER = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "rvt_lf"))
 TEST_SEEDS = range(50)
 
 type Row = dict[str, Any]
@@ -23,11 +21,13 @@ type Row = dict[str, Any]
 
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
-    """Three committed rows, and the worlds of the committed certificates beside them."""
+    """A committed row, one like it of another policy, and the worlds of the committed certificates beside them."""
     folder = tmp_path / "small"
     folder.mkdir()
-    for name in (DAMAGED, SISTER, OTHER):
-        shutil.copy(ROOT / "results" / "small" / name, folder)
+    shutil.copy(ROOT / "results" / "small" / DAMAGED, folder)
+    row = json.loads((folder / DAMAGED).read_text())
+    row["policy"] = row["flags"]["policy.type"] = "rvt_lf"
+    (folder / SISTER).write_text(json.dumps(row))
     (tmp_path / "certificates").mkdir()
     worlds = json.loads((ROOT / "results" / "certificates" / "expert.json").read_text())["worlds"]
     (tmp_path / "certificates" / "expert.json").write_text(json.dumps({"worlds": worlds}))
@@ -72,7 +72,10 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "scored on train": (setting("split", value="train"), "'split' is 'train', but must be test"),
     "scored on val": (setting("split", value="val"), "'split' is 'val', but must be test"),
     "trained on test": (replaced("command", "--split=train", "--split=test"), "--split of its command"),
-    "trained on another task": (replaced("command", "push_box", "lift_ball"), "--task of its command"),
+    "trained on another task": (
+        replaced("command", "handover_item_easy", "lift_ball"),
+        "--task of its command",
+    ),
     "trained on a variation": (replaced("command", "=any", "=0"), "--variation of its command"),
     "trained on fewer": (lambda row: row["dataset"]["seeds"].pop(), "--episodes of its command"),
     "trained on one seed twice": (
@@ -85,7 +88,7 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "no command": (setting("dataset", "command", value="'"), "--task of its command"),
     "scored in another simulation": (setting("versions", "frankik", value="2"), "frankik must be that of"),
     "no simulation": (lambda row: row["versions"].pop("mujoco"), "mujoco must be that of the dataset"),
-    "another world": (setting("world", value="0" * 12), "world of push_box is '000000000000', but"),
+    "another world": (setting("world", value="0" * 12), "world of handover_item_easy is '000000000000', but"),
     "no blind control": (setting("blind", value=[]), "'blind'.*must be on the seeds of the policy"),
     "blind on other seeds": (shifted("blind"), "'blind'.*must be on the seeds of the policy"),
     "blind on fewer seeds": (fewer("blind"), "'blind'.*must be on the seeds of the policy"),
@@ -93,15 +96,18 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
         setting("blind", 0, "variation", value=1),
         "'blind'.*each once per variation",
     ),
-    "an expert's episodes as blind": (lambda row: row.update(blind=row["expert"]), "blind on push_box is"),
+    "an expert's episodes as blind": (
+        lambda row: row.update(blind=row["expert"]),
+        "blind on handover_item_easy is",
+    ),
     "no expert": (setting("expert", value=[]), "'expert'.*must be on the seeds of the policy"),
     "expert on other seeds": (shifted("expert"), "'expert'.*must be on the seeds of the policy"),
     "expert on fewer seeds": (fewer("expert"), "'expert'.*must be on the seeds of the policy"),
     "policy on other seeds": (shifted("episodes"), "'validation'.*must be on the same seeds"),
     "policy on fewer seeds": (fewer("episodes"), "'expert'.*must be on the seeds of the policy"),
     "a seed twice": (setting("episodes", 1, "seed", value=0), "nor repeat or leave out a seed"),
-    "a worse checkpoint": (setting("checkpoint_step", value=400), "the best on val is that after 800 steps"),
-    "no checkpoint": (setting("checkpoint_step", value=801), "the best on val is that after 800 steps"),
+    "a worse checkpoint": (setting("checkpoint_step", value=750), "the best on val is that after 1500 steps"),
+    "no checkpoint": (setting("checkpoint_step", value=1501), "the best on val is that after 1500 steps"),
     "a checkpoint not validated": (fewer("validation"), "'validation'.*must be of every checkpoint"),
     "validated on other seeds": (validated_elsewhere, "'validation'.*must be on the same seeds from 0 on"),
     "nothing validated": (setting("validation", value=[]), "'validation'.*must be of every checkpoint"),
@@ -110,7 +116,7 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "another task": (setting("task", value="lift_ball"), "dataset.repo_id must be 'benchmark/lift_ball'"),
     "another variation": (setting("variation", value="0"), "'flags'.*dataset.repo_id"),
     "another training seed": (setting("flags", "seed", value="7"), "its row is that of a file named"),
-    "more steps": (setting("flags", "steps", value="900"), "'validation'.*must be of every checkpoint"),
+    "more steps": (setting("flags", "steps", value="1600"), "'validation'.*must be of every checkpoint"),
     "a flag of its own": (setting("flags", "config_path", value="x"), "--train_flags sets --config_path"),
     "a flag of two lines": (setting("flags", "policy.x", value="a\nb"), "must hold flags of one line each"),
     "an impossible day": (setting("date", value="2026-02-30"), "'date' is '2026-02-30'"),
@@ -118,7 +124,7 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "an episode turned": (lambda row: _turn(row["episodes"][0]), "'rates' is .*but the episodes"),
     "an unknown policy": (
         lambda row: (row.update(policy="mine"), row["flags"].update({"policy.type": "mine"})),
-        "its row is that of a file named push_box_mine",
+        "its row is that of a file named handover_item_easy_mine",
     ),
 }
 
@@ -138,7 +144,7 @@ def with_its_rates(row: Row) -> Row:
 
 def test_the_rows_are_good_before_they_are_damaged(results, tmp_path):
     leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
-    assert "| `push_box` |" in (tmp_path / "page.md").read_text()
+    assert "| `handover_item_easy` |" in (tmp_path / "page.md").read_text()
 
 
 @pytest.mark.parametrize(("damage", "message"), DAMAGES.values(), ids=DAMAGES.keys())
@@ -158,5 +164,5 @@ def test_the_same_policy_twice_is_refused(results, tmp_path):
     row = json.loads((results / DAMAGED).read_text())
     row["flags"]["seed"] = "7"
     (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
-    with pytest.raises(BimanualError, match="seed of rvt_lf on push_box is '7', but '1000' in"):
+    with pytest.raises(BimanualError, match="seed of peract2 on handover_item_easy is '7', but '1000' in"):
         leaderboard(LeaderboardConfig(results=results))

@@ -12,7 +12,7 @@ from PIL import Image
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.render import RenderConfig, render
-from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH, SEAM
+from lerobot_env_bimanual.pictures.layout import CAPTION_HEIGHT, GAP, PANEL_WIDTH, SEAM
 from lerobot_env_bimanual.pictures.shooting import CLEAREST
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.workers import WorkerPool
@@ -74,7 +74,9 @@ def test_two_tasks_make_a_gallery(small) -> None:
         "dual_push_buttons.png",
         "tasks.jpg",
     }
-    assert Image.open(config.output / "tasks.jpg").width == 2 * (PANEL_WIDTH + SEAM + 300 + GAP) + GAP
+    sheet = Image.open(config.output / "tasks.jpg")
+    side = sheet.height - CAPTION_HEIGHT - 2 * GAP  # policies see a square as high as the close-up
+    assert sheet.width == 2 * (PANEL_WIDTH + SEAM + side + GAP) + GAP
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from lerobot.utils.constants import DEFAULT_FEATURES
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import BOOKKEEPING, COLUMN_TYPES
+from lerobot_bimanual.dataset.reader import BOOKKEEPING, COLUMN_TYPES, RecordedDataset
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.verification.bookkeeping import ENTRY, VIDEO_ENTRY
 from lerobot_env_bimanual.verification.fault import faults_of as checked
@@ -50,7 +50,8 @@ def test_a_video_of_other_length_is_found(copy) -> None:
     folder = root / "videos" / FRONT / "chunk-000"
     shutil.copyfile(folder / "file-001.mp4", folder / "file-000.mp4")
     assert faults_of(root).keys() == {"images complete"}
-    assert f"{FRONT} has 0 images, but the episode 80 rows" in faults_of(root)["images complete"]
+    rows = len(RecordedDataset(root).episode(1))
+    assert f"{FRONT} has 0 images, but the episode {rows} rows" in faults_of(root)["images complete"]
 
 
 def test_a_video_that_is_cut_off_or_gone_is_found(copy) -> None:
@@ -229,7 +230,8 @@ def test_keyframes_that_do_not_follow_the_keyposes_are_found(copy) -> None:
     damages.edit(root, FIRST_FILE, schema.KEYFRAME, flag)
     assert faults_of(root) == {"keyframes": "5: keyframe is set, but no keypose was completed"}
     damages.edit(root, FIRST_FILE, schema.KEYPOSE_STEP, jump)
-    assert "79: keypose_step does not stay or rise by one" in faults_of(root)["keyframes"]
+    last = len(RecordedDataset(root).episode(1)) - 1
+    assert f"{last}: keypose_step does not stay or rise by one" in faults_of(root)["keyframes"]
 
 
 def test_a_changed_action_is_found_at_its_row(copy) -> None:

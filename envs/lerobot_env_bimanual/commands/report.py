@@ -20,7 +20,7 @@ a policy predicts. *Blind* plays the mean keyposes of 30 training episodes of th
 plays keyposes from the whole workspace. *One arm* is the better of the two arms alone, the other one resting at home with
 its hand open: a script that knows the scene's state, written to beat the task, which may choose among its ways by trying
 them in a copy of the episode. *Unread* plays the right keyposes for one of the instructions that the scene allows, drawn
-at random; chance is one in the number of variations.
+at random; *chance* is one in the number of these instructions.
 
 {success}
 
@@ -38,8 +38,8 @@ is one that both arms can serve, and the rates are rates of those.
 ## What is asked of the arms
 
 The largest value of any episode of the experts with exact keyposes, beside what a real Panda allows
-(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); an expert that asks for more
-is not certified. Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
+(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); `certify` names every
+episode that asks for more. {excess} Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
 limit* is the share of an episode's time in which any of the fourteen gives all it has. Velocity, acceleration and jerk are
 those of the commanded joints over their limits, from one tick of 50 ms to the next. The contact force is the net force
 between an arm and all that it touches, every 2 ms through a low pass of 10 Hz, the bandwidth that Franka states for its
@@ -124,6 +124,7 @@ def report(config: ReportConfig) -> None:
         voxels=rounded.campaign.discretise if rounded else tables.NOT_MEASURED,
         success=tables.success_table(certified),
         evidence=tables.evidence_table(certified),
+        excess=tables.excess_sentence(certified),
         strain=tables.strain_table(certified),
         paper=tables.paper_table(certified),
         coupling=tables.coupling_table(certified),

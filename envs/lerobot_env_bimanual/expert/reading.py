@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
@@ -23,6 +24,20 @@ def readings(task: Task, scene: SceneView) -> list[Script]:
     read = READERS.get(task.spec.name, _of_the_task)
     scripts = [read(task, scene, variation) for variation in task.spec.variations]
     return [script for script in scripts if script is not None]
+
+
+def chance(task: Task) -> float:
+    """Share of a task's episodes that somebody solves who follows any of the instructions that the scene allows.
+
+    On average over the variations, in one episode of each.
+    """
+    env = BimanualEnv(task.spec.name, split="val", obs="state")
+    shares = []
+    for variation in task.spec.variations:
+        env.reset(seed=0, options={"variation": variation.index})
+        shares.append(1 / len(readings(task, env.scene)))
+    env.close()
+    return float(np.mean(shares))
 
 
 def _of_the_task(task: Task, scene: SceneView, variation: Variation) -> Script:

@@ -12,6 +12,7 @@ from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
+from lerobot_env_bimanual.expert.reading import chance
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode
@@ -147,7 +148,7 @@ def _one_arm(certified: Certified, task: str) -> str:
 
 def _unread(certified: Certified, task: str) -> str:
     rate = certified.rate(LANGUAGE_BLIND, task)
-    return _cell(rate) if rate is None else f"{_cell(rate)} ({1 / len(get_task(task).spec.variations):.0%})"
+    return _cell(rate) if rate is None else f"{_cell(rate)} ({chance(get_task(task)):.0%})"
 
 
 def _cell(rate: SuccessRate | None) -> str:
@@ -273,6 +274,15 @@ def strain_table(certified: Certified) -> str:
                 (f"*at most in `{task}`*", *_strain_cells(Strain(**BOUNDS | dict(own), penetrating="")), "")
             )
     return markdown_table(headings, rows)
+
+
+def excess_sentence(certified: Certified) -> str:
+    """Which of the exact experts' episodes ask for more than the bounds."""
+    complaints = certified.certificates[EXACT].complaints
+    played = len(certified.certificates[EXACT].episodes)
+    if not complaints:
+        return f"None of the {played} episodes is beyond its bounds."
+    return f"Of the {played} episodes {len(complaints)} are beyond a bound: {'; '.join(complaints)}."
 
 
 def _peak_strain(rows: Sequence[Row]) -> Strain | None:
