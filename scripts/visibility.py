@@ -2,7 +2,7 @@
 
 Prints per task and keypose the pixels of every object in every view, and in how many views each arm's target is seen.
 
-Usage: visibility.py [--task=all] [--split=test] [--seeds=60000:60010] [--output=results/visibility.json]
+Usage: visibility.py [--task=all] [--split=test] [--seeds=60000:60010] [--output=FILE]
 """
 
 import argparse
