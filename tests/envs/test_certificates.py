@@ -36,7 +36,9 @@ def trials(name: str) -> dict[tuple[str, int], int]:
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.json")), ids=lambda path: path.stem)
 def test_a_certificate_has_hardly_a_complaint_and_its_rates_are_those_of_its_episodes(path):
     content = json.loads(path.read_text())
-    single = re.compile(r" seed \d+ \(variation \d+\): (\w+ is .* but must be at most|at .* the hands ended) ")
+    single = re.compile(
+        r" seed \d+ \(variation \d+\): (\w+ is .* but must be at most|at .* the hands ended) "
+    )
     assert all(single.search(complaint) for complaint in content["complaints"])
     assert len(content["complaints"]) <= 0.001 * len(content["episodes"])
     for row in content["rates"]:

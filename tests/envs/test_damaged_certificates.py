@@ -237,7 +237,9 @@ def refused(folder: Path, name: str, message: str) -> None:
 
 
 def test_a_page_is_made_of_certificates_without_damage(excerpts, tmp_path):
-    report(ReportConfig(certificates=folder_of(excerpts, tmp_path / "folder"), output=tmp_path / "page.md"))
+    folder = folder_of(excerpts, tmp_path / "folder")
+    unseen = tmp_path / "none.json"
+    report(ReportConfig(certificates=folder, visibility=unseen, output=tmp_path / "page.md"))
     assert "| `dual_push_buttons` | 15/15 | 15/15 | 0/15 |" in (tmp_path / "page.md").read_text()
 
 

@@ -13,7 +13,7 @@ from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.errors import BimanualError
 
 ROOT = Path(__file__).parents[2]
-DAMAGED, SISTER = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "rvt_lf"))
+SISTER, DAMAGED = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "peract_lf"))
 TEST_SEEDS = range(50)
 
 type Row = dict[str, Any]
@@ -24,10 +24,10 @@ def results(tmp_path: Path) -> Path:
     """A committed row, one like it of another policy, and the worlds of the committed certificates beside them."""
     folder = tmp_path / "small"
     folder.mkdir()
-    shutil.copy(ROOT / "results" / "small" / DAMAGED, folder)
-    row = json.loads((folder / DAMAGED).read_text())
-    row["policy"] = row["flags"]["policy.type"] = "rvt_lf"
-    (folder / SISTER).write_text(json.dumps(row))
+    shutil.copy(ROOT / "results" / "small" / SISTER, folder)
+    row = json.loads((folder / SISTER).read_text())
+    row["policy"] = row["flags"]["policy.type"] = "peract_lf"
+    (folder / DAMAGED).write_text(json.dumps(row))
     (tmp_path / "certificates").mkdir()
     worlds = json.loads((ROOT / "results" / "certificates" / "expert.json").read_text())["worlds"]
     (tmp_path / "certificates" / "expert.json").write_text(json.dumps({"worlds": worlds}))
@@ -164,5 +164,5 @@ def test_the_same_policy_twice_is_refused(results, tmp_path):
     row = json.loads((results / DAMAGED).read_text())
     row["flags"]["seed"] = "7"
     (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
-    with pytest.raises(BimanualError, match="seed of peract2 on handover_item_easy is '7', but '1000' in"):
+    with pytest.raises(BimanualError, match="seed of peract_lf on handover_item_easy is '7', but '1000' in"):
         leaderboard(LeaderboardConfig(results=results))
