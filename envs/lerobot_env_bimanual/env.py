@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.draw import draw_episode
+from lerobot_env_bimanual.episode.membership import joined
 from lerobot_env_bimanual.episode.observations import observation_space, observe_images, observe_vectors
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.reset import EpisodeReset
@@ -188,20 +189,11 @@ class BimanualEnv(gym.Env):
         progress.conditions = self._check()
         return self.observe(), self.progress.info()
 
-    @contextmanager
     def observed_by(
         self, observer: TickObserver, step_observer: StepObserver | None = None
-    ) -> Iterator[None]:
-        """Have somebody see every control tick, and every step of physics, while the `with` block runs."""
-        of_steps = [] if step_observer is None else [step_observer]
-        self.tick_observers.append(observer)
-        self.step_observers += of_steps
-        try:
-            yield
-        finally:
-            self.tick_observers.remove(observer)
-            for of_step in of_steps:
-                self.step_observers.remove(of_step)
+    ) -> AbstractContextManager[None]:
+        """Have somebody see every control tick, and every step of physics, while a `with` block runs."""
+        return joined((self.tick_observers, observer), (self.step_observers, step_observer))
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -348,11 +340,7 @@ class BimanualEnv(gym.Env):
 
 
 def _restored(
-    kind: type[BimanualEnv],
-    task: str,
-    options: EnvOptions,
-    render_mode: str | None,
-    saved: tuple[Any, EpisodeProgress] | None,
+    kind: type[BimanualEnv], task: str, options: EnvOptions, render_mode: str | None, saved: tuple | None
 ) -> BimanualEnv:
     env = kind(task, options=options, render_mode=render_mode)
     if saved is not None:

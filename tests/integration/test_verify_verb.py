@@ -37,24 +37,23 @@ def test_the_verb_fails_and_says_where(copy, capsys) -> None:
     assert "seal: " in printed
 
 
-def test_not_replayed_is_not_passed(copy, capsys) -> None:
+@pytest.mark.parametrize(
+    ("field", "other", "remark"),
+    [
+        ("versions", {"mujoco": "1.2.3"}, "generated with mujoco 1.2.3 (installed: 3."),
+        ("worlds", {"lift_ball": "0123456789ab"}, "it holds lift_ball in world 0123456789ab (here: "),
+    ],
+    ids=["another version", "another world"],
+)
+def test_not_replayed_is_not_passed(copy, capsys, field, other, remark) -> None:
     root = copy("keyframes")
-    damages.provenance(lambda origin: origin["versions"].update(mujoco="1.2.3"))(root)
+    damages.provenance(lambda origin: origin[field].update(other))(root)
     write_card(root, "local/small")
     write_seal(root)
     assert verify(VerifyConfig(root=root, workers=1)) == 3
     printed = capsys.readouterr().out
-    assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: 3." in printed
+    assert f"not replayed, so not passed: {remark}" in printed
     assert "replayed actions" not in printed
-
-
-def test_a_dataset_of_another_world_is_not_passed(copy, capsys) -> None:
-    root = copy("keyframes")
-    damages.provenance(lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))(root)
-    write_card(root, "local/small")
-    write_seal(root)
-    assert verify(VerifyConfig(root=root, workers=1)) == 3
-    assert "not replayed, so not passed: it holds lift_ball in world 0123456789ab" in capsys.readouterr().out
 
 
 def test_a_dataset_without_depth_holds_colours_alone_and_passes(small_generation, tmp_path, capsys) -> None:

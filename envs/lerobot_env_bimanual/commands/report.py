@@ -39,7 +39,9 @@ is one that both arms can serve, and the rates are rates of those.
 
 The largest value of any episode of the experts with exact keyposes, beside what a real Panda allows
 (`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); `certify` names every
-episode that asks for more. {excess} Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
+episode that asks for more. {excess}
+
+Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
 limit* is the share of an episode's time in which any of the fourteen gives all it has. Velocity, acceleration and jerk are
 those of the commanded joints over their limits, from one tick of 50 ms to the next. The contact force is the net force
 between an arm and all that it touches, every 2 ms through a low pass of 10 Hz, the bandwidth that Franka states for its
