@@ -15,8 +15,9 @@ import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
-KILL_WHEN = ("tmp-*/frames", "shards/000000", "tmp-*/dataset")
-"""What appears while the first shard is recorded, after it, and while shards are merged."""
+KILL_WHEN = {"tmp-*/frames": 0.5, "shards/000000": 0.2, "tmp-*/dataset": 0.05}
+"""What appears while the first shard is recorded, after it, and while shards are merged, and for how many seconds at most
+the run is let go on from there; what follows takes seconds, 0.3 s and 0.15 s."""
 
 DRILL = Path(__file__).with_name("crash_drill.py")
 KILLS = 8
@@ -37,12 +38,12 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
     place = Path(tempfile.mkdtemp(dir="/tmp"))  # short enough for the path of a socket
     environment = os.environ | {"TMPDIR": str(place)}
     rng = np.random.default_rng()  # at other moments in every run of the test
-    for sight in KILL_WHEN:
+    for sight, latest_s in KILL_WHEN.items():
         run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True, env=environment)
         while not any(partial.glob(sight)):
             assert run.poll() is None, f"ended before {sight} appeared"
             time.sleep(0.01)
-        time.sleep(rng.uniform(0, 0.5))
+        time.sleep(rng.uniform(0, latest_s))
         os.kill(run.pid, signal.SIGKILL)  # the parent alone: its workers have to notice
         run.wait()
         wait_until_gone(run.pid)
