@@ -60,6 +60,7 @@ class Offscreen:
 
     Attributes:
         quality: as given.
+        aspect: width of the images over their height.
         free: gives all of it back; called at interpreter exit if not before.
     """
 
@@ -67,6 +68,7 @@ class Offscreen:
         """Make the context; raises `MissingGL` where none can be made."""
         self._model = model
         self.quality = quality
+        self.aspect = width / height
         self._shape = (height, width)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         if not hasattr(mujoco, "GLContext"):
