@@ -1,48 +1,56 @@
 """What stands still as a camera that stands still sees it: drawn once, then shown behind what moves."""
 
+from __future__ import annotations
+
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
 
-type Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
-"""RGB (height, width, 3) and depth (height, width) in metres along the optical axis."""
-
 
 class Backdrop:
-    """An image of what stands still.
+    """An image that others can be laid over.
 
     Args:
-        still: the image.
+        pixels: the image.
         offscreen: where it was drawn.
+
+    Attributes:
+        rgb: (height, width, 3) uint8.
+        nearness: (height, width) float32, as in `Pixels`.
+        depth_m: (height, width) float32, metres along the optical axis.
     """
 
-    def __init__(self, still: Pixels, offscreen: Offscreen):
-        self._still = still
-        self._depth_m = offscreen.depth_m(still.nearness)
+    def __init__(self, pixels: Pixels, offscreen: Offscreen):
+        self.rgb, self.nearness = pixels
+        self.depth_m = offscreen.depth_m(pixels.nearness)
         self._offscreen = offscreen
 
-    def behind(self, moving: Pixels) -> Picture | None:
-        """A fresh picture of both, bit for bit the one that is drawn at once.
+    def behind(self, front: Pixels) -> Backdrop | None:
+        """A fresh image of what both show, bit for bit the one that is drawn at once.
 
         Of all that falls on a pixel the depth test keeps the nearest, whatever is drawn first.
 
         Args:
-            moving: everything else, as the same camera sees it.
+            front: of other geoms, from the same camera.
 
         Returns:
-            The picture; None where something that moves is exactly as near as something that stands still, for then
-            it counts which is drawn first.
+            The image; None where a geom of one is exactly as near as one of the other, for then it counts which is drawn
+            first.
         """
-        nearness, still_nearness = moving.nearness.ravel(), self._still.nearness.ravel()
-        shown = np.flatnonzero(nearness >= still_nearness)
+        nearness, own_nearness = front.nearness.ravel(), self.nearness.ravel()
+        shown = np.flatnonzero(nearness >= own_nearness)
         shown_nearness = nearness[shown]
-        if np.any((shown_nearness == still_nearness[shown]) & (shown_nearness > 0)):
+        if np.any((shown_nearness == own_nearness[shown]) & (shown_nearness > 0)):
             return None
-        rgb, depth_m = self._still.rgb.copy(), self._depth_m.copy()
-        _whole_pixels(rgb)[shown] = _whole_pixels(moving.rgb)[shown]
-        depth_m.ravel()[shown] = self._offscreen.depth_m(shown_nearness)
-        return rgb, depth_m
+        both = copy.copy(self)
+        both.rgb, both.nearness, both.depth_m = self.rgb.copy(), self.nearness.copy(), self.depth_m.copy()
+        _whole_pixels(both.rgb)[shown] = _whole_pixels(front.rgb)[shown]
+        both.nearness.ravel()[shown] = shown_nearness
+        both.depth_m.ravel()[shown] = self._offscreen.depth_m(shown_nearness)
+        return both
 
 
 def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:

@@ -30,20 +30,17 @@ def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: flo
     return (radius_m == 0) | (beyond_m < radius_m + MARGIN_M)
 
 
-def reach_planes(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], planes: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """(len(geoms),) whether a geom's bounding box touches a plane or is behind it.
+def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(ngeom,) whether the bounding box of a geom touches or crosses one of the planes, or is behind it.
 
     Args:
         model: of the scene.
         data: its state.
-        geoms: their numbers.
-        planes: theirs, without their ends.
+        planes: (ngeom,) which geoms they are; here they have no end.
     """
-    frames = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    middles = data.geom_xpos[geoms] + (frames @ model.geom_aabb[geoms, :3, None])[..., 0]
-    normals = data.geom_xmat[planes, 2::3]  # (planes, 3)
-    above_m = middles @ normals.T - (data.geom_xpos[planes] * normals).sum(axis=1)
-    half_m = np.abs(normals @ frames) @ model.geom_aabb[geoms, 3:, None]  # (geoms, planes, 1)
-    return (above_m - half_m[..., 0] < MARGIN_M).any(axis=1)
+    frames = data.geom_xmat.reshape(-1, 3, 3)
+    middles = data.geom_xpos + (frames @ model.geom_aabb[:, :3, None])[..., 0]
+    normals = data.geom_xmat[planes, 2::3]
+    above_m = middles @ normals.T - (data.geom_xpos[planes] * normals).sum(axis=1)  # (ngeom, planes)
+    half_m = (np.abs(normals @ frames) @ model.geom_aabb[:, 3:, None])[..., 0]
+    return (above_m - half_m < MARGIN_M).any(axis=1)
