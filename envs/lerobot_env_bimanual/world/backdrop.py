@@ -40,19 +40,17 @@ class Backdrop:
             The image; None where a geom of one is exactly as near as one of the other, for then it counts which is drawn
             first.
         """
-        nearness, own_nearness = front.nearness.ravel(), self.nearness.ravel()
-        shown = np.flatnonzero(nearness >= own_nearness)
-        shown_nearness = nearness[shown]
-        if np.any((shown_nearness == own_nearness[shown]) & (shown_nearness > 0)):
+        is_front = front.nearness > self.nearness
+        if np.any((front.nearness == self.nearness) & (front.nearness > 0)):
             return None
         both = copy.copy(self)
-        both.rgb, both.nearness, both.depth_m = self.rgb.copy(), self.nearness.copy(), self.depth_m.copy()
-        _whole_pixels(both.rgb)[shown] = _whole_pixels(front.rgb)[shown]
-        both.nearness.ravel()[shown] = shown_nearness
-        both.depth_m.ravel()[shown] = self._offscreen.depth_m(shown_nearness)
+        both.nearness = np.maximum(front.nearness, self.nearness)
+        both.rgb, both.depth_m = self.rgb.copy(), self.depth_m.copy()
+        np.copyto(_whole_pixels(both.rgb), _whole_pixels(front.rgb), where=is_front)
+        both.depth_m[is_front] = self._offscreen.depth_m(front.nearness[is_front])
         return both
 
 
 def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
-    """A view (height * width,) of an image, which NumPy moves several times as fast as rows of three bytes."""
-    return rgb.reshape(-1, 3).view("V3").ravel()
+    """A view (height, width) of an image, which NumPy copies several times as fast as rows of three bytes."""
+    return rgb.view("V3")[..., 0]

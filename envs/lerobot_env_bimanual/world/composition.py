@@ -51,7 +51,6 @@ class Composition:
         self._planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
         self._room: Geoms = model.body_weldid[model.geom_bodyid] == 0
         self._asleep: Geoms = np.zeros_like(self._room)
-        self._at_planes: Geoms = np.zeros_like(self._room)
         self._looks_of_room, self._looks_of_sleepers = b"", b""
         self._rooms: dict[int, Backdrop] = {}
         self._backdrops: dict[int, Backdrop | None] = {}
@@ -64,22 +63,23 @@ class Composition:
         if has_new_room:
             self._looks_of_room = looks_of_room
             self._rooms.clear()
-            self._at_planes = self._room & reach_planes(self._model, self._data, self._planes)
         if has_new_room or self._looks(self._asleep) != self._looks_of_sleepers:
             self._asleep = self._data.body_awake[self._model.geom_bodyid] == ASLEEP
             self._looks_of_sleepers = self._looks(self._asleep)
             self._backdrops.clear()
         self._list(self._moving, ~self._room & ~self._asleep, self._options)
+        self._is_simple = self._each_pixel_shows_one_geom()
+        is_low = reach_planes(self._model, self._data, self._planes)
+        self._drawn_last = np.zeros_like(is_low) if (is_low & ~self._room).any() else is_low
 
     def image(self, camera: int) -> Picture:
         """RGB and metric depth from one camera."""
-        is_simple = self._each_pixel_shows_one_geom()
-        if is_simple and self._model.cam_bodyid[camera] == 0:
+        if self._is_simple and self._model.cam_bodyid[camera] == 0:
             backdrop = self._backdrop(camera)
             both = backdrop and backdrop.behind(self._draw(self._moving, camera))
             if both is not None:
                 return both.rgb, both.depth_m
-        if is_simple:
+        if self._is_simple:
             self._list_view(camera)
         else:
             self._list(self._others, np.ones_like(self._room), self._options)
@@ -126,17 +126,10 @@ class Composition:
             mujoco.mjv_updateScene(self._model, self._data, options, None, self._eye, ALL, scene)
 
     def _list_view(self, camera: int) -> None:
-        """What is in view of a camera, with what is at the room's planes after all the rest.
-
-        Of two geoms that are equally near the one that is drawn last is seen, so only the order of such may change as do
-        not touch.
-        """
+        """Fill a scene with what is in view of a camera, and with what is at the room's planes after all the rest."""
         seen = in_view(self._model, self._data, camera, self._offscreen.aspect)
-        last = seen & self._at_planes
-        if (reach_planes(self._model, self._data, self._planes) & ~self._room).any():  # it lies on the floor
-            last[:] = False
-        self._list(self._others, seen & ~last, self._options)
-        with self._shown(last):
+        self._list(self._others, seen & ~self._drawn_last, self._options)
+        with self._shown(seen & self._drawn_last):
             mujoco.mjv_addGeoms(
                 self._model, self._data, self._no_sites, mujoco.MjvPerturb(), ALL, self._others
             )
