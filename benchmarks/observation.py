@@ -1,11 +1,11 @@
 """How many observations of five RGB-D images of 256 pixels a second of one core makes, here and in another tree.
 
 Of each task ten moments of two experts' episodes are rendered in their order, in turns with the other tree, so the
-first image of an episode counts for a tenth. Times are CPU times of the rendering process with all its threads, of each
+first observation of an episode counts for a tenth. Times are CPU times of the rendering process with all its threads, of each
 moment the least of all rounds. Prints a Markdown table and, as the last line, the same figures as JSON.
 
     python benchmarks/observation.py --before=/path/to/another/tree
-    python benchmarks/observation.py --tasks=lift_ball,push_box --rounds=5
+    python benchmarks/observation.py --tasks=lift_ball,push_box --moments=60 --rounds=3   # more like a recording
 """
 
 import argparse
@@ -20,10 +20,9 @@ from pathlib import Path
 HERE = Path(__file__).parents[1]
 SIZE = 256
 SEEDS = (0, 1)
-MOMENTS = 10
 
 
-def serve() -> None:
+def serve(count: int) -> None:
     """Ready the task that a line names; then answer every "again" with the seconds of all moments, until "next"."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.expert.runner import run_expert
@@ -36,7 +35,7 @@ def serve() -> None:
             states = []
             env.tick_observers = [lambda env, _, states=states: states.append(env.scene.save_state())]
             run_expert(env, seed)
-            moments += [states[tick * len(states) // MOMENTS] for tick in range(MOMENTS)]
+            moments += [states[number * len(states) // count] for number in range(count)]
         with Renderer(env.scene, height=SIZE, width=SIZE) as renderer:
             while sys.stdin.readline() == "again\n":
                 print(*(_seconds(env.scene, renderer, state) for state in moments), flush=True)
@@ -50,12 +49,12 @@ def _seconds(scene, renderer, state) -> float:
     return time.process_time() - start
 
 
-def start_child(tree: Path) -> subprocess.Popen:
-    """A process that renders with the packages of a tree, on one core."""
+def start_child(tree: Path, moments: int) -> subprocess.Popen:
+    """A process that renders with the packages of a tree."""
     paths = os.pathsep.join([str(tree), str(tree / "envs")])
     return subprocess.Popen(
-        [sys.executable, __file__, "--serve"],
-        env={**os.environ, "PYTHONPATH": paths, "LP_NUM_THREADS": "1"},
+        [sys.executable, __file__, "--serve", f"--moments={moments}"],
+        env={**os.environ, "PYTHONPATH": paths},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -92,15 +91,16 @@ def main() -> None:
     parser.add_argument("--before", type=Path, default=HERE, help="another tree; without it, this one twice")
     parser.add_argument("--tasks", default="", help="names, comma separated; without it all")
     parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--moments", type=int, default=10, help="of an episode")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:
-        serve()
+        serve(options.moments)
         return
 
     from lerobot_env_bimanual.tasks.registry import list_tasks
 
-    children = [start_child(tree) for tree in (options.before.resolve(), HERE)]
+    children = [start_child(tree, options.moments) for tree in (options.before.resolve(), HERE)]
     figures = {}
     print("| task | before, per s | after, per s | after / before |\n|---|---:|---:|---:|")
     for task in options.tasks.split(",") if options.tasks else list_tasks():
