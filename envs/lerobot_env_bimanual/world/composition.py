@@ -69,8 +69,10 @@ class Composition:
             self._backdrops.clear()
         self._list(self._moving, ~self._room & ~self._asleep, self._options)
         self._is_simple = self._each_pixel_shows_one_geom()
-        is_low = reach_planes(self._model, self._data, self._planes)
-        self._drawn_last = np.zeros_like(is_low) if (is_low & ~self._room).any() else is_low
+        # Of geoms that are equally near the one drawn last is seen, so what touches the floor stays after it in the order;
+        # where that is more than the room itself, all keep their places.
+        at_planes = reach_planes(self._model, self._data, self._planes)
+        self._drawn_last = np.zeros_like(at_planes) if (at_planes & ~self._room).any() else at_planes
 
     def image(self, camera: int) -> Picture:
         """RGB and metric depth from one camera."""
