@@ -42,6 +42,11 @@ def check(conditions: Iterable[Condition], view: SceneView) -> dict[str, bool]:
     return {condition.name: condition(view) for condition in conditions}
 
 
+def all_met(conditions: Iterable[Condition], view: SceneView) -> bool:
+    """Whether all hold now; those after the first that does not are not looked at."""
+    return all(condition(view) for condition in conditions)
+
+
 @dataclass(frozen=True)
 class Above(Condition):
     """The prop's origin is at least this high."""

@@ -23,7 +23,7 @@ class EpisodeProgress:
         instruction: the sentence that a policy is given.
         rng: the episode's only source of randomness.
         draws: placements that the reset drew until one could be rehearsed.
-        conditions: each condition's name and whether it is met now.
+        conditions: each condition's name and whether it was met after the last reset or step.
         ticks: control ticks so far.
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
@@ -53,10 +53,9 @@ class EpisodeProgress:
         """Whether the verdict is known."""
         return self.succeeded or bool(self.failure)
 
-    def judge(self, conditions: dict[str, bool]) -> None:
-        """Take the conditions after a tick into account."""
-        self.conditions = conditions
-        self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0
+    def judge(self, all_met: bool) -> None:
+        """Take into account whether all conditions are met after a tick."""
+        self.held_ticks = self.held_ticks + 1 if all_met else 0
 
     def info(self) -> dict[str, Any]:
         """What the environment tells besides its observation."""

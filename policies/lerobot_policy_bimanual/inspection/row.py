@@ -18,6 +18,8 @@ def require_row(root: Path, index: int) -> None:
     """
     rows = read_info(root).get("total_frames")
     if type(rows) is not int or rows < 1:
-        raise DatasetError(f"{root} does not say how many rows it has: restore meta/info.json, or generate it again")
+        raise DatasetError(
+            f"{root} does not say how many rows it has: restore meta/info.json, or generate it again"
+        )
     if not 0 <= index < rows:
         raise DatasetError(f"{root} has rows 0 to {rows - 1}, but not {index}")
