@@ -144,7 +144,8 @@ def watch_rollouts(stages: Stages) -> None:
     from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
     # The name of the check in a tree before conditions were looked at one by one.
-    checks = (env, "all_met", "checks") if hasattr(env, "all_met") else (BimanualEnv, "_check", "checks")
+    is_new = hasattr(env, "check_until_unmet")
+    checks = (env, "check_until_unmet", "checks") if is_new else (BimanualEnv, "_check", "checks")
     for owner, name, stage in (
         checks,
         (EpisodeReset, "start", "reset"),
