@@ -81,7 +81,7 @@ def test_a_step_tells_all_conditions_though_its_ticks_look_as_far_as_the_first_u
     conditions = tuple(When(name, lambda name=name: look(name)) for name in looks)
     monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: conditions)
     for info in (state_env.reset(seed=1)[1], state_env.step(keypose_below(state_env))[4]):
-        assert info["conditions"] == {"first": False, "second": True}
+        assert info["conditions"] == {"when(first)": False, "when(second)": True}
     assert info["ticks"] > 1
     assert looks == {"first": 1 + info["ticks"], "second": 2}
 
