@@ -1,9 +1,11 @@
 """How fast keyposes are planned on this machine.
 
-Prints a table and, as the last line, the same figures as JSON. All times are CPU times of this process, so that
+Prints tables and, as the last line, the same figures as JSON. The second table is what a reset takes: draws, rehearsals
+and settling, as evaluations and certificates pay it; with `--before`, beside that of another tree. All times are CPU times of this process, so that
 other work on the machine changes them little.
 
     python benchmarks/planning.py --problems=200
+    python benchmarks/planning.py --problems=0 --before=/path/to/another/tree
 """
 
 import argparse

@@ -44,7 +44,7 @@ class ServoCommands:
         self._model, self._data, self._arm_pair = model, data, arm_pair
         self._qpos, self._ctrl = data.qpos, data.ctrl
         self._rows = np.empty((STEPS_PER_TICK, JOINT_ACTION_DIM))
-        self._parts = np.empty((2, *self._rows.shape))
+        self._parts = np.empty((STEPS_PER_TICK, 2, JOINT_ACTION_DIM))
         self._shares = _spline_shares(arm_pair.servo_lead_s / TICK_S)
         self._changes = np.zeros((2, JOINT_ACTION_DIM))
         self._last_change, self.change = self._changes
@@ -78,14 +78,13 @@ class ServoCommands:
         rested, self._rests = self._rests, action.tobytes() == last.tobytes()
         self._last_change[:] = self.change
         np.subtract(action, last, out=self.change, dtype=np.float64)
-        fingers = [self._finger_travel_m(arm, float(action[_gripper(arm)])) for arm in ARMS]
+        fingers = [self._finger_travel_m(arm, action.item(_gripper(arm))) for arm in ARMS]
         if not (rested and self._rests):
             rows = self._moving_arms(last)
+        elif any(isinstance(travel_m, np.ndarray) for travel_m in fingers):
+            rows = np.add(last, 0.0, out=self._rows, dtype=np.float64)
         else:
             rows = np.add(last, 0.0, out=self._offset, dtype=np.float64)
-            if any(isinstance(travel_m, np.ndarray) for travel_m in fingers):
-                self._rows[:] = rows
-                rows = self._rows
         for arm, travel_m in zip(ARMS, fingers, strict=True):
             rows[..., _gripper(arm)] = travel_m
         commands = rows.tobytes()
@@ -101,8 +100,8 @@ class ServoCommands:
         np.multiply(self._last_change, 0.5, out=offset)
         np.subtract(last, offset, out=offset)
         np.add(offset, self._lead, out=offset)
-        np.multiply(self._shares, self._changes[:, None], out=parts)
-        np.add(parts[0], parts[1], out=rows)
+        np.multiply(self._shares, self._changes, out=parts)
+        np.add(parts[:, 0], parts[:, 1], out=rows)
         return np.add(rows, offset, out=rows)
 
     def _finger_travel_m(self, arm: Arm, opening: float) -> float | NDArray[np.float64]:
@@ -113,10 +112,7 @@ class ServoCommands:
         """
         target = self._arm_pair.finger_target_m(opening)
         one, other = self._fingers[arm.ordinal]
-        fingers, last = (
-            (float(self._qpos[one]) + float(self._qpos[other])) / 2,
-            float(self._ctrl[_gripper(arm)]),
-        )
+        fingers, last = (self._qpos.item(one) + self._qpos.item(other)) / 2, self._ctrl.item(_gripper(arm))
         start = min(last, fingers) if target < fingers else max(last, fingers)
         way = target - start
         if not way:
@@ -135,10 +131,11 @@ def _of_joints(vector: NDArray[np.float64], left: int, right: int) -> NDArray[np
 
 
 def _spline_shares(lead_ticks: float) -> NDArray[np.float64]:
-    """(2, 25, 1) shares of the last and of the new change of action in the command at each step of physics.
+    """(25, 2, 16) shares of the last and of the new change of action in the command at each step of physics.
 
     The B-spline starts a tick in the middle between the last two actions; its velocity goes from the last to the
     new change of action per tick.
     """
     u = np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK
-    return np.stack([u - u**2 / 2 + lead_ticks * (1 - u), u**2 / 2 + lead_ticks * u])[..., None]
+    shares = np.stack([u - u**2 / 2 + lead_ticks * (1 - u), u**2 / 2 + lead_ticks * u], axis=1)
+    return np.repeat(shares[..., None], JOINT_ACTION_DIM, axis=-1)
