@@ -12,20 +12,25 @@ import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from rich.console import Console
 from rich.table import Table
 from two_trees import Figures, compare, serve
 
+from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.tasks.registry import list_tasks, resolve_tasks
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import SLEEP, STEPS_PER_TICK, Scene  # where older trees have them, too
+from lerobot_env_bimanual.world.scene import SLEEP, Scene
+
+STEPS_PER_TICK = round(1 / (CONTROL_HZ * PHYSICS_STEP_S))
 
 ROWS = {
     "steps_at_rest": ("physics steps per CPU second, hands at rest", "{:,.0f}"),
@@ -84,12 +89,11 @@ def measure_episodes(env: BimanualEnv, seeds: range) -> tuple[float, float]:
         tick(*args)
         seconds.append(time.process_time() - start)
 
-    scene.tick = timed_tick
     start = time.process_time()
-    for seed in seeds:
-        run_expert(env, seed)
+    with mock.patch.object(scene, "tick", timed_tick):
+        for seed in seeds:
+            run_expert(env, seed)
     total = time.process_time() - start
-    scene.tick = tick
     return statistics.mean(seconds), total / len(seeds)
 
 
@@ -108,7 +112,7 @@ def ready(task: str) -> Callable[[], Figures]:
     return steps_per_s
 
 
-def print_ratios(before: Path, tasks: list[str], rounds: int) -> None:
+def print_ratios(before: Path, tasks: Sequence[str], rounds: int) -> None:
     """Steps per CPU second beside those of another tree."""
     figures = {}
     print("| task | at rest: before | now | now / before | in an episode: before | now | now / before |")
