@@ -6,6 +6,8 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.world import scene as scene_module
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene import MAX_SETTLE_TICKS, Scene
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK
@@ -205,6 +207,28 @@ def test_everything_is_where_it_is_seen_after_a_tick(scene):
     mujoco.mj_kinematics(scene.model, fresh)
     assert np.array_equal(fresh.geom_xpos, scene.data.geom_xpos)
     assert np.array_equal(fresh.geom_xmat, scene.data.geom_xmat)
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_shells_that_are_only_seen_change_no_contact(task, monkeypatch):
+    props = get_task(task).spec.props
+    bare = Scene(props)
+    monkeypatch.setattr(scene_module, "solid_geom_counts", lambda model: model.body_geomnum.copy())
+    dressed = Scene(props)
+    command = bare.commanded
+    touched = 0
+    for _ in range(20):
+        command[[1, 9]] += 0.08  # both arms bow until their hands are stopped
+        for world in (bare, dressed):
+            world.tick(command)
+        touched += bare.data.ncon
+        assert bare.state_hash() == dressed.state_hash()
+    assert touched
+
+
+def test_no_clock_is_read_while_physics_runs(scene):
+    scene.tick(scene.commanded)
+    assert not scene.data.timer.duration.any()
 
 
 def test_commanded_acceleration_between_ticks_is_that_of_the_actions(scene, monkeypatch):
