@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import Carried
-from lerobot_env_bimanual.world.contacts import solid_geom_counts
 from lerobot_env_bimanual.world.scene import RESETTABLE_FIELDS
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -58,7 +57,6 @@ class CollisionChecker:
         # Both, as MuJoCo discards pairs of bodies before it looks at their geoms.
         self._model.body_margin[self._owner >= 0] = CLEARANCE_M
         self._model.geom_margin[self._owner[self._model.geom_bodyid] >= 0] = CLEARANCE_M
-        self._model.body_geomnum[:] = solid_geom_counts(self._model)
         self._joints = [
             np.array([self._model.joint(name).qposadr[0] for name in scene.arm_pair.joint_names(arm)])
             for arm in ARMS
