@@ -1,19 +1,24 @@
 """How fast keyposes are planned on this machine.
 
-Prints a table and, as the last line, the same figures as JSON. All times are CPU times of this process, so that
+Prints tables and, as the last line, the same figures as JSON. The second table is what a reset takes: draws, rehearsals
+and settling, as evaluations and certificates pay it; with `--before`, beside that of another tree. All times are CPU times of this process, so that
 other work on the machine changes them little.
 
     python benchmarks/planning.py --problems=200
+    python benchmarks/planning.py --problems=0 --before=/path/to/another/tree
 """
 
 import argparse
 import json
+import statistics
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from two_trees import HERE, Figures, compare, serve
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec import KeyposeCodec
@@ -21,6 +26,7 @@ from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.motion.feasibility import goal_postures
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
@@ -36,6 +42,10 @@ HANDS = {
 }
 """Where random hand poses lie: each on its own side, with a common strip in which the arms meet."""
 LINE_M = 0.4
+RESET_GOAL_MS = {"straighten_rope": 60}
+"""Medians; of all other tasks `USUAL_RESET_GOAL_MS`."""
+USUAL_RESET_GOAL_MS = 40
+RESETS_PER_ROUND = 10
 
 
 class Stopwatch:
@@ -153,11 +163,42 @@ def measure_rehearsals(draws: int, watches: dict[str, Stopwatch]) -> None:
                 watches["rehearsal of a placement"].time(rehearse_both, rehearsal, task, variation)
 
 
+def ready(task: str) -> Callable[[], Figures]:
+    """Measures the median CPU milliseconds of a reset, as `lerobot-eval` and certificates pay it."""
+    env = BimanualEnv(task, split="val", obs="state")
+    env.reset(seed=RESETS_PER_ROUND)
+    watch = Stopwatch()
+
+    def median_ms() -> Figures:
+        for seed in range(RESETS_PER_ROUND):
+            watch.time(env.reset, seed=seed)
+        return [statistics.median(watch.milliseconds[-RESETS_PER_ROUND:])]
+
+    return median_ms
+
+
+def measure_resets(before: Path, rounds: int) -> dict[str, dict[str, float]]:
+    """Median reset of every task, beside another tree's; prints a row per task."""
+    figures = {}
+    print("| task | reset before, ms | now, ms | now / before | goal, ms |\n|---|---:|---:|---:|---:|")
+    for task, (old,), (new,) in compare(__file__, before, list_tasks(), rounds):
+        goal = RESET_GOAL_MS.get(task, USUAL_RESET_GOAL_MS)
+        print(f"| `{task}` | {old:.1f} | {new:.1f} | {new / old:.2f} | {goal} |", flush=True)
+        figures[task] = {"before_ms": old, "now_ms": new, "goal_ms": goal}
+    return figures
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--problems", type=int, default=200)
     parser.add_argument("--draws", type=int, default=10, help="placements rehearsed per task")
+    parser.add_argument("--before", type=Path, default=HERE, help="another tree; without it, this one twice")
+    parser.add_argument("--rounds", type=int, default=3, help="turns of both trees")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.serve:
+        serve(ready)
+        return
     kinds = (
         "goal postures of a pose",
         "line of 0.4 m",
@@ -179,7 +220,8 @@ def main() -> None:
             kind, str(row["problems"]), str(row["solved"]), f"{row['median_ms']:.1f}", f"{row['p99_ms']:.1f}"
         )
     Console().print(table)
-    print(json.dumps(figures))
+    resets = measure_resets(args.before, args.rounds)
+    print(json.dumps(figures | {"resets": resets}))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,10 @@ processes. Prints two tables and, as the last line, the same figures as JSON.
 
     python benchmarks/recording.py
     python benchmarks/recording.py --task=push_box --image_size=128 --demos=10 --workers 2
+
+With `--before` another tree records the same in turns with this one, both views, and the ratios are printed:
+
+    python benchmarks/recording.py --task=lift_ball,push_box --before=/path/to/another/tree
 """
 
 import argparse
@@ -17,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +33,7 @@ from numpy.typing import NDArray
 from recording_jobs import STAGES, PlainWriter, Recording, record
 from rich.console import Console
 from rich.table import Table
+from two_trees import Figures, compare, serve
 
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
@@ -53,6 +58,38 @@ WARM_UP = {"episodes": 1, "image_size": "32"}
 def dataset_of(options: argparse.Namespace, view: View, root: Path, **others: Any) -> GenerationSettings:
     values = {"task": options.task, "episodes": options.demos, "image_size": options.image_size}
     return settings_of(GenerateConfig(**values | others, view=view, root=root))
+
+
+def ready(task: str, options: argparse.Namespace) -> Callable[[], Figures]:
+    """Measures the CPU seconds of every stage of a demonstration in both views, merging included."""
+    of_task = argparse.Namespace(**vars(options) | {"task": task})
+
+    def stage_seconds() -> Figures:
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary)
+            recording = record(dataset_of(of_task, "both", folder), ViewWriter, folder / task)
+        return [*(recording.seconds[stage][0] for stage in STAGES), recording.merging[0] / options.demos]
+
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        record(dataset_of(of_task, "both", folder, **WARM_UP), ViewWriter, folder / "warm-up")
+    return stage_seconds
+
+
+def print_ratios(options: argparse.Namespace) -> None:
+    """What a demonstration costs beside another tree, and how many an hour two cores make without anything else."""
+    stages = (*STAGES, "merging")
+    flags = [f"--demos={options.demos}", f"--image_size={options.image_size}"]
+    figures = {}
+    print(f"| task | {' | '.join(stages)} | all, CPU s | now / before | per hour of two cores |")
+    print(f"|---|{'---:|' * (len(stages) + 3)}")
+    for task, old, new in compare(__file__, options.before, options.task.split(","), options.rounds, flags):
+        cells = [f"{a:.2f} to {b:.2f}" for a, b in zip([*old, sum(old)], [*new, sum(new)], strict=True)]
+        per_hour = [2 * 3600 / sum(side) for side in (old, new)]
+        ratio = f"{sum(new) / sum(old):.2f} | {per_hour[0]:.0f} to {per_hour[1]:.0f}"
+        print(f"| `{task}` | {' | '.join(cells)} | {ratio} |", flush=True)
+        figures[task] = {"stages": stages, "before_s": old, "now_s": new, "per_hour": per_hour}
+    print(json.dumps(figures))
 
 
 def costs_table(recordings: dict[str, Recording], options: argparse.Namespace) -> Table:
@@ -120,8 +157,17 @@ def main() -> None:
     parser.add_argument("--image_size", default="256", help="side in pixels, or HEIGHTxWIDTH")
     parser.add_argument("--runs", nargs="*", choices=RUNS, default=list(RUNS))
     parser.add_argument("--workers", nargs="*", type=int, default=[1, 2], help="of runs of `generate`")
+    parser.add_argument("--before", type=Path, help="compare with another tree")
+    parser.add_argument("--rounds", type=int, default=2, help="turns of both trees")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     quieten_libraries()
+    if options.serve:
+        serve(lambda task: ready(task, options))
+        return
+    if options.before is not None:
+        print_ratios(options)
+        return
     recordings: dict[str, Recording] = {}
     rates: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as temporary:

@@ -5,24 +5,32 @@ other work on the machine changes them little; compare figures of one run with e
 
     python benchmarks/simulation.py --task=lift_ball
     python benchmarks/simulation.py --task=all --episodes=3
+    python benchmarks/simulation.py --task=all --before=/path/to/another/tree
 """
 
 import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from unittest import mock
 
-from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
+from two_trees import Figures, compare, serve
 
+from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.tasks.registry import list_tasks, resolve_tasks
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import SLEEP, STEPS_PER_TICK, Scene
+from lerobot_env_bimanual.world.scene import SLEEP, Scene
+
+STEPS_PER_TICK = round(1 / (CONTROL_HZ * PHYSICS_STEP_S))
 
 ROWS = {
     "steps_at_rest": ("physics steps per CPU second, hands at rest", "{:,.0f}"),
@@ -76,18 +84,44 @@ def measure_episodes(env: BimanualEnv, seeds: range) -> tuple[float, float]:
     scene, seconds = env.scene, []
     tick = scene.tick
 
-    def timed_tick(joint_action: ArrayLike) -> None:
+    def timed_tick(*args: Any) -> None:
         start = time.process_time()
-        tick(joint_action)
+        tick(*args)
         seconds.append(time.process_time() - start)
 
-    scene.tick = timed_tick
     start = time.process_time()
-    for seed in seeds:
-        run_expert(env, seed)
+    with mock.patch.object(scene, "tick", timed_tick):
+        for seed in seeds:
+            run_expert(env, seed)
     total = time.process_time() - start
-    scene.tick = tick
     return statistics.mean(seconds), total / len(seeds)
+
+
+def ready(task: str) -> Callable[[], Figures]:
+    """Measures physics steps per CPU second, at rest and in two episodes of the expert."""
+    env = BimanualEnv(task, split="val", obs="state", control_mode="keypose")
+    run_expert(env, 0)
+
+    def steps_per_s() -> Figures:
+        env.reset(seed=0)
+        hold = env.scene.commanded
+        rest_s = cpu_seconds(lambda: env.scene.tick(hold), 100)
+        episode_s, _ = measure_episodes(env, range(2))
+        return [STEPS_PER_TICK / rest_s, STEPS_PER_TICK / episode_s]
+
+    return steps_per_s
+
+
+def print_ratios(before: Path, tasks: Sequence[str], rounds: int) -> None:
+    """Steps per CPU second beside those of another tree."""
+    figures = {}
+    print("| task | at rest: before | now | now / before | in an episode: before | now | now / before |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for task, old, new in compare(__file__, before, tasks, rounds):
+        cells = [f"{a:,.0f} | {b:,.0f} | {b / a:.2f}" for a, b in zip(old, new, strict=True)]
+        print(f"| `{task}` | {' | '.join(cells)} |", flush=True)
+        figures[task] = {"before": old, "now": new}
+    print(json.dumps(figures))
 
 
 def measure(task: str, image_size: int, repeats: int, episodes: int) -> dict[str, float | str]:
@@ -130,7 +164,16 @@ def main() -> None:
     parser.add_argument("--image_size", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--episodes", type=int, default=2, help="of the expert")
+    parser.add_argument("--before", type=Path, help="compare steps per second with another tree")
+    parser.add_argument("--rounds", type=int, default=5, help="turns of both trees")
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.serve:
+        serve(ready)
+        return
+    if args.before is not None:
+        print_ratios(args.before, resolve_tasks(args.task), args.rounds)
+        return
     figures = [
         measure(task, args.image_size, args.repeats, args.episodes) for task in resolve_tasks(args.task)
     ]

@@ -5,6 +5,8 @@ MuJoCo reads `MUJOCO_GL` once, at import, and without it fails on a machine that
 off-screen driver is installed.
 """
 
+import contextlib
+import ctypes
 import logging
 import os
 import sys
@@ -45,6 +47,11 @@ except AttributeError:
     import mujoco
 
     os.environ["MUJOCO_GL"] = wanted
+
+# Its bindings give MuJoCo a clock, which is read thirty times a step for timers that nobody here looks at. As their
+# setter puts it back in place of None, the pointer is cleared itself, where the loader finds it.
+with contextlib.suppress(OSError, ValueError):
+    ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time").value = None
 
 # Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)

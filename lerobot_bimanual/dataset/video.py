@@ -48,9 +48,10 @@ def rgb_encoder() -> RGBEncoderConfig:
 def depth_encoder() -> DepthEncoderConfig:
     """Lossless 12-bit HEVC over the schema's depth range.
 
-    Measured at 256x256: 3.3 ms and 3.1 kB per frame; LeRobot's defaults take 18 ms for the same size.
+    Measured at 256x256: 2.1 ms and 9 kB per frame of a fixed camera, 3.6 ms and 16 kB of one that moves with a hand, for
+    which x265 takes 3.2 and 6.3 ms where it may choose blocks larger than 16 pixels, to save 5 % of the size.
     """
-    x265 = "lossless=1:pools=none:frame-threads=1:bframes=0:rc-lookahead=0:log-level=error"
+    x265 = "lossless=1:ctu=16:rd=1:pools=none:frame-threads=1:bframes=0:rc-lookahead=0:log-level=error"
     return DepthEncoderConfig(
         preset="ultrafast",
         g=10,

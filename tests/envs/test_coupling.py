@@ -13,7 +13,8 @@ from lerobot_env_bimanual.expert.coupling import Coupling, CouplingMeter, transm
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
-from lerobot_env_bimanual.world.scene import TICK_S, Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 RADIUS_M = 0.16
 """Of a ball that is a little too wide for the distance between the hands at home."""

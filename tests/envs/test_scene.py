@@ -6,7 +6,11 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
-from lerobot_env_bimanual.world.scene import MAX_SETTLE_TICKS, PHYSICS_STEP_S, STEPS_PER_TICK, Scene
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.world import scene as scene_module
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
+from lerobot_env_bimanual.world.scene import MAX_SETTLE_TICKS, Scene
+from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK
 
 ON_TABLE = Pose.upright((0.25, 0.1, 0.7905))
 
@@ -167,15 +171,64 @@ def commands_of_every_step(scene: Scene, actions: np.ndarray, monkeypatch) -> np
     for function in ("mj_step2", "mj_step"):  # with these every step of physics begins
         real = getattr(mujoco, function)
 
-        def spy(model, data, real=real):
-            seen.append(data.ctrl.copy())
-            real(model, data)
+        def spy(model, data, steps=1, real=real):
+            seen.extend([data.ctrl.copy()] * steps)
+            real(model, data, *[steps] * (steps > 1))
 
         monkeypatch.setattr(mujoco, function, spy)
     for action in actions:
         scene.tick(action)
     monkeypatch.undo()
     return np.array(seen)
+
+
+def test_who_watches_every_step_changes_nothing(scene):
+    watched = Scene([Block(), Target()])
+    actions = np.tile(scene.commanded, (16, 1))
+    actions[2:4, 3] += 0.02
+    actions[6:, 7] = 0.0  # a hand closes, and then both arms stand still
+    steps = []
+    for world in (scene, watched):
+        world.place("item", ON_TABLE)
+        world.settle()
+    for action in actions:
+        scene.tick(action)
+        watched.tick(action, [lambda: steps.append(watched.data.time)])
+        assert watched.state_hash() == scene.state_hash()
+    assert len(steps) == len(set(steps)) == len(actions) * STEPS_PER_TICK
+
+
+def test_everything_is_where_it_is_seen_after_a_tick(scene):
+    command = scene.commanded
+    command[[0, 8]] += 0.05
+    scene.tick(command)
+    fresh = mujoco.MjData(scene.model)
+    fresh.qpos[:] = scene.data.qpos
+    mujoco.mj_kinematics(scene.model, fresh)
+    assert np.array_equal(fresh.geom_xpos, scene.data.geom_xpos)
+    assert np.array_equal(fresh.geom_xmat, scene.data.geom_xmat)
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_shells_that_are_only_seen_change_no_contact(task, monkeypatch):
+    props = get_task(task).spec.props
+    bare = Scene(props)
+    monkeypatch.setattr(scene_module, "solid_geom_counts", lambda model: model.body_geomnum.copy())
+    dressed = Scene(props)
+    command = bare.commanded
+    touched = 0
+    for _ in range(20):
+        command[[1, 9]] += 0.08  # both arms bow until their hands are stopped
+        for world in (bare, dressed):
+            world.tick(command)
+        touched += bare.data.ncon
+        assert bare.state_hash() == dressed.state_hash()
+    assert touched
+
+
+def test_no_clock_is_read_while_physics_runs(scene):
+    scene.tick(scene.commanded)
+    assert not scene.data.timer.duration.any()
 
 
 def test_commanded_acceleration_between_ticks_is_that_of_the_actions(scene, monkeypatch):

@@ -14,7 +14,8 @@ from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, StrainMeter, exce
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.scene import STEPS_PER_TICK, TICK_S, Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
 
 SEED = 3
 LIMITS = PANDA_PAIR.joint_limits

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.contacts import ContactQueries
-from lerobot_env_bimanual.world.scene import TICK_S, Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 MOVING_M_S = 0.02
 """Speed above which a hand counts as moving."""

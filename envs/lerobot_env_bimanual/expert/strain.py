@@ -28,7 +28,8 @@ from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contacts import ContactQueries
-from lerobot_env_bimanual.world.scene import TICK_S, Scene
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 FORCE_FILTER_HZ = 10.0
 """Bandwidth of the low pass through which an arm feels forces: 16 ms to 63 % of a step."""

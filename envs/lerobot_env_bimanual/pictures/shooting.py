@@ -20,7 +20,8 @@ from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import TICK_S, SceneState
+from lerobot_env_bimanual.world.scene import SceneState
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
 CLEAREST = "clearest"

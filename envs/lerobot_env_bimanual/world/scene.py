@@ -4,27 +4,26 @@ import copy
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import cycle, islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import ARM_ACTION_DIM, GRIPPERS, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S, build_spec
+from lerobot_env_bimanual.world.arena import build_spec
+from lerobot_env_bimanual.world.contacts import solid_geom_counts
 from lerobot_env_bimanual.world.scene_view import SceneView
+from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, ServoCommands
 
-TICK_S = 1 / CONTROL_HZ
-STEPS_PER_TICK = round(TICK_S / PHYSICS_STEP_S)
 MAX_SETTLE_TICKS = 8
 """Control ticks after placing the props, before the episode starts: at most 0.4 s, in which props come to rest."""
 
-CTRL_BYTES = JOINT_ACTION_DIM * np.dtype(np.float64).itemsize
 RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 """Model fields that a task may change at reset: where static props stand, and colours."""
 
@@ -90,9 +89,15 @@ class Scene(SceneView):
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
-        self._index_actuators()
-        self._last_share, self._new_share = self._make_spline_shares()
-        self._ctrl_rows = np.empty((STEPS_PER_TICK, JOINT_ACTION_DIM))
+        self._tree_awake, self._prop_positions = (
+            self.data.tree_awake,
+            self.data.qpos[self._finger_qpos.max() + 1 :],
+        )
+        self._forgotten: tuple[bytes, bytes] | None = None
+        self._geom_counts, self._solid_counts = self.model.body_geomnum.copy(), solid_geom_counts(self.model)
+        self._servos = ServoCommands(self.model, self.data, arm_pair)
+        self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
+        self._options, self._body_geomnum = self.model.opt, self.model.body_geomnum
         self.reset()
 
     # -- episode ------------------------------------------------------------------------------------------
@@ -105,10 +110,12 @@ class Scene(SceneView):
         for arm in ARMS:
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
             self.data.qpos[self._finger_qpos[arm.ordinal]] = self.arm_pair.finger_travel_m
-        self._commanded, self._change = self._home_action, np.zeros(JOINT_ACTION_DIM)
+        self._commanded = self._home_action
+        self._servos.restore(0.0)
         self.data.ctrl[GRIPPERS] = self.arm_pair.finger_travel_m
         self.ticks = 0
         self._latched_unstable = False
+        self._forgotten = None
         self._refresh()
 
     def place(self, body: str, pose: Pose) -> None:
@@ -152,41 +159,33 @@ class Scene(SceneView):
     def tick(self, joint_action: ArrayLike, observers: Sequence[Callable[[], None]] = ()) -> None:
         """Advance one control tick of 50 ms.
 
-        Arm targets follow the quadratic B-spline of the actions, half a tick behind them: their velocity is
-        continuous, and their acceleration within a tick is that which the last three actions tell. They are advanced
-        by what the servos lag for velocity and inertia, so that the arms follow them without delay. Finger
-        targets go to where they are sent at the fingers' speed.
-
         Args:
             joint_action: (16,) left joints in rad, left gripper 0 closed .. 1 open, then the same of the right.
             observers: called after every step of physics, while `data` holds its contacts and forces; they only read.
         """
-        last, last_change = self._commanded.astype(np.float64), self._change
-        self._commanded = np.array(joint_action, dtype=np.float32)
-        self._change = self._commanded - last
-        rows = self._ctrl_rows
-        np.multiply(self._last_share, last_change, out=rows)
-        rows += self._new_share * self._change
-        rows += last - 0.5 * last_change + self._inertia_lead(self._change - last_change)
-        self._ramp_fingers(rows)
-        # Between two steps of physics every NumPy call runs from a cold cache; copying bytes costs half as much.
-        commands, ctrl = rows.tobytes(), self._ctrl_bytes
+        last, self._commanded = self._commanded, np.array(joint_action, dtype=np.float32)
+        commands, ctrl = self._servos.of_tick(last, self._commanded), self._ctrl_bytes
         model, data, step = self.model, self.data, mujoco.mj_step
         # Only here, for what sleeps and what never moves is then left out of every computation of poses.
-        model.opt.enableflags |= SLEEP
+        self._options.enableflags |= SLEEP
+        self._body_geomnum[:] = self._solid_counts
         # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
         # second and ending with the first costs nothing and leaves poses and contacts up to date.
-        ctrl[:] = commands[:CTRL_BYTES]
+        ctrl[:] = commands[0]
         mujoco.mj_step2(model, data)
         for observe in observers:
             observe()
-        for start in range(CTRL_BYTES, len(commands), CTRL_BYTES):
-            ctrl[:] = commands[start : start + CTRL_BYTES]
-            step(model, data)
-            for observe in observers:
-                observe()
+        if len(commands) == 1 and not observers:
+            step(model, data, STEPS_PER_TICK - 1)
+        else:
+            for command in islice(cycle(commands), 1, STEPS_PER_TICK):
+                ctrl[:] = command
+                step(model, data)
+                for observe in observers:
+                    observe()
+        self._body_geomnum[:] = self._geom_counts
         mujoco.mj_step1(model, data)
-        model.opt.enableflags &= ~SLEEP
+        self._options.enableflags &= ~SLEEP
         if data.ntree_awake < model.ntree:
             self._forget_falling_asleep()
         self.ticks += 1
@@ -207,7 +206,7 @@ class Scene(SceneView):
         digest = hashlib.sha256(self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
-        digest.update(self._change.tobytes())
+        digest.update(self._servos.change.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
         return digest.hexdigest()
@@ -218,7 +217,7 @@ class Scene(SceneView):
             physics=self._physics_state(),
             sleep=tuple(copy.copy(getattr(self.data, field)) for field in SLEEP_FIELDS),
             commanded=self._commanded.copy(),
-            change=self._change.copy(),
+            change=self._servos.change.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
             ticks=self.ticks,
             unstable=self.unstable,
@@ -230,9 +229,11 @@ class Scene(SceneView):
             getattr(self.model, field)[:] = values
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
-        self._commanded, self._change = state.commanded.copy(), state.change.copy()
+        self._commanded = state.commanded.copy()
+        self._servos.restore(state.change)
         self.ticks = state.ticks
         self._latched_unstable = state.unstable
+        self._forgotten = None
         self._refresh()
         for field, value in zip(SLEEP_FIELDS, state.sleep, strict=True):
             if isinstance(value, int):
@@ -245,59 +246,6 @@ class Scene(SceneView):
 
     # -- internals ----------------------------------------------------------------------------------------
 
-    def _index_actuators(self) -> None:
-        """Make sure that the first actuators are those of the joint action, and keep how it becomes commands."""
-        pair = self.arm_pair
-        order = [self.model.actuator(name).id for arm in ARMS for name in pair.actuator_names(arm)]
-        if order != list(range(JOINT_ACTION_DIM)):
-            raise ValueError(
-                f"arm actuators must come first, in the order of the joint action; got ids {order}"
-            )
-        self._ctrl_bytes = memoryview(self.data.ctrl[:JOINT_ACTION_DIM]).cast("B")
-        self._arm_entries = by_arm(np.arange(JOINT_ACTION_DIM))[:, :JOINTS_PER_ARM].ravel()
-        self._arm_dofs = np.array(
-            [self.model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
-        )
-        self._generalised, self._force = np.zeros((2, self.model.nv))
-        self._lead_per_force = 1 / (TICK_S**2 * np.tile(pair.position_gain_nm_rad, len(ARMS)))
-        self._finger_addresses = self._finger_qpos.tolist()
-        self._finger_reach = pair.finger_speed_m_s * PHYSICS_STEP_S * np.arange(1, STEPS_PER_TICK + 1)
-
-    def _make_spline_shares(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(25, 1) shares of the last and of the new change of action in the command at each physics step.
-
-        The B-spline starts a tick in the middle between the last two actions; its velocity goes from the last to the
-        new change of action per tick.
-        """
-        u = (np.arange(1, STEPS_PER_TICK + 1) / STEPS_PER_TICK)[:, None]
-        lead = self.arm_pair.servo_lead_s / TICK_S
-        return u - u**2 / 2 + lead * (1 - u), u**2 / 2 + lead * u
-
-    def _inertia_lead(self, change_of_change: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far (16,) the targets have to lie ahead for the servos to accelerate the arms as the actions tell."""
-        self._generalised[self._arm_dofs] = change_of_change[self._arm_entries]
-        mujoco.mj_mulM(self.model, self.data, self._force, self._generalised)
-        lead = np.zeros(JOINT_ACTION_DIM)
-        lead[self._arm_entries] = self._force[self._arm_dofs] * self._lead_per_force
-        return lead
-
-    def _ramp_fingers(self, rows: NDArray[np.float64]) -> None:
-        """Write into `rows` (25, 16) the finger travels, in m, on the way to the commanded openings.
-
-        The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
-        have to take back at first how hard it pressed.
-        """
-        qpos = self.data.qpos
-        for arm in ARMS:
-            gripper = ARM_ACTION_DIM * arm.ordinal + JOINTS_PER_ARM
-            target = self.arm_pair.finger_target_m(float(self._commanded[gripper]))
-            one, other = self._finger_addresses[arm.ordinal]
-            fingers, last = (float(qpos[one]) + float(qpos[other])) / 2, float(self.data.ctrl[gripper])
-            start = min(last, fingers) if target < fingers else max(last, fingers)
-            way = target - start
-            ramp = np.copysign(np.minimum(self._finger_reach, abs(way)), way) if way else 0.0
-            rows[:, gripper] = start + ramp
-
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""
         mujoco.mj_step1(self.model, self.data)
@@ -308,6 +256,10 @@ class Scene(SceneView):
         MuJoCo leaves inertias and accelerations as they were a moment before a thing fell asleep, and starts from
         them when it wakes. They are not part of its state, from which an episode must continue bit for bit.
         """
+        slept = self._tree_awake.tobytes(), self._prop_positions.tobytes()
+        if slept == self._forgotten:
+            return
+        self._forgotten = slept
         model, data = self.model, self.data
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeM(model, data)
