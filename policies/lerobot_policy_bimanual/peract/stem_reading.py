@@ -4,6 +4,7 @@ The grid has no gradient and the stem looks at single voxels. So patches, maxima
 from the grid, each in one pass, and going back all of them meet in one gradient map, patch by patch in memory.
 """
 
+from functools import reduce
 from typing import Any
 
 import torch
@@ -13,6 +14,9 @@ from torch import Tensor
 from lerobot_policy_bimanual.nn.activation import LEAK, activate
 from lerobot_policy_bimanual.peract.config import PATCH
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
+
+TRIFLE = 2.0**-100
+"""Far below what two different numbers differ by, and its multiples are exact."""
 
 
 class StemReading:
@@ -100,22 +104,22 @@ class _Read(torch.autograd.Function):
     ) -> tuple[Tensor, ...]:
         stem = activate(F.linear(rows, stem_weight, stem_bias))
         tokens = F.linear(stem.flatten(4).flatten(1, 3), patch_weight, patch_bias)
-        planes, winners = zip(*(_maximum(stem, axis) for axis in range(3)), strict=True)
-        ctx.save_for_backward(rows, stem, patch_weight, *winners)
-        ctx.mark_non_differentiable(*winners)
-        return tokens, *planes
+        planes = [reduce(torch.maximum, _slices(stem, axis)) for axis in range(3)]
+        ctx.save_for_backward(rows, stem, patch_weight, *planes)
+        return tokens, *(_plain(plane) for plane in planes)
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        rows, stem, patch_weight, *winners = ctx.saved_tensors
+        rows, stem, patch_weight, *planes = ctx.saved_tensors
         channels = stem.shape[-1]
         grad_tokens, *grad_planes = grad_outputs
         grad_tokens = grad_tokens.flatten(0, 1)
         grad = (grad_tokens @ patch_weight).view(len(rows), -1, channels)
         offsets = row_offsets(PATCH * rows.shape[1], rows.device)
-        for axis, (winner, grad_plane) in enumerate(zip(winners, grad_planes, strict=True)):
+        for axis, (plane, grad_plane) in enumerate(zip(planes, grad_planes, strict=True)):
             first, second = (offset for other, offset in enumerate(offsets) if other != axis)
-            row = offsets[axis][winner.long()] + (first[:, None] + second)[..., None]
+            winner = _plain(_winner(_slices(stem, axis), plane))
+            row = offsets[axis][winner.int()] + (first[:, None] + second)[..., None]
             grad.scatter_add_(1, row.flatten(1, 2), grad_plane.flatten(1, 2))
         grad = torch.ops.aten.leaky_relu_backward(grad.view_as(stem), stem, LEAK, True).view(-1, channels)
         return (
@@ -127,20 +131,21 @@ class _Read(torch.autograd.Function):
         )
 
 
-def _maximum(stem: Tensor, axis: int) -> tuple[Tensor, Tensor]:
-    """The maximum along an axis of a map in patches (b, p, p, p, i, j, k, c), (b, v, v, c), and where it first is.
+def _slices(stem: Tensor, axis: int) -> list[Tensor]:
+    """A map in patches (b, p, p, p, i, j, k, c), cut along an axis: (b, p, p, i, j, c) each."""
+    return [part for block in stem.unbind(1 + axis) for part in block.unbind(3 + axis)]
 
-    Slice by slice: PyTorch's maximum with indices looks at one number at a time, and takes seven times as long.
+
+def _winner(slices: list[Tensor], best: Tensor) -> Tensor:
+    """Number of the first slice that holds the maximum `best`, everywhere; int16.
+
+    PyTorch's maximum with indices, and its comparisons, look at one number at a time. So the slices are ranked by how
+    little is missing, which is nothing for the winner, less a trifle that tells equals apart.
     """
-    slices = [
-        part for block in stem.unbind(1 + axis) for part in block.unbind(3 + axis)
-    ]  # (b, p, p, i, j, c) each
-    best = slices[0].clone()
-    winner = torch.zeros_like(best, dtype=torch.int16)
-    for place, part in enumerate(slices[1:], 1):
-        torch.maximum(winner, (part > best).to(torch.int16).mul_(place), out=winner)
-        torch.maximum(best, part, out=best)
-    return _plain(best), _plain(winner)
+    rank = torch.full_like(best, -torch.inf, dtype=torch.promote_types(best.dtype, torch.float32))
+    for number, part in enumerate(slices):
+        torch.maximum(rank, torch.sub(part, best).to(rank.dtype).sub_(number * TRIFLE), out=rank)
+    return (rank / -TRIFLE).to(torch.int16)
 
 
 def _plain(plane: Tensor) -> Tensor:
