@@ -38,7 +38,11 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         # Points outside go to cells behind the grid, a different one each: nothing to filter, so the host need not wait
         # for the device, and no single cell that all of them fight for.
         behind = V**3 + torch.arange(N, dtype=torch.int32, device=points.device) % CELLS_BEHIND
-        cell = torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind).long()[:, None].expand(-1, 3, -1)
+        cell = (
+            torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind)
+            .long()[:, None]
+            .expand(-1, 3, -1)
+        )
 
         grid = points.new_zeros(B, V**3 + CELLS_BEHIND, GRID_CHANNELS).transpose(1, 2)
         grid[:, :3].scatter_add_(2, cell, points)

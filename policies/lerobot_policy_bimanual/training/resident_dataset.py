@@ -108,7 +108,8 @@ def _without_decoding(dataset: LeRobotDataset, images: set[str]) -> LeRobotDatas
         for key in images
         if info[key]["dtype"] == "image"
         and key not in (dataset.reader.delta_indices or {})
-        and info[key].get("info", {}).get("depth_unit", dataset.depth_output_unit) == dataset.depth_output_unit
+        and info[key].get("info", {}).get("depth_unit", dataset.depth_output_unit)
+        == dataset.depth_output_unit
     ]
     encoded = copy.copy(dataset)
     encoded.reader = copy.copy(dataset.reader)
