@@ -44,7 +44,12 @@ class StemReading:
         )
         # (b, p, p, p, i, j, k, c): a patch lies together, as its token wants it
         self._rows = rows.permute(0, 1, 3, 5, 2, 4, 6, 7).contiguous()
-        layers = (stem.conv.weight.flatten(1), stem.conv.bias, patchify.row_weight(), patchify.conv.bias)
+        layers: tuple[Any, ...] = (
+            stem.conv.weight.flatten(1),
+            stem.conv.bias,
+            patchify.row_weight(),
+            patchify.conv.bias,
+        )
         if torch.is_autocast_enabled(grid.device.type):
             half = torch.get_autocast_dtype(grid.device.type)
             tokens, *planes = _read(self._rows.to(half), *(each.to(half) for each in layers))
