@@ -104,8 +104,11 @@ class PatchConv3d(nn.Module):
             j=PATCH,
             k=PATCH,
         )
-        weight = einops.rearrange(self.conv.weight, "o c i j k -> o (i j k c)")
-        return activate(F.linear(patches, weight, self.conv.bias))
+        return activate(F.linear(patches, self.row_weight(), self.conv.bias))
+
+    def row_weight(self) -> Tensor:
+        """(outputs, PATCH^3 inputs), the channels fastest."""
+        return einops.rearrange(self.conv.weight, "o c i j k -> o (i j k c)")
 
 
 class ActivatedLinear(nn.Linear):

@@ -11,7 +11,12 @@ from lerobot_policy_bimanual.nn.activation import activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract.config import PerActConfig
-from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, pad_replicate
+from lerobot_policy_bimanual.peract.convolutions import (
+    ActivatedConv3d,
+    PatchConv3d,
+    PointwiseConv3d,
+    pad_replicate,
+)
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 
@@ -103,6 +108,12 @@ class DenseTranslationHead(nn.Module):
         self.join = SkipConv3d(channels)
         self.logits = nn.ModuleList(LogitConv3d(channels) for _ in range(arms))
         self.feature_dim = 4 * channels + 4 * token_dim + 4 * channels
+
+    @staticmethod
+    def read(grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d) -> tuple[Tensor, Tensor]:
+        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2)."""
+        features = stem(grid)
+        return features, patchify(features)
 
     def forward(
         self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None

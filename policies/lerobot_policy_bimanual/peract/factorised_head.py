@@ -21,9 +21,10 @@ from lerobot_policy_bimanual.nn.activation import activate
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
-from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d
+from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
-from lerobot_policy_bimanual.peract.projections import ProjectionConv2d, project
+from lerobot_policy_bimanual.peract.projections import ProjectionConv2d
+from lerobot_policy_bimanual.peract.stem_reading import StemReading
 
 BEAM = 8
 """Patches whose voxels are scored at inference."""
@@ -181,13 +182,19 @@ class FactorisedTranslationHead(nn.Module):
         self.patch_lines = nn.ModuleList(nn.Linear(FINE_CHANNELS, 1) for _ in range(arms if dilations else 0))
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
+    @staticmethod
+    def read(grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d) -> tuple[StemReading, Tensor]:
+        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2)."""
+        reading = StemReading(grid, stem, patchify)
+        return reading, reading.tokens
+
     def forward(
-        self, stem: Tensor, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
+        self, stem: StemReading, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
     ) -> tuple[FactorisedTranslation, Tensor]:
         """Score the patches, and the voxels of the patches that matter.
 
         Args:
-            stem: (b, channels, v, v, v) voxel features.
+            stem: voxel features.
             patches: (b, token_dim / 2, p, p, p) patch features.
             answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
             target_voxel: (b, arms, 3) in training: its patch is scored too, and its token feeds the other
@@ -206,7 +213,7 @@ class FactorisedTranslationHead(nn.Module):
         patch_logits = at_least_float32(
             torch.stack([head(tokens[:, arm])[..., 0] for arm, head in enumerate(self.patch_logits)], dim=1)
         )
-        planes = project(stem)
+        planes = stem.planes
         along_lines = [cast(VoxelInPatch, head).along_lines(planes) for head in self.voxel_logits]
         if self.patch_lines:
             logits = [_patch_logits(*pair) for pair in zip(self.patch_lines, along_lines, strict=True)]
@@ -235,11 +242,11 @@ class FactorisedTranslationHead(nn.Module):
         return prediction, torch.cat(features, dim=-1)
 
     def _score(
-        self, stem: Tensor, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
+        self, stem: StemReading, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
         place = _place(patches, round(tokens.shape[2] ** (1 / 3)))  # (b, arms, n, 3)
-        crops = _crop(stem, place)
+        crops = stem.crop(place)
         scores = []
         for arm, head in enumerate(self.voxel_logits):
             answers = _take(tokens[:, arm, None], patches[:, arm, None])[:, 0]
@@ -260,29 +267,6 @@ def _patch_logits(layer: nn.Module, along_lines: Sequence[Tensor]) -> Tensor:
     pooled = [F.max_pool2d(plane, PATCH).unsqueeze(2 + axis) for axis, plane in enumerate(along_lines)]
     seen = activate(pooled[0] + pooled[1] + pooled[2])  # (b, FINE_CHANNELS, p, p, p)
     return layer(seen.flatten(2).transpose(1, 2))[..., 0]
-
-
-def _crop(stem: Tensor, place: Tensor) -> Tensor:
-    """Patches and one voxel around them, zero beyond the grid.
-
-    Args:
-        stem: (b, channels, v, v, v).
-        place: (b, arms, n, 3) of the patches.
-
-    Returns:
-        (b, arms, n, channels, PATCH + 2, PATCH + 2, PATCH + 2).
-    """
-    width = stem.shape[-1]
-    along = (place * PATCH)[..., None] + torch.arange(-1, PATCH + 1, device=stem.device)  # (b, arms, n, 3, 7)
-    inside = (along >= 0) & (along < width)
-    x, y, z = along.clamp(0, width - 1).unbind(-2)
-    in_x, in_y, in_z = inside.unbind(-2)
-    voxel = (x[..., :, None, None] * width + y[..., None, :, None]) * width + z[..., None, None, :]
-    exists = in_x[..., :, None, None] & in_y[..., None, :, None] & in_z[..., None, None, :]
-    rows = stem.permute(0, 2, 3, 4, 1).flatten(1, 3)  # (b, v^3, channels), as it lies in memory
-    index = voxel.flatten(1)[..., None].expand(-1, -1, rows.shape[2])
-    crops = rows.gather(1, index).unflatten(1, voxel.shape[1:])  # (b, arms, n, 7, 7, 7, channels)
-    return torch.where(exists[..., None], crops, 0).movedim(-1, 3)
 
 
 def _place(patches: Tensor, size: int) -> Tensor:

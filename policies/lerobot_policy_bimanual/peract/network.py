@@ -65,8 +65,7 @@ class PerActNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
-        stem = self.stem(grid)  # (b, channels, v, v, v)
-        patches = self.patchify(stem)  # (b, p^3, token_dim / 2), and as a map
+        stem, patches = self.translation.read(grid, self.stem, self.patchify)  # (b, p^3, token_dim / 2)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
         voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)

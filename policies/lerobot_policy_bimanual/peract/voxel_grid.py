@@ -24,23 +24,27 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         voxels: voxels per axis.
 
     Returns:
-        (b, 10, voxels, voxels, voxels) float32, channels as in `GRID_CHANNELS`. Without gradient.
+        (b, 10, voxels, voxels, voxels) float32, channels as in `GRID_CHANNELS`, last in
+        memory. Without gradient.
     """
     with torch.no_grad():
         B, _, N = points.shape
         V = voxels
         lower = points.new_tensor(workspace.lower)[:, None]
         size = points.new_tensor(workspace.size / V)[:, None]
-        scaled = (points - lower) / size
-        x, y, z = ((scaled >= 0) & (scaled < V)).unbind(1)
-        inside = x & y & z  # False for NaN
+        scaled = (points - lower).div_(size)
+        inside = (scaled.amin(1) >= 0) & (scaled.amax(1) < V)  # False for NaN
         x, y, z = scaled.int().unbind(1)  # truncation is the floor of what lies inside
         # Points outside go to cells behind the grid, a different one each: nothing to filter, so the host need not wait
         # for the device, and no single cell that all of them fight for.
         behind = V**3 + torch.arange(N, dtype=torch.int32, device=points.device) % CELLS_BEHIND
-        cell = torch.where(inside, (x * V + y) * V + z, behind).long()[:, None].expand(-1, 3, -1)
+        cell = (
+            torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind)
+            .long()[:, None]
+            .expand(-1, 3, -1)
+        )
 
-        grid = points.new_zeros(B, GRID_CHANNELS, V**3 + CELLS_BEHIND)
+        grid = points.new_zeros(B, V**3 + CELLS_BEHIND, GRID_CHANNELS).transpose(1, 2)
         grid[:, :3].scatter_add_(2, cell, points)
         grid[:, 3:6].scatter_add_(2, cell, colours)
         grid[:, 9:].scatter_add_(2, cell[:, :1], points.new_ones(1).expand(B, 1, N))

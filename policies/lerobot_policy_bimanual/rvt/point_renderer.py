@@ -49,8 +49,7 @@ def render_views(
         points, colours = points.float(), colours.float()
         lower = points.new_tensor(workspace.lower)[:, None]
         scaled = (points - lower) / points.new_tensor(workspace.size / size)[:, None]
-        x, y, z = ((scaled >= 0) & (scaled < size)).split(1, dim=1)
-        inside = x & y & z  # (b, 1, n), False for NaN
+        inside = (scaled.amin(1, keepdim=True) >= 0) & (scaled.amax(1, keepdim=True) < size)  # False for NaN
         # Points outside go anywhere, as nothing; not all to one pixel, for which they would queue on a GPU.
         anywhere = (torch.arange(points.shape[2], device=points.device) % size).to(points.dtype)
         scaled = torch.where(inside, scaled, anywhere)
@@ -80,8 +79,9 @@ def _nearest_points(scaled: Tensor, content: Tensor, inside: Tensor, size: int, 
     index_bits = N.bit_length()
     low_bits = KEY_BITS - DEPTH_BITS
     tie_bits = low_bits - index_bits
-    bits = content.contiguous().view(torch.int32).long()
-    mixed = (bits * bits.new_tensor(TIE_BREAKERS)[:, None]).sum(dim=1)
+    mixed = torch.zeros(B, N, dtype=torch.int64, device=content.device)
+    for bits, factor in zip(content.contiguous().view(torch.int32).unbind(1), TIE_BREAKERS, strict=True):
+        mixed.add_(bits, alpha=factor)
     low = ((mixed >> 16) & ((1 << tie_bits) - 1)) << index_bits
     low |= torch.arange(N, device=low.device)
     nothing = (1 << KEY_BITS) - 1

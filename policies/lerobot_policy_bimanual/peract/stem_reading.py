@@ -1,0 +1,158 @@
+"""What the factorised head reads of the voxel stem, which is never laid out as a map.
+
+The grid has no gradient and the stem looks at single voxels. So patches, maxima along lines and single crops are made
+from the grid, each in one pass, and going back all of them meet in one gradient map, patch by patch in memory.
+"""
+
+from functools import reduce
+from typing import Any
+
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor
+
+from lerobot_policy_bimanual.nn.activation import LEAK, activate
+from lerobot_policy_bimanual.peract.config import PATCH
+from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
+
+TRIFLE = 2.0**-100
+"""Far below what two different numbers differ by, and its multiples are exact."""
+
+
+class StemReading:
+    """The stem of a batch of voxel grids.
+
+    Args:
+        grid: (b, c, v, v, v), without gradient.
+        stem: its layer.
+        patchify: the layer that makes tokens of patches that are not centred.
+
+    Attributes:
+        tokens: (b, p^3, outputs of `patchify`), the last axis of the grid fastest.
+        planes: maxima (b, channels, v, v) of the stem along x, y and z.
+    """
+
+    def __init__(self, grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d):
+        self._stem = stem
+        self._width = grid.shape[-1]
+        p = self._width // PATCH
+        rows = (
+            grid.permute(0, 2, 3, 4, 1)
+            .unflatten(3, (p, PATCH))
+            .unflatten(2, (p, PATCH))
+            .unflatten(1, (p, PATCH))
+        )
+        # (b, p, p, p, i, j, k, c): a patch lies together, as its token wants it
+        self._rows = rows.permute(0, 1, 3, 5, 2, 4, 6, 7).contiguous()
+        layers: tuple[Any, ...] = (
+            stem.conv.weight.flatten(1),
+            stem.conv.bias,
+            patchify.row_weight(),
+            patchify.conv.bias,
+        )
+        if torch.is_autocast_enabled(grid.device.type):
+            half = torch.get_autocast_dtype(grid.device.type)
+            tokens, *planes = _read(self._rows.to(half), *(each.to(half) for each in layers))
+        else:
+            tokens, *planes = _read(self._rows, *layers)
+        self.tokens = F.leaky_relu(tokens, LEAK)
+        self.planes = [plane.permute(0, 3, 1, 2) for plane in planes]
+
+    def crop(self, place: Tensor) -> Tensor:
+        """Patches and one voxel around them, zero beyond the grid.
+
+        Args:
+            place: (b, arms, n, 3) of the patches.
+
+        Returns:
+            (b, arms, n, channels, PATCH + 2, PATCH + 2, PATCH + 2).
+        """
+        width = self._width
+        along = (place * PATCH)[..., None] + torch.arange(
+            -1, PATCH + 1, device=place.device
+        )  # (b, arms, n, 3, 7)
+        in_x, in_y, in_z = ((along >= 0) & (along < width)).unbind(-2)
+        inside = along.clamp(0, width - 1).unbind(-2)
+        x, y, z = (offset[i] for offset, i in zip(row_offsets(width, place.device), inside, strict=True))
+        row = x[..., :, None, None] + y[..., None, :, None] + z[..., None, None, :]
+        exists = in_x[..., :, None, None] & in_y[..., None, :, None] & in_z[..., None, None, :]
+        voxels = self._rows.flatten(1, 6)
+        index = row.flatten(1)[..., None].expand(-1, -1, voxels.shape[2])
+        crops = voxels.gather(1, index)
+        crops = activate(F.linear(crops, self._stem.conv.weight.flatten(1), self._stem.conv.bias))
+        return torch.where(exists[..., None], crops.unflatten(1, row.shape[1:]), 0).movedim(-1, 3)
+
+
+def row_offsets(width: int, device: torch.device) -> list[Tensor]:
+    """What each x, y and z adds to the number of a voxel's row, (v,) each: patch by patch, then within the patch."""
+    along = torch.arange(width, device=device)
+    outer, inner = along // PATCH * PATCH**3, along % PATCH
+    p = width // PATCH
+    return [outer * p ** (2 - axis) + inner * PATCH ** (2 - axis) for axis in range(3)]
+
+
+def _read(rows: Tensor, *layers: Any) -> tuple[Tensor, ...]:
+    return _Read.apply(rows, *layers)  # pyright: ignore[reportReturnType]
+
+
+class _Read(torch.autograd.Function):
+    """Maps rows (b, p, p, p, i, j, k, inputs) to tokens (b, p^3, outputs) and maxima (b, v, v, channels) along x, y, z."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        rows: Tensor,
+        stem_weight: Tensor,
+        stem_bias: Tensor,
+        patch_weight: Tensor,
+        patch_bias: Tensor,
+    ) -> tuple[Tensor, ...]:
+        stem = activate(F.linear(rows, stem_weight, stem_bias))
+        tokens = F.linear(stem.flatten(4).flatten(1, 3), patch_weight, patch_bias)
+        planes = [reduce(torch.maximum, _slices(stem, axis)) for axis in range(3)]
+        ctx.save_for_backward(rows, stem, patch_weight, *planes)
+        return tokens, *(_plain(plane) for plane in planes)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        rows, stem, patch_weight, *planes = ctx.saved_tensors
+        channels = stem.shape[-1]
+        grad_tokens, *grad_planes = grad_outputs
+        grad_tokens = grad_tokens.flatten(0, 1)
+        grad = (grad_tokens @ patch_weight).view(len(rows), -1, channels)
+        offsets = row_offsets(PATCH * rows.shape[1], rows.device)
+        for axis, (plane, grad_plane) in enumerate(zip(planes, grad_planes, strict=True)):
+            first, second = (offset for other, offset in enumerate(offsets) if other != axis)
+            winner = _plain(_winner(_slices(stem, axis), plane))
+            row = offsets[axis][winner.int()] + (first[:, None] + second)[..., None]
+            grad.scatter_add_(1, row.flatten(1, 2), grad_plane.flatten(1, 2))
+        grad = torch.ops.aten.leaky_relu_backward(grad.view_as(stem), stem, LEAK, True).view(-1, channels)
+        return (
+            None,
+            grad.T @ rows.view(-1, rows.shape[-1]),
+            grad.sum(0),
+            grad_tokens.T @ stem.view(len(grad_tokens), -1),
+            grad_tokens.sum(0),
+        )
+
+
+def _slices(stem: Tensor, axis: int) -> list[Tensor]:
+    """A map in patches (b, p, p, p, i, j, k, c), cut along an axis: (b, p, p, i, j, c) each."""
+    return [part for block in stem.unbind(1 + axis) for part in block.unbind(3 + axis)]
+
+
+def _winner(slices: list[Tensor], best: Tensor) -> Tensor:
+    """Number of the first slice that holds the maximum `best`, everywhere; int16.
+
+    PyTorch's maximum with indices, and its comparisons, look at one number at a time. So the slices are ranked by how
+    little is missing, which is nothing for the winner, less a trifle that tells equals apart.
+    """
+    rank = torch.full_like(best, -torch.inf, dtype=torch.promote_types(best.dtype, torch.float32))
+    for number, part in enumerate(slices):
+        torch.maximum(rank, torch.sub(part, best).to(rank.dtype).sub_(number * TRIFLE), out=rank)
+    return (rank / -TRIFLE).to(torch.int16)
+
+
+def _plain(plane: Tensor) -> Tensor:
+    """(b, p, p, i, j, c) to (b, v, v, c)."""
+    return plane.transpose(2, 3).flatten(3, 4).flatten(1, 2)

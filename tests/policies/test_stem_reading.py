@@ -1,0 +1,63 @@
+"""What is read of the stem equals reading it from a map that is laid out."""
+
+import pytest
+import torch
+
+from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
+from lerobot_policy_bimanual.peract.stem_reading import StemReading
+
+WIDTH = 15
+
+
+@pytest.fixture
+def layers() -> tuple[PointwiseConv3d, PatchConv3d]:
+    stem, patchify = PointwiseConv3d(10, 4).double(), PatchConv3d(4, 6, centred=False).double()
+    for layer in (stem, patchify):
+        torch.nn.init.normal_(layer.conv.bias)
+    return stem, patchify
+
+
+def cut_out(stem: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
+    """Patches (b, arms, n, 3) of a map with one voxel around them."""
+    padded = torch.nn.functional.pad(stem, (1,) * 6)
+    rows = [
+        [[padded[b, :, x : x + 7, y : y + 7, z : z + 7] for x, y, z in arm] for arm in sample]
+        for b, sample in enumerate((5 * place).tolist())
+    ]
+    return torch.stack([torch.stack([torch.stack(arm) for arm in sample]) for sample in rows])
+
+
+def test_tokens_projections_and_crops_are_those_of_the_map_with_gradients(layers):
+    stem, patchify = layers
+    grid = torch.randn(2, 10, *[WIDTH] * 3, dtype=torch.float64)
+    place = torch.tensor([[[0, 1, 2]], [[2, 2, 0]]])[:, None].expand(-1, 2, -1, -1)
+
+    features = stem(grid)
+    expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
+    reading = StemReading(grid, stem, patchify)
+    actual = [reading.tokens, *reading.planes, reading.crop(place)]
+    for got, want in zip(actual, expected, strict=True):
+        torch.testing.assert_close(got, want)
+
+    parameters = [stem.conv.weight, stem.conv.bias, patchify.conv.weight, patchify.conv.bias]
+    probes = [torch.randn_like(each) for each in expected]
+    for got, want in zip(
+        torch.autograd.grad(actual, parameters, probes),
+        torch.autograd.grad(expected, parameters, probes),
+        strict=True,
+    ):
+        torch.testing.assert_close(got, want)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_of_equal_voxels_the_first_one_of_a_line_gets_the_gradient(layers, dtype):
+    stem, patchify = (layer.float() for layer in layers)
+    grid = torch.zeros(1, 10, *[WIDTH] * 3)
+    grid[0, 0, 7, 3, 2] = grid[0, 0, 12, 3, 2] = 1
+    grid[0, 1, 7, 3, 2], grid[0, 1, 12, 3, 2] = 5, 50  # which one it is, as no output but the gradient tells
+    with torch.no_grad():
+        stem.conv.weight.zero_()[:, 0] = 1
+    with torch.autocast("cpu", torch.bfloat16, enabled=dtype == torch.bfloat16):
+        plane = StemReading(grid, stem, patchify).planes[0]
+    plane[0, :, 3, 2].sum().backward()
+    assert (stem.conv.weight.grad.flatten(1)[:, 1] / stem.conv.weight.grad.flatten(1)[:, 0] == 5).all()
