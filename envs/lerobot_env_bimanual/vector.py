@@ -32,12 +32,16 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.episode_log import EpisodeLog
+from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import end_of, end_with_parent, told
 from lerobot_env_bimanual.workers import WorkerDied
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
+
+INVALID_ACTION = "invalid action: "
+"""Begins the failure of an episode that ended by one."""
 
 KEYPOSE_FPS = 2
 """Of LeRobot's own videos of keypose policies, which hold one frame per keypose."""
@@ -87,7 +91,7 @@ class FreezeWhenOver(gym.Wrapper):
             observation, reward, terminated, truncated, info = self.env.step(action)
         except InvalidAction as error:
             fail = self.env.get_wrapper_attr("fail")
-            observation, reward, terminated, truncated, info = fail(f"invalid action: {error}")
+            observation, reward, terminated, truncated, info = fail(f"{INVALID_ACTION}{error}")
         if terminated or truncated:
             self._last = (observation, 0.0, terminated, truncated, info)
         return observation, float(reward), terminated, truncated, info
@@ -125,7 +129,10 @@ class _InWorker(gym.Wrapper):
 
 
 def _make_frozen(make_env: Callable[[], gym.Env]) -> gym.Env:
-    return FreezeWhenOver(make_env())
+    env = make_env()
+    if isinstance(env, BimanualEnv) and env.options.results_dir is not None:
+        env = EpisodeRecorder(env)
+    return FreezeWhenOver(env)
 
 
 def _make_in_worker(make_env: Callable[[], gym.Env]) -> gym.Env:
@@ -186,7 +193,7 @@ class LazyVectorEnv(VectorEnv):
         self._attributes = sorted(name for name in vars(example.unwrapped) if not name.startswith("_"))
         self._episodes = None
         if isinstance(example.unwrapped, BimanualEnv):
-            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options.video_dir)
+            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
         example.close()
 
     def _ensure(self) -> SyncVectorEnv | AsyncVectorEnv:

@@ -33,6 +33,7 @@ OWN_EVALUATION_FLAGS = (
     "env.variation",
     "env.split",
     "env.image_size",
+    "env.results_dir",
     "eval.n_episodes",
     "seed",
     "output_dir",
@@ -160,6 +161,11 @@ class Plan:
         """What `lerobot-eval` finds out about a checkpoint."""
         return self.run_folder / f"{split}_{self.checkpoint(step).parent.name}" / "eval_info.json"
 
+    def record_file(self, split: ScoredSplit, step: int) -> Path:
+        """What the environment keeps of that evaluation: every action, to be played again."""
+        place = place_name(self.config.task, self.config.variation)
+        return self.evaluation_file(split, step).with_name(f"{place}_{split}_record.json")
+
     def generation(self) -> Command:
         """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
         flags = {
@@ -235,6 +241,7 @@ class Plan:
             "env.split": split,
             "env.image_size": self.protocol.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
+            "env.results_dir": evaluation.parent,
             "eval.n_episodes": len(self.seeds(split)),
             "eval.batch_size": 2,
             "seed": self.config.first_seed,

@@ -1,7 +1,6 @@
 """What a benchmark measured, as one JSON file that says how it came about."""
 
 import json
-import platform
 import re
 import shlex
 from collections.abc import Iterator, Sequence
@@ -12,14 +11,15 @@ from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.benchmark.names import place_name, result_name
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, STAMPED_PACKAGES, installed_versions
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord
 from lerobot_bimanual.json_file import parse_json, read_bytes, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.statistics import SuccessRate
 
-ROW_SCHEMA_VERSION = 2
-RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
+ROW_SCHEMA_VERSION = 3
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a row does without them."""
 
@@ -36,7 +36,7 @@ class BadResult(BimanualError):
 
 @dataclass(frozen=True)
 class EpisodeResult:
-    """One episode.
+    """How one episode ended, of which nothing else is kept.
 
     Attributes:
         seed: seed of the reset, in the split of the row.
@@ -112,7 +112,9 @@ class ResultRow:
         validation: every checkpoint on the validation split, from which the tested one was chosen; empty where there
             was only one, so that nothing was to be chosen.
         split: split of `episodes`, `expert` and `blind`.
-        episodes: the policy, one entry per seed.
+        options: of the environment in which the policy was tested, by name.
+        batch_size: environments side by side then.
+        episodes: the policy, one entry per seed, with all that is needed to play it again.
         expert: the expert on the same seeds.
         blind: the blind control on the same seeds, on each variation if `variation` is `any`.
         training_seconds: wall time of the training command.
@@ -136,7 +138,9 @@ class ResultRow:
     checkpoint_sha256: str
     validation: tuple[Validation, ...]
     split: str
-    episodes: tuple[EpisodeResult, ...]
+    options: dict[str, str]
+    batch_size: int
+    episodes: tuple[PlayedEpisode, ...]
     expert: tuple[EpisodeResult, ...]
     blind: tuple[EpisodeResult, ...]
     training_seconds: float
@@ -160,6 +164,9 @@ class ResultRow:
         hexadecimal = re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256)
         yield "checkpoint_sha256", hexadecimal, "must be 64 hex digits"
         yield "split", self.split == "test", "must be test: what is chosen on val is scored on test"
+        of_split = self.options.get("split") == self.split
+        yield "options", of_split, f"must hold the split {self.split!r}"
+        yield "batch_size", self.batch_size > 0, "must be at least 1"
         yield "training_seconds", self.training_seconds >= 0, "must not be negative"
         yield "date", _is_day(self.date), "must be a day, YYYY-MM-DD"
         gpu = self.machine.gpu or "none"
@@ -185,7 +192,7 @@ class ResultRow:
         seeds = self.dataset.seeds
         rising = bool(seeds) and seeds[0] >= 0 and list(seeds) == sorted(set(seeds))
         yield "dataset", rising, "its seeds must be there and rise"
-        recorded = _flags_of(self.dataset.command)
+        recorded = command_flags(self.dataset.command)
         for flag, value in {
             "task": self.task,
             "variation": self.variation,
@@ -205,7 +212,7 @@ class ResultRow:
             )
 
     def _rules_of_episodes(self) -> Iterator[tuple[str, object, str]]:
-        seeds = self.test_seeds
+        seeds = [episode.seed for episode in self.episodes]
         listed = bool(seeds) and seeds[0] >= 0 and seeds == list(range(seeds[0], seeds[0] + len(seeds)))
         yield "episodes", listed, "must not be empty, nor repeat or leave out a seed"
         steps, every = int(self.flags["steps"]), int(self.flags["save_freq"])
@@ -251,9 +258,17 @@ class ResultRow:
         )
 
     @property
-    def test_seeds(self) -> list[int]:
-        """Seeds of the policy's episodes, rising."""
-        return sorted(episode.seed for episode in self.episodes)
+    def evaluation(self) -> EvaluationRecord:
+        """The policy's episodes by themselves, as `lerobot-eval` has left them."""
+        return EvaluationRecord(
+            RECORD_SCHEMA_VERSION,
+            self.task,
+            self.world,
+            self.options,
+            self.batch_size,
+            self.versions,
+            self.episodes,
+        )
 
     @property
     def file_name(self) -> str:
@@ -263,8 +278,11 @@ class ResultRow:
     @property
     def rates(self) -> dict[str, SuccessRate]:
         """Success of policy, expert and blind control."""
-        played = {"policy": self.episodes, "expert": self.expert, "blind": self.blind}
-        return {who: success_rate(episodes) for who, episodes in played.items()}
+        return {
+            "policy": success_rate(self.episodes),
+            "expert": success_rate(self.expert),
+            "blind": success_rate(self.blind),
+        }
 
     def to_json(self) -> str:
         """The row as a JSON text, success rates included."""
@@ -311,17 +329,9 @@ def best_checkpoint(validations: Sequence[Validation]) -> Validation:
     return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
 
 
-def success_rate(episodes: tuple[EpisodeResult, ...]) -> SuccessRate:
+def success_rate(episodes: Sequence[EpisodeResult] | Sequence[PlayedEpisode]) -> SuccessRate:
     """Successes among episodes."""
     return SuccessRate(sum(episode.success for episode in episodes), len(episodes))
-
-
-def versions() -> dict[str, str]:
-    """Versions of the installed packages that a result depends on, and of Python."""
-    found = installed_versions(RESULT_PACKAGES)
-    # LeRobot's own policies do without ours.
-    present = {package: version for package, version in found.items() if version != "none"}
-    return {"python": platform.python_version()} | present
 
 
 def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:
@@ -338,7 +348,7 @@ def _is_day(text: str) -> bool:
         return False
 
 
-def _flags_of(command: str) -> dict[str, str]:
+def command_flags(command: str) -> dict[str, str]:
     """Flags of a recorded command by name; none of what is no command."""
     try:
         words = shlex.split(command)

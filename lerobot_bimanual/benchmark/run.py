@@ -6,7 +6,12 @@ from datetime import date
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.benchmark.measurements import read_certificate, read_evaluation
+from lerobot_bimanual.benchmark.measurements import (
+    check_agreement,
+    read_certificate,
+    read_evaluation,
+    read_record,
+)
 from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.results import (
@@ -18,11 +23,11 @@ from lerobot_bimanual.benchmark.results import (
     Validation,
     best_checkpoint,
     success_rate,
-    versions,
 )
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import result_versions
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.statistics import SuccessRate
 
@@ -56,6 +61,8 @@ def run(plan: Plan, console: Console) -> ResultRow:
     step = best_checkpoint(validations).step if validations else plan.recipe.steps
     own.run(plan.evaluation("test", step))
 
+    tested = read_record(plan.record_file("test", step), plan.seeds("test"))
+    check_agreement(tested, read_evaluation(plan.evaluation_file("test", step), plan.seeds("test")))
     expert, blind = (
         read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
         for control in ("expert", "blind")
@@ -73,12 +80,14 @@ def run(plan: Plan, console: Console) -> ResultRow:
         checkpoint_sha256=sha256(plan.weights(step)),
         validation=tuple(validations),
         split="test",
-        episodes=read_evaluation(plan.evaluation_file("test", step), plan.seeds("test")),
+        options=tested.options,
+        batch_size=tested.batch_size,
+        episodes=tested.episodes,
         expert=expert.episodes,
         blind=blind.episodes,
         training_seconds=round(own.seconds(plan.training()), 1),
         machine=Machine.this(),
-        versions=versions(),
+        versions=result_versions(),
         date=date.today().isoformat(),
     )
     write_file(plan.result, row.to_json())

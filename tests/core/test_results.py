@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_rows import ROW, VERSIONS, episodes, generation, row_of
+from made_up_rows import ROW, VERSIONS, generation, recorded, row_of
 
 from lerobot_bimanual.benchmark.pairing import Pairing, pair
 from lerobot_bimanual.benchmark.results import (
@@ -129,7 +129,7 @@ def test_mcnemars_test_has_the_binomial_tail(only_first, only_second, p_value):
 
 def test_episodes_are_paired_by_seed():
     other = copy.copy(ROW)
-    object.__setattr__(other, "episodes", tuple(reversed(episodes("x.x.x", first_seed=1))))
+    object.__setattr__(other, "episodes", recorded("x.x.x", first_seed=1))
     # Seeds 1, 2 and 3 are shared: the first solved 1, the second 1 and 3.
     assert pair(ROW, other) == Pairing(both=1, only_first=0, only_second=1, neither=1)
 
@@ -141,7 +141,7 @@ def test_episodes_are_paired_by_seed():
         ({"world": "ba9876543210"}, "world 0123456789ab for one result and ba9876543210 for the other"),
         ({"variation": "0"}, "differ in variation"),
         ({"versions": VERSIONS | {"mujoco": "4"}}, "mujoco was 3 for one result and 4 for the other"),
-        ({"episodes": episodes("xx", first_seed=50)}, "share no seed"),
+        ({"episodes": recorded("xx", first_seed=50)}, "share no seed"),
     ],
 )
 def test_only_the_same_episodes_are_compared(difference, message):
@@ -159,7 +159,7 @@ def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path,
     compare(CompareConfig(first=long, second=long))
     assert capsys.readouterr().out.count(str(long)) == 2
     (tmp_path / "one.json").write_text(ROW.to_json())
-    (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=episodes("...x")).to_json())
+    (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=recorded("...x")).to_json())
     compare(CompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
     printed = capsys.readouterr().out
     assert "2 of 4" in printed
