@@ -1,26 +1,28 @@
 """Results of many benchmarks, side by side, as a page of documentation."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import read_worlds
 from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig
 from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
-from lerobot_bimanual.benchmark.results import EpisodeResult, ResultRow
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.statistics import SuccessRate, standard_deviation
 
 PAGE = """\
 # Results of the recipe `{recipe}`
 
 Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not edit.
 
-Each cell is one training with one seed: successes of unseen episodes of the split `test` and their 95 % Wilson interval.
-The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
+Each cell is one training with one seed, successes of unseen episodes of the split `test` and their 95 % Wilson interval, or
+several trainings, successes of each, their mean and its standard deviation between trainings. The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
 plays the mean keyposes of 30 training episodes whatever the scene; of a task with variations it plays each, on all seeds.
 
 {success}
@@ -62,6 +64,7 @@ def render(folder: Path, certificates: Path | None = None) -> str:
     rows = {path: ResultRow.read(path) for path in paths}
     _check_names(rows)
     _check_likeness(rows)
+    _check_trainings(rows)
     _check_worlds(rows, folder, certificates)
     lines = [
         (row, _config_of(path, row))
@@ -70,7 +73,7 @@ def render(folder: Path, certificates: Path | None = None) -> str:
     return PAGE.format(
         recipe=lines[0][0].recipe,
         folder=folder.as_posix(),
-        success=_success({(_place(row), row.policy): row for row in rows.values()}),
+        success=_success(list(rows.values())),
         training=_training(lines),
         command=command(lines[-1][1]),
     )
@@ -95,13 +98,34 @@ def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
             f"world of {row.task}": row.world,
             f"expert on {place}": _played(row.expert),
             f"blind on {place}": _played(row.blind),
-            f"seed of {row.policy} on {place}": row.flags["seed"],
+            f"flags of {row.policy} on {place}": sorted(row.flags),
+            **{
+                f"flag {flag} of {row.policy} on {place}": value
+                for flag, value in row.flags.items()
+                if flag != "seed"
+            },
         }.items():
             elsewhere, other = first.setdefault(name, (path, value))
             if value != other:
                 raise BimanualError(
                     f"{path}: {name} is {shown(value)}, but {shown(other)} in {elsewhere}; keep what is alike"
                 )
+
+
+def _check_trainings(rows: Mapping[Path, ResultRow]) -> None:
+    """Several trainings are several, and each was tested on as many episodes as were planned."""
+    first: dict[tuple[str, str, str], Path] = {}
+    for path, row in rows.items():
+        if row.stopped_against is not None:
+            raise BimanualError(
+                f"{path}: its test was stopped as soon as it differed from another policy, which favours one side of its "
+                "rate; it is for `lerobot-bimanual compare`, and a table needs a test without --stop_when_sure"
+            )
+        elsewhere = first.setdefault((_place(row), row.policy, row.checkpoint_sha256), path)
+        if elsewhere != path:
+            raise BimanualError(
+                f"{path}: it has the weights of {elsewhere}, so it is no other training; leave one out"
+            )
 
 
 def _played(episodes: Sequence[EpisodeResult]) -> list[tuple[int, int | None, bool]]:
@@ -129,17 +153,28 @@ def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
+def _success(rows: Sequence[ResultRow]) -> str:
+    cells: defaultdict[tuple[str, str], list[ResultRow]] = defaultdict(list)
+    for row in rows:
+        cells[_place(row), row.policy].append(row)
     policies = sorted({policy for _, policy in cells})
     lines = []
     for place in sorted({place for place, _ in cells}):
-        row = next(row for (where, _), row in cells.items() if where == place)
-        scores = [
-            _score(cells[place, name].rates["policy"]) if (place, name) in cells else ABSENT
-            for name in policies
-        ]
+        row = next(group[0] for (where, _), group in cells.items() if where == place)
+        scores = [_cell(cells[place, name]) if (place, name) in cells else ABSENT for name in policies]
         lines.append([f"`{place}`", *scores, str(row.rates["expert"].successes), _score(row.rates["blind"])])
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
+
+
+def _cell(rows: Sequence[ResultRow]) -> str:
+    """One training, or several by the seeds of the trainings."""
+    ordered = sorted(rows, key=lambda row: int(row.flags["seed"]))
+    rates = [row.rates["policy"] for row in ordered]
+    if len(rates) == 1:
+        return _score(rates[0])
+    shares = [rate.rate for rate in rates]
+    counts = ", ".join(f"{rate.successes}/{rate.trials}" for rate in rates)
+    return f"{counts}: {sum(shares) / len(shares):.1%} ± {standard_deviation(shares):.1%}"
 
 
 def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lerobot_bimanual.benchmark.results import BadResult, EpisodeResult
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
+from lerobot_bimanual.benchmark.results import BadResult
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import read_json, shown

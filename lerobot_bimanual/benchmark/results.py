@@ -3,13 +3,14 @@
 import json
 import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import date
 from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
 from lerobot_bimanual.benchmark.names import place_name, result_name
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
@@ -32,33 +33,6 @@ RATES = "rates"
 
 class BadResult(BimanualError):
     """A result that is not what this version writes; the message names the field."""
-
-
-@dataclass(frozen=True)
-class EpisodeResult:
-    """How one episode ended, of which nothing else is kept.
-
-    Attributes:
-        seed: seed of the reset, in the split of the row.
-        success: whether it was solved.
-        variation: index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
-        failure: why it was not solved; None if the evaluation does not tell, or if it was.
-        state_hash: SHA-256 of the simulation's final state; None if the evaluation does not tell.
-    """
-
-    seed: int
-    success: bool
-    variation: int | None = None
-    failure: str | None = None
-    state_hash: str | None = None
-
-
-@dataclass(frozen=True)
-class Validation:
-    """Episodes of the validation split with one checkpoint."""
-
-    step: int
-    episodes: tuple[EpisodeResult, ...]
 
 
 @dataclass(frozen=True)
@@ -115,6 +89,8 @@ class ResultRow:
         options: of the environment in which the policy was tested, by name.
         batch_size: environments side by side then.
         episodes: the policy, one entry per seed, with all that is needed to play it again.
+        stopped_against: checkpoint_sha256 of another policy's row, if the test went on only until it was sure which of the
+            two is better; such a row is for comparisons, since its rate is biased. None for a fixed number of episodes.
         expert: the expert on the same seeds.
         blind: the blind control on the same seeds, on each variation if `variation` is `any`.
         training_seconds: wall time of the training command.
@@ -141,6 +117,7 @@ class ResultRow:
     options: dict[str, str]
     batch_size: int
     episodes: tuple[PlayedEpisode, ...]
+    stopped_against: str | None
     expert: tuple[EpisodeResult, ...]
     blind: tuple[EpisodeResult, ...]
     training_seconds: float
@@ -163,6 +140,8 @@ class ResultRow:
             yield name, re.fullmatch(r"\w[\w.-]*", getattr(self, name)), "must be a name"
         hexadecimal = re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256)
         yield "checkpoint_sha256", hexadecimal, "must be 64 hex digits"
+        stopped = self.stopped_against is None or re.fullmatch("[0-9a-f]{64}", self.stopped_against)
+        yield "stopped_against", stopped, "must be 64 hex digits or nothing"
         yield "split", self.split == "test", "must be test: what is chosen on val is scored on test"
         of_split = self.options.get("split") == self.split
         yield "options", of_split, f"must hold the split {self.split!r}"
@@ -322,16 +301,6 @@ class ResultRow:
             return cls.from_json(read_bytes(path))
         except (OSError, BimanualError) as error:
             raise BadResult(f"{path}: {error}") from error
-
-
-def best_checkpoint(validations: Sequence[Validation]) -> Validation:
-    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
-    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
-
-
-def success_rate(episodes: Sequence[EpisodeResult] | Sequence[PlayedEpisode]) -> SuccessRate:
-    """Successes among episodes."""
-    return SuccessRate(sum(episode.success for episode in episodes), len(episodes))
 
 
 def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:

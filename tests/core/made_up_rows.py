@@ -3,7 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.results import DatasetRecord, EpisodeResult, Machine, ResultRow, Validation
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation
+from lerobot_bimanual.benchmark.results import DatasetRecord, Machine, ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.evaluation.action_text import actions_to_text
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -76,6 +77,7 @@ ROW = ResultRow(
     options={"split": "test"},
     batch_size=2,
     episodes=recorded("xx.."),
+    stopped_against=None,
     expert=played("xxxx"),
     blind=played("x..."),
     training_seconds=1.5,

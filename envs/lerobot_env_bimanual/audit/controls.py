@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.results import EpisodeResult, ResultRow, command_flags
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
+from lerobot_bimanual.benchmark.results import ResultRow, command_flags
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.audit.episodes import placement_hash
 from lerobot_env_bimanual.env import BimanualEnv
