@@ -8,9 +8,11 @@ from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import read_worlds
 from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig
+from lerobot_bimanual.benchmark.recipe import GROUP as RECIPE_GROUP
 from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
@@ -32,13 +34,16 @@ What each was trained on, for how long by the clock on the machine named in its 
 
 {training}
 
-A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. One
-cell again, that of the last line:
+A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages.
+`lerobot-bimanual verify-results --results={folder}` plays its test episodes again without the policy, and
+compares every state and claim.{again}
+"""
+AGAIN = """ One cell trained and tested again, that of the last line of a policy that is installed:
 
 ```bash
 {command}
-```
-"""
+```"""
+NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
 EXPERT_CERTIFICATE = "expert.json"
 """Among certificates, the one that covers every task."""
@@ -53,16 +58,10 @@ def render(folder: Path, certificates: Path | None = None) -> str:
             `certificates` beside that of the rows, if there is one.
 
     Raises:
-        BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or no
-            command trains it again. The message names the file.
+        BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or its
+            recipe is installed and yet no command trains it again. The message names the file.
     """
-    paths = sorted(folder.glob("*.json"))
-    if not paths:
-        raise BimanualError(
-            f"{folder} holds no results; `lerobot-bimanual benchmark` writes them to OUTPUT/results"
-        )
-    rows = {path: ResultRow.read(path) for path in paths}
-    _check_names(rows)
+    rows = read_rows(folder)
     _check_likeness(rows)
     _check_trainings(rows)
     _check_worlds(rows, folder, certificates)
@@ -70,21 +69,34 @@ def render(folder: Path, certificates: Path | None = None) -> str:
         (row, _config_of(path, row))
         for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].policy))
     ]
+    configs = [config for _, config in lines if config is not None]
     return PAGE.format(
         recipe=lines[0][0].recipe,
         folder=folder.as_posix(),
         success=_success(list(rows.values())),
         training=_training(lines),
-        command=command(lines[-1][1]),
+        again=AGAIN.format(command=command(configs[-1])) if configs else "",
     )
 
 
-def _check_names(rows: Mapping[Path, ResultRow]) -> None:
+def read_rows(folder: Path) -> dict[Path, ResultRow]:
+    """The rows in a folder.
+
+    Raises:
+        BimanualError: there are none, one contradicts itself, or lies under another row's name.
+    """
+    paths = sorted(folder.glob("*.json"))
+    if not paths:
+        raise BimanualError(
+            f"{folder} holds no results; `lerobot-bimanual benchmark` writes them to OUTPUT/results"
+        )
+    rows = {path: ResultRow.read(path) for path in paths}
     for path, row in rows.items():
         if path.name != row.file_name:
             raise BimanualError(
                 f"{path}: its row is that of a file named {row.file_name}; rename it or leave it out"
             )
+    return rows
 
 
 def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
@@ -146,7 +158,10 @@ def _check_worlds(rows: Mapping[Path, ResultRow], folder: Path, certificates: Pa
             )
 
 
-def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig:
+def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig | None:
+    """What trains a row again; None for a policy of somebody else, who is not installed here."""
+    if row.policy not in entries(RECIPE_GROUP):
+        return None
     try:
         return config_of(row)
     except BimanualError as error:
@@ -177,7 +192,7 @@ def _cell(rows: Sequence[ResultRow]) -> str:
     return f"{counts}: {sum(shares) / len(shares):.1%} ± {standard_deviation(shares):.1%}"
 
 
-def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
+def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig | None]]) -> str:
     lines = []
     for row, config in trained:
         machine = row.machine.gpu or f"{row.machine.cpus} cores"
@@ -187,7 +202,8 @@ def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
         )
         demos, minutes = str(len(row.dataset.seeds)), f"{row.training_seconds / 60:.1f}"
         steps = f"{row.checkpoint_step} of {row.flags['steps']}"
-        beyond = f"`{words}`" if (words := beyond_recipe(config)) else ABSENT
+        words = None if config is None else beyond_recipe(config)
+        beyond = NOT_INSTALLED if words is None else f"`{words}`" if words else ABSENT
         policy = f"`{row.policy}`"
         lines.append([f"`{_place(row)}`", policy, demos, steps, minutes, machine, validated, beyond])
     headings = ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"]

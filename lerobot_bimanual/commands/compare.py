@@ -39,7 +39,7 @@ def compare(config: CompareConfig) -> None:
 
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
-        lerobot-bimanual compare --first=results/small --first_policy=peract2 --second=results/small --second_policy=act
+        lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
     """
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")

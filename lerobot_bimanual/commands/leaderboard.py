@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.markdown_table import write_page
-from lerobot_bimanual.output_file import check_output_file
+from lerobot_bimanual.output_file import check_output_file, check_output_folder
 
 
 @dataclass
@@ -16,6 +16,11 @@ class LeaderboardConfig:
     # Folder of certificates, of whose worlds the results must be; by default `certificates` beside RESULTS, if it exists.
     certificates: Path | None = None
     output: Path | None = None  # Markdown file; without it the page is printed
+    # Folder for the same rows in the Hub's form, one file for `.eval_results/` of each model's repository.
+    hub_results: Path | None = None
+    benchmark_repo: str = (
+        "lerobot-bimanual/benchmark"  # dataset repository that stands for the benchmark there
+    )
 
 
 def leaderboard(config: LeaderboardConfig) -> None:
@@ -25,9 +30,17 @@ def leaderboard(config: LeaderboardConfig) -> None:
     world and with which versions, and whether the tested checkpoint was the best. Nothing is written if one is wrong.
 
     Examples:
-        lerobot-bimanual leaderboard --results=results/small
-        lerobot-bimanual leaderboard --results=results/small --output=docs/results.md
+        lerobot-bimanual leaderboard --results=results/leaderboard
+        lerobot-bimanual leaderboard --results=results/leaderboard --output=docs/results.md
+        lerobot-bimanual leaderboard --results=results/leaderboard --hub_results=outputs/eval_results
     """
     if config.output is not None:
         check_output_file(config.output)
+    if config.hub_results is not None:
+        check_output_folder(config.hub_results)
     write_page(render(config.results, config.certificates), config.output)
+    if config.hub_results is not None:
+        from lerobot_bimanual.benchmark.hub_results import write_hub_results
+
+        for path in write_hub_results(config.results, config.hub_results, config.benchmark_repo):
+            print(path)

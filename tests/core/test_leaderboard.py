@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
+from huggingface_hub import parse_eval_result_entries
 from made_up_rows import ROW, episodes, played, put, recorded, row_of
 
 from lerobot_bimanual.benchmark.episode_result import Validation
@@ -63,9 +65,27 @@ def test_a_row_that_no_command_gives_again_is_refused_with_its_file(results: Pat
     with pytest.raises(BimanualError, match=rf"{path.name}: --train_flags sets --config_path"):
         render(results)
     put(results, row)
-    path = put(results, row_of("gone", "lift_ball"))
-    with pytest.raises(BimanualError, match=rf"{path.name}: policy is 'gone', but must be one of: .*mine"):
-        render(results)
+
+
+def test_rows_of_policies_that_are_not_installed_stand_in_the_table_too(results: Path):
+    put(results, row_of("theirs", "lift_ball"))
+    page = render(results)
+    assert "| task | `mine` | `other` | `theirs` | expert | blind |" in page
+    assert (
+        "| `lift_ball` | `theirs` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | its recipe is not installed"
+        in page
+    )
+    assert "benchmark --policy=mine --task=push_box" in page
+
+
+def test_rows_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
+    leaderboard(LeaderboardConfig(results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md"))
+    files = sorted((tmp_path / "hub").glob("*.yaml"))
+    assert [file.stem for file in files] == sorted(path.stem for path in results.glob("*.json"))
+    (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
+    assert (entry.dataset_id, entry.task_id) == ("lerobot-bimanual/benchmark", "lift_ball")
+    assert (entry.value, entry.date) == (50.0, "2026-01-31")
+    assert "2 of 4 unseen episodes" in (entry.notes or "")
 
 
 def test_a_leaderboard_is_printed_or_written(results: Path, capsys):

@@ -24,7 +24,7 @@ def results(tmp_path: Path) -> Path:
     """A committed row, one like it of another policy, and the worlds of the committed certificates beside them."""
     folder = tmp_path / "small"
     folder.mkdir()
-    shutil.copy(ROOT / "results" / "small" / SISTER, folder)
+    shutil.copy(ROOT / "results" / "leaderboard" / SISTER, folder)
     row = json.loads((folder / SISTER).read_text())
     row["policy"] = row["flags"]["policy.type"] = "peract_lf"
     (folder / DAMAGED).write_text(json.dumps(row))

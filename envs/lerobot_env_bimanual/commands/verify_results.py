@@ -46,9 +46,9 @@ def verify_results(config: VerifyResultsConfig) -> int:
     control and, as certified, either arm alone are played anew. Exits with 1 if anything differs, and says where first.
 
     Examples:
-        lerobot-bimanual verify-results --results=results/small
+        lerobot-bimanual verify-results --results=results/leaderboard
         lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
-        lerobot-bimanual verify-results --results=results/small --sample=5 --controls=1
+        lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
     """
     from lerobot_env_bimanual.expert.campaign import Campaign
 
