@@ -79,11 +79,14 @@ def test_rows_of_policies_that_are_not_installed_stand_in_the_table_too(results:
 
 
 def test_rows_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
-    leaderboard(LeaderboardConfig(results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md"))
+    config = LeaderboardConfig(results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md")
+    with pytest.raises(BimanualError, match="benchmark_repo is None, but --hub_results needs"):
+        leaderboard(config)
+    leaderboard(replace(config, benchmark_repo="me/bimanual"))
     files = sorted((tmp_path / "hub").glob("*.yaml"))
     assert [file.stem for file in files] == sorted(path.stem for path in results.glob("*.json"))
     (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
-    assert (entry.dataset_id, entry.task_id) == ("lerobot-bimanual/benchmark", "lift_ball")
+    assert (entry.dataset_id, entry.task_id) == ("me/bimanual", "lift_ball")
     assert (entry.value, entry.date) == (50.0, "2026-01-31")
     assert "2 of 4 unseen episodes" in (entry.notes or "")
 
