@@ -13,6 +13,7 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 
 WATCH := outputs/watch
 watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU)
+	@echo "lerobot-eval says nothing for up to half a minute, while it is imported"
 	$(BIN)/lerobot-eval --policy.path=results/checkpoints/handover_item_easy --policy.device=cpu \
 	    --env.type=bimanual --env.task=handover_item_easy --env.image_size=128 --env.video_dir=$(WATCH)/films \
 	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=$(WATCH)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -37,9 +37,22 @@ class Condition(ABC):
         """Whether it holds now."""
 
 
-def check(conditions: Iterable[Condition], view: SceneView) -> dict[str, bool]:
-    """Each condition's name and whether it is met now."""
-    return {condition.name: condition(view) for condition in conditions}
+def check_until_unmet(conditions: Iterable[Condition], view: SceneView) -> dict[str, bool]:
+    """Each condition's name and whether it is met now, as far as the first that is not: enough for a verdict."""
+    met: dict[str, bool] = {}
+    for condition in conditions:
+        met[condition.name] = condition(view)
+        if not met[condition.name]:
+            break
+    return met
+
+
+def check(conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool]) -> dict[str, bool]:
+    """Each condition's name and whether it is met now; what is known already is not looked at again."""
+    return {
+        condition.name: known[condition.name] if condition.name in known else condition(view)
+        for condition in conditions
+    }
 
 
 @dataclass(frozen=True)

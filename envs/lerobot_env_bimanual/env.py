@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_env_bimanual.conditions import check
+from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.episode.membership import joined
@@ -186,7 +186,7 @@ class BimanualEnv(gym.Env):
         except PlacementFailure as failure:
             progress.failure = str(failure)  # nothing can be played from here
             raise
-        progress.conditions = self._check()
+        progress.conditions = check(self._conditions, self.scene, known={})
         return self.observe(), self.progress.info()
 
     def observed_by(
@@ -232,6 +232,7 @@ class BimanualEnv(gym.Env):
         truncated = self._truncated and not progress.terminated
         if progress.terminated or truncated:
             self._finish_video()
+        progress.conditions = check(self._conditions, self.scene, known=progress.conditions)
         return self.observe(), float(progress.succeeded), progress.terminated, truncated, self.progress.info()
 
     @property
@@ -259,14 +260,15 @@ class BimanualEnv(gym.Env):
         scene, progress = self.scene, self.progress
         scene.tick(joint_action, self.step_observers)
         progress.ticks += 1
-        progress.judge(self._check())
+        progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
         if self.options.video_dir is not None:
             self._film(Path(self.options.video_dir))
 
-    def _check(self) -> dict[str, bool]:
-        return check(self.task_definition.conditions(self.progress.variation), self.scene)
+    @property
+    def _conditions(self) -> tuple[Condition, ...]:
+        return self.task_definition.conditions(self.progress.variation)
 
     def observe(self) -> dict[str, Any]:
         """The observation of the present state; see `lerobot_env_bimanual.episode.observations` for its arrays."""

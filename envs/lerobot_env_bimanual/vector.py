@@ -16,7 +16,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from multiprocessing import connection
+from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -33,15 +33,13 @@ from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.episode_log import EpisodeLog
 from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
+from lerobot_env_bimanual.freezing import FreezeWhenOver
 from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import end_of, end_with_parent, told
 from lerobot_env_bimanual.workers import WorkerDied
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
-
-INVALID_ACTION = "invalid action: "
-"""Begins the failure of an episode that ended by one."""
 
 KEYPOSE_FPS = 2
 """Of LeRobot's own videos of keypose policies, which hold one frame per keypose."""
@@ -50,51 +48,6 @@ PATIENCE_S = 5.0
 """For the system to say which process has died."""
 
 _main_module_lock = threading.Lock()
-
-
-class FreezeWhenOver(gym.Wrapper):
-    """Repeats the last transition of a finished episode until the next explicit reset.
-
-    A batched rollout goes on until its slowest episode ends and ignores what the others do meanwhile, so a
-    finished environment has no reason to simulate another episode. Gymnasium's automatic reset calls `reset`
-    without arguments, which no explicit reset of a vector environment does; it keeps the environment frozen.
-    """
-
-    def __init__(self, env: gym.Env):
-        super().__init__(env)
-        self._last: tuple[Any, float, bool, bool, dict[str, Any]] | None = None
-
-    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
-        """Start an episode, or repeat the last observation if this is an automatic reset."""
-        if self._last is not None and not arguments:
-            return self._last[0], self._last[4]
-        self._last = None
-        return self.env.reset(**arguments)
-
-    @property
-    def is_frozen(self) -> bool:
-        """Whether the episode is over."""
-        return self._last is not None
-
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One step, or the last transition again, without its reward.
-
-        Args:
-            action: of the episode; one that cannot be executed, or the reason why it cannot even be read, ends the
-                episode as a failure.
-        """
-        if self._last is not None:
-            return self._last
-        try:
-            if isinstance(action, InvalidAction):
-                raise action
-            observation, reward, terminated, truncated, info = self.env.step(action)
-        except InvalidAction as error:
-            fail = self.env.get_wrapper_attr("fail")
-            observation, reward, terminated, truncated, info = fail(f"{INVALID_ACTION}{error}")
-        if terminated or truncated:
-            self._last = (observation, 0.0, terminated, truncated, info)
-        return observation, float(reward), terminated, truncated, info
 
 
 class CarriedError(Exception):
@@ -159,6 +112,13 @@ def _main_module_hidden() -> Iterator[None]:
                 main.__file__ = file
 
 
+def _start_fork_server() -> None:
+    """Have the process that workers are forked from import what they need, while LeRobot loads the policy."""
+    use_scratch_folder()
+    multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
+    forkserver.ensure_running()
+
+
 class LazyVectorEnv(VectorEnv):
     """A synchronous or asynchronous vector environment that exists from its first use until `close`.
 
@@ -195,14 +155,14 @@ class LazyVectorEnv(VectorEnv):
         if isinstance(example.unwrapped, BimanualEnv):
             self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
         example.close()
+        if asynchronous:
+            _start_fork_server()
 
     def _ensure(self) -> SyncVectorEnv | AsyncVectorEnv:
         """Start the environments unless they run; LeRobot calls this by name to start the next task's early."""
         with self._lock:
             if self._running is None:
                 if self._asynchronous:
-                    use_scratch_folder()
-                    multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
                     with _main_module_hidden(), _named_death():
                         self._running = AsyncVectorEnv(
                             self._make_envs, context="forkserver", autoreset_mode=AutoresetMode.NEXT_STEP

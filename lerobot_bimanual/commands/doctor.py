@@ -1,10 +1,13 @@
 """The verb `doctor`."""
 
+import sys
 from dataclasses import dataclass
 
 from lerobot_bimanual.health import Level, examine
 
 COLORS = {Level.OK: "green", Level.INFO: "blue", Level.WARN: "yellow", Level.FAIL: "bold red"}
+
+PATIENCE = "examining; importing LeRobot takes up to half a minute of it"
 
 LEVEL_WIDTH, SUBJECT_WIDTH = 5, 23
 """Columns of the findings, in characters."""
@@ -28,7 +31,9 @@ def doctor(config: DoctorConfig) -> int:
     from rich.text import Text
 
     console, findings = Console(), []
-    with console.status("examining (importing LeRobot takes a while)"):
+    if not console.is_terminal:  # where no status is shown
+        print(PATIENCE, file=sys.stderr, flush=True)
+    with console.status(PATIENCE):
         for finding in examine():  # each is shown when it is found, for some take long
             findings.append(finding)
             level = Text(f"{finding.level:<{LEVEL_WIDTH}}", COLORS[finding.level])

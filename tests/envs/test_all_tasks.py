@@ -90,6 +90,13 @@ def test_resets_are_quiet_unsolved_and_different(env):
     assert len(hashes) == len(SEEDS)
 
 
+def test_conditions_are_told_as_they_are_after_a_tick(env):
+    env.reset(seed=SEEDS[0])
+    *_, info = env.step(env.scene.commanded)
+    conditions = env.task_definition.conditions(env.progress.variation)
+    assert info["conditions"] == {condition.name: condition(env.scene) for condition in conditions}
+
+
 def test_props_are_at_rest_after_a_reset(env):
     env.reset(seed=SEEDS[0])
     for prop in env.task_definition.spec.props:

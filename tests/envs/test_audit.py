@@ -19,8 +19,9 @@ from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, ve
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.freezing import FreezeWhenOver
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.vector import FreezeWhenOver, LazyVectorEnv
+from lerobot_env_bimanual.vector import LazyVectorEnv
 
 pytestmark = pytest.mark.sim
 

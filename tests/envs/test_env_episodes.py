@@ -69,6 +69,23 @@ def test_an_unreachable_keypose_ends_the_episode_and_names_the_arm(state_env, ke
         state_env.step(action)
 
 
+def test_a_step_tells_all_conditions_though_its_ticks_look_as_far_as_the_first_unmet_one(
+    state_env, keypose_below, monkeypatch
+):
+    looks = {"first": 0, "second": 0}
+
+    def look(name: str) -> bool:
+        looks[name] += 1
+        return name == "second"
+
+    conditions = tuple(When(name, lambda name=name: look(name)) for name in looks)
+    monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: conditions)
+    for info in (state_env.reset(seed=1)[1], state_env.step(keypose_below(state_env))[4]):
+        assert info["conditions"] == {"when(first)": False, "when(second)": True}
+    assert info["ticks"] > 1
+    assert looks == {"first": 1 + info["ticks"], "second": 2}
+
+
 def test_success_needs_all_conditions_for_half_a_second(state_env, monkeypatch):
     state_env.reset(seed=1)
     met = [True] * (SUCCESS_TICKS - 1) + [False] + [True] * SUCCESS_TICKS

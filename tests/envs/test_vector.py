@@ -15,7 +15,8 @@ import pytest
 
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice, UnknownVariation
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.vector import FreezeWhenOver, LazyVectorEnv
+from lerobot_env_bimanual.freezing import FreezeWhenOver
+from lerobot_env_bimanual.vector import LazyVectorEnv
 from lerobot_env_bimanual.workers import WorkerDied
 
 make_lift_ball = partial(BimanualEnv, "lift_ball", image_size=16, cameras=("front",))
@@ -30,10 +31,14 @@ class CountingEnv(gym.Env):
     action_space = gym.spaces.Box(0, 1, (16,), np.float32)
 
     def __init__(self):
-        self.resets = self.steps = self.tick = 0
+        self.resets = self.steps = self.tick = self.frames = 0
 
     def observe(self):
         return np.array([self.tick], dtype=np.float32)
+
+    def render(self):
+        self.frames += 1
+        return self.observe()
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -105,6 +110,20 @@ def test_a_finished_environment_is_frozen_until_an_explicit_reset():
         for _ in range(3):
             envs.step(actions)
     envs.close()
+
+
+def test_a_finished_episode_is_drawn_once_however_often_it_is_filmed():
+    env = FreezeWhenOver(CountingEnv())
+    for episode in (1, 2):
+        env.reset(seed=0)
+        frames = [env.render()]
+        for _ in range(5):
+            env.step(np.zeros(16))
+            frames.append(env.render())
+        assert [frame.item() for frame in frames] == [0, 1, 2, 3, 3, 3]
+        assert env.unwrapped.frames == 4 * episode
+        frames[-1][:] = 7
+        assert env.render().item() == 3
 
 
 def test_freezing_happens_only_at_the_end():

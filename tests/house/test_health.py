@@ -79,6 +79,20 @@ def test_doctor_prints_findings_and_remedies_and_fails_only_on_failures(
     assert f"OpenGL: {finding.remedy}\n" in out
 
 
+def test_doctor_speaks_before_it_looks_at_anything(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[str] = []
+
+    def examine():
+        heard.append(capsys.readouterr().err)
+        yield Finding("Python", Level.OK, "3.12")
+
+    monkeypatch.setattr("lerobot_bimanual.commands.doctor.examine", examine)
+    doctor(DoctorConfig())
+    assert "importing LeRobot" in heard[0]
+
+
 def test_doctor_shows_each_finding_before_it_looks_at_the_next(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,7 +18,7 @@ from lerobot_bimanual import cli
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import INFO_FILE
+from lerobot_bimanual.dataset.reader import INFO_FILE, find_view
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
@@ -244,6 +244,17 @@ def test_a_row_that_is_not_there_is_refused_with_the_rows_that_are(peract_checkp
     for index in (-1, ROWS):
         message = refusal(capsys, peract_checkpoint, dataset, f"--index={index}")
         assert f"rows 0 to {ROWS - 1}" in message
+
+
+def test_a_dataset_that_does_not_say_how_many_rows_it_has_is_refused(
+    peract_checkpoint, dataset, tmp_path, capsys
+):
+    copy = tmp_path / "copy"
+    shutil.copytree(find_view(dataset, ("keyframes", "frames")), copy)
+    path = copy / INFO_FILE
+    for rows in (None, "many", 0):
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"total_frames": rows}))
+        assert "how many rows" in refusal(capsys, peract_checkpoint, copy)
 
 
 def test_a_dataset_without_depth_or_label_is_refused_by_name(peract_checkpoint, dataset, tmp_path, capsys):

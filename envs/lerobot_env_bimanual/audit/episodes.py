@@ -15,7 +15,7 @@ from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.vector import INVALID_ACTION, FreezeWhenOver
+from lerobot_env_bimanual.freezing import INVALID_ACTION, FreezeWhenOver
 
 PROOFS = ("start", "actions", "links", "end")
 """Fields of an episode that are compared step by step; the others are claims, compared one by one."""

@@ -70,8 +70,9 @@ def observe_images(
     observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in options.camera_names}}
     if options.obs == "rgbd":
         for camera in options.camera_names:
-            depth_m = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
-            observation[env_key(schema.depth_key(camera))] = (depth_m * np.float32(schema.MM_PER_M))[None]
+            depth = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
+            depth *= schema.MM_PER_M
+            observation[env_key(schema.depth_key(camera))] = depth[None]
     return observation
 
 

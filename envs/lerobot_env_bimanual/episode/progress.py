@@ -23,7 +23,8 @@ class EpisodeProgress:
         instruction: the sentence that a policy is given.
         rng: the episode's only source of randomness.
         draws: placements that the reset drew until one could be rehearsed.
-        conditions: each condition's name and whether it is met now.
+        conditions: each condition's name and whether it is met now; between the ticks of a step those after the first
+            that is not met are left out.
         ticks: control ticks so far.
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
@@ -56,7 +57,7 @@ class EpisodeProgress:
         return self.succeeded or bool(self.failure)
 
     def judge(self, conditions: dict[str, bool]) -> None:
-        """Take the conditions after a tick into account."""
+        """Take the conditions after a tick into account, all of them or as far as the first that is not met."""
         self.conditions = conditions
         self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0
         if self.held_ticks and self.first_met_tick is None:

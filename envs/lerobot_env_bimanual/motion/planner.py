@@ -18,7 +18,8 @@ from lerobot_env_bimanual.motion.corners import rounded
 from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
 from lerobot_env_bimanual.motion.joint_path import JointPath
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.motion.pace import CONTACT, FREE, Pace
+from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace
+from lerobot_env_bimanual.motion.pushing import is_beside_heavy
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import tick_fractions
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
@@ -128,7 +129,7 @@ class KeyposePlanner:
                 start = motion.start[arm]
                 line = np.stack([start, self._goals(arm, start, targets[arm])[0]])
                 motion.line_fallbacks += 1
-            motion.add(arm, JointPath(line), CONTACT)
+            motion.add(arm, JointPath(line), PUSHING if is_beside_heavy(self._scene, arm) else CONTACT)
 
     def _add_free(self, motion: _Motion, targets: dict[Arm, Pose], rng: np.random.Generator) -> None:
         candidates = {arm: self._goals(arm, motion.start[arm], pose) for arm, pose in targets.items()}

@@ -39,12 +39,14 @@ class MotionLimits:
         acceleration_rad_s2: (7,) of each joint.
         acceleration_step_rad_s2: (7,) from one control tick to the next.
         tip_m_s: speed of the tool centre point.
+        tip_m_s2: acceleration of the tool centre point while it gains speed.
     """
 
     velocity_rad_s: Array
     acceleration_rad_s2: Array
     acceleration_step_rad_s2: Array
     tip_m_s: float
+    tip_m_s2: float = np.inf
 
 
 def tick_fractions(
@@ -81,7 +83,7 @@ def _fastest_speeds(
     """Speeds (n,) of the path parameter, 1/s, at equal steps of it; zero at both ends."""
     grid = np.linspace(0.0, 1.0, STEPS + 1)
     step = 1.0 / STEPS
-    highest, push = np.full(len(grid), np.inf), np.full(len(grid), np.inf)
+    highest, push, start = np.full((3, len(grid)), np.inf)
     moving = [case for case in zip(paths, kinematics, limits, strict=True) if not case[0].is_still]
     slopes, bends = [], []
     with np.errstate(divide="ignore"):
@@ -95,6 +97,7 @@ def _fastest_speeds(
                 limit.velocity_rad_s / slope, np.sqrt(BEND_SHARE * limit.acceleration_rad_s2 / bend)
             )
             highest = np.minimum(highest, np.minimum(by_joint.min(axis=1), limit.tip_m_s / tip_slope))
+            start = np.minimum(start, limit.tip_m_s2 / tip_slope)
             slopes.append(slope / limit.acceleration_rad_s2)
             bends.append(bend / limit.acceleration_rad_s2)
         for slope, bend in zip(slopes, bends, strict=True):
@@ -103,8 +106,9 @@ def _fastest_speeds(
     squares[0] = squares[-1] = 0.0
     # What is gained within one step: v dv = a ds.
     gains = (2.0 * step * np.minimum(push[:-1], push[1:])).tolist()
+    starts = (2.0 * step * np.minimum(start[:-1], start[1:])).tolist()
     for i in range(STEPS):
-        squares[i + 1] = min(squares[i + 1], squares[i] + gains[i])
+        squares[i + 1] = min(squares[i + 1], squares[i] + min(gains[i], starts[i]))
     for i in reversed(range(STEPS)):
         squares[i] = min(squares[i], squares[i + 1] + gains[i])
     return np.sqrt(squares)

@@ -22,8 +22,8 @@ class Box:
         name: body and geom.
         size_m: full sizes (PerAct2 code).
         mass_kg: the paper's 50 kg.
-        table_friction: of the table contact alone. At 0.42 (206 N) two arms always move the box and one arm hardly
-            ever does. At 0.36 the left one alone arrived in 2 of 10 placements, at 0.46 both together failed in 1 of 18.
+        table_friction: of the table contact alone. At 0.42 (206 N) two arms always move the box and one arm gets it
+            some of the way; at 0.37 the left one alone gets it all the way, though seldom onto the target.
     """
 
     name: str = "box"

@@ -6,50 +6,49 @@ from functools import partial
 import numpy as np
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.solo.ways import Way, alone
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
+from lerobot_env_bimanual.tasks.push_box import ABOVE_Z_M, PUSH_Z_M, pushing_hand
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-START_Y_M = -0.165
-PUSH_Z_M = 0.785
-ABOVE_Z_M = 0.985
+BEHIND_M = 0.025
+"""Behind the box, from where it is struck."""
 END_M = 0.13
 TURN_M_PER_RAD = 0.6
-FIRST_M = {Arm.LEFT: -0.05, Arm.RIGHT: 0.05}
-"""From the box's middle towards either end."""
-STRIKE_M = 0.12
-"""How far beyond the box's place each push is commanded."""
+STRIKES_M = ((0.3, 0.0), (0.5, 0.03), (0.12, 0.05))
+"""How far the box is to go at once, and how far from its middle, to the arm's side, it is first struck."""
+BEYOND_M = 0.12
+"""How much further each push but the first is commanded."""
 ROUNDS = 11
 NEAR_M = 0.03
-REACH_M = 0.128
-"""From the box's middle to the middle of a hand that touches its long side."""
+HALF_BOX_M = 0.096
 
 
 def ways(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Way]:
-    """Nearer to the arm at first, where it is stronger."""
-    yield partial(_strike, arm=arm, first_m=FIRST_M[arm])
+    """In the expert's posture, by long strikes and by short ones."""
+    side = -1.0 if arm is Arm.LEFT else 1.0
+    for strike_m, first_m in STRIKES_M:
+        yield partial(_strike, arm=arm, first_m=side * first_m, strike_m=strike_m)
 
 
-def _strike(scene: SceneView, arm: Arm, first_m: float) -> Iterator[Stage]:
+def _strike(scene: SceneView, arm: Arm, first_m: float, strike_m: float) -> Iterator[Stage]:
     """Behind it, push; back, push again where it looks past the target, until it is there."""
+    x_m = first_m
     for number in range(ROUNDS):
         box, target = scene.pose("box"), scene.pose("target")
         goal = box.inverse().apply((*target.position[:2], box.position[2]))
+        behind_m = -HALF_BOX_M - BEHIND_M
         if np.linalg.norm(goal[:2]) < NEAR_M:
+            yield alone(arm, "back", pushing_hand(box, arm, x_m, behind_m, PUSH_Z_M))
             return
         # It turns away from the end that is pushed.
         off_rad = np.arctan2(goal[0], goal[1])
-        x_m = first_m if number == 0 else float(np.clip(-TURN_M_PER_RAD * off_rad, -END_M, END_M))
-        if number == 0:
-            yield alone(arm, "above", _hand(box, x_m, START_Y_M, ABOVE_Z_M), is_open=False, planned=True)
-        yield alone(arm, "behind", _hand(box, x_m, START_Y_M, PUSH_Z_M))
-        beyond_m = min(STRIKE_M, goal[1]) + (STRIKE_M if number else 0.0)
-        yield alone(arm, "push", _hand(box, x_m, beyond_m - REACH_M, PUSH_Z_M))
-
-
-def _hand(box: Pose, x_m: float, y_m: float, height_m: float) -> Pose:
-    """Straight down at a point of the box's axes, its broad side to the box."""
-    x, y, _ = box.apply((x_m, y_m, 0))
-    return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=box.rotation[:, 0])
+        if number:
+            x_m = float(np.clip(-TURN_M_PER_RAD * off_rad, -END_M, END_M))
+        else:
+            above = pushing_hand(box, arm, x_m, behind_m, ABOVE_Z_M)
+            yield alone(arm, "above", above, is_open=False, planned=True)
+        yield alone(arm, "behind", pushing_hand(box, arm, x_m, behind_m, PUSH_Z_M))
+        end_m = min(strike_m, goal[1]) + (BEYOND_M if number else 0.0) - HALF_BOX_M
+        yield alone(arm, "push", pushing_hand(box, arm, x_m, end_m, PUSH_Z_M))

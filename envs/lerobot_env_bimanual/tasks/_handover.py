@@ -17,8 +17,8 @@ from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-AREA_CENTER_M, AREA_HALF_SIZE_M = (-0.06, 0.36), (0.21, 0.11)
-"""Around the part of the table where items lie."""
+AREA_CENTER_M, AREA_HALF_SIZE_M = (0.0, 0.36), (0.15, 0.11)
+"""Around the part of the table where items lie. Further left the left arm's base hides them from all cameras but one."""
 LEAST_REACH_M = np.array([0.34, 0.98])
 """From the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
 its joint limits. The right arm's fingers get no further than 0.94 m at the height of a cube's top and 0.95 m at that of

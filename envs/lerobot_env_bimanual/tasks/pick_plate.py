@@ -43,7 +43,8 @@ LEAN_RAD = np.deg2rad(30.0)
 PRESS_M = np.array([-0.066, 0.0, 0.015])
 """The fingertips, 1 cm beyond, end 6 mm above the table, where the rim comes down."""
 ABOVE_M = np.array([0.0, 0.0, 0.08])
-LEAVE_M = np.array([-0.03, 0.0, 0.11])
+LEAVE_M = np.array([-0.05, 0.0, 0.04])
+"""Back and only a little up: a plate that swings while it is raised must not strike the fingers."""
 
 # The right hand: from +x, its fingers opening in the vertical plane.
 PITCH_RAD = np.deg2rad(58.0)

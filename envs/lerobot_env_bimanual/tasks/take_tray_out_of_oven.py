@@ -54,10 +54,14 @@ the hinge in the middle. With ends beyond the arc the bar is pressed half as har
 BACK_M = 0.12
 ASIDE_M = (0.58, -0.40, 1.165)
 """Where it then waits, world frame: above the door's right, and out of the tray's way."""
+ASIDE_UP_RAD = np.deg2rad(12.0)
+"""Its pitch there. It points to the tray's grip, which its camera sees when the left hand hides it from the front."""
 
 # The left hand: level, its fingers above and below the tray's handle.
-WAIT_M = (-0.40, 0.15, 0.685)
+WAIT_M = (-0.40, 0.15, 0.645)
 """Before the front, to the left, above the table: outside the door's sweep."""
+WAIT_DOWN_RAD = np.deg2rad(20.0)
+"""Its pitch there: its camera sees the tray's grip as soon as the door is out of the way."""
 BEFORE_TRAY_M = 0.10
 INSERT_M = 0.028
 """Of the tool centre point behind the near end of the tray's grip; the fingertips reach 10 mm further."""
@@ -113,17 +117,21 @@ class TakeTrayOutOfOven(Task):
             beyond_m = BEYOND_BAR_M if door_rad else 0.0
             return oven @ hand(OVEN.handle(door_rad, HANDLE_Y_M, beyond_m), pitch_rad)
 
-        wait = oven @ hand((OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), fingers_swapped=True)
+        wait = oven @ hand(
+            (OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), -WAIT_DOWN_RAD, fingers_swapped=True
+        )
         grasp = oven @ hand((TRAY_EDGE_M + INSERT_M, 0, TRAY_M[2]), fingers_swapped=True)
         yield Stage("approach", wait, handle(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp handle", right=handle(0), right_open=False)
         for door_rad in DOOR_RAD[:-1]:
-            yield Stage("open", right=handle(door_rad))
-        yield Stage("open", right=handle(DOOR_RAD[-1]), right_open=True)
+            yield Stage("open", right=handle(door_rad), presses="oven_door")
+        yield Stage("open", right=handle(DOOR_RAD[-1]), right_open=True, presses="oven_door")
         # Along its fingers, or the bar would be hooked between them.
         back = handle(DOOR_RAD[-1]).advanced(-BACK_M)
         yield Stage("back", right=back)
-        yield Stage("make way", grasp.advanced(-BEFORE_TRAY_M), Pose(np.array(ASIDE_M), back.quat_wxyz))
+        x, y, _ = grasp.position - ASIDE_M
+        aside = Pose.upright(ASIDE_M, np.arctan2(y, x)) @ hand((0, 0, 0), ASIDE_UP_RAD)
+        yield Stage("make way", grasp.advanced(-BEFORE_TRAY_M), aside)
         yield Stage("grasp tray", left=grasp, left_open=False, left_holds="tray")
         lifted = grasp.translated((0, 0, LIFT_M))
         yield Stage("lift", left=lifted)

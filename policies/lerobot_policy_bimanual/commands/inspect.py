@@ -30,9 +30,10 @@ def inspect(config: InspectConfig) -> None:
     """
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
+    from lerobot_policy_bimanual.inspection.row import require_row
 
     require_checkpoint(config.checkpoint)
-    find_view(config.dataset)
+    require_row(find_view(config.dataset, ("keyframes", "frames")), config.index)
 
     from lerobot_policy_bimanual.inspection.inspection import look
     from lerobot_policy_bimanual.inspection.loading import load_policy, load_row

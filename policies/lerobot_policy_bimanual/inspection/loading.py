@@ -11,10 +11,11 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch.utils.data import default_collate
 
 from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
-from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.checkpoint.config_file import read_config
 from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.inspection.row import require_row
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
@@ -58,8 +59,7 @@ def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
         SchemaMismatch: as in `open_dataset`.
     """
     opened = open_dataset(dataset, config)
-    if not 0 <= index < len(opened):
-        raise DatasetError(f"{opened.root} has rows 0 to {len(opened) - 1}, but not {index}")
+    require_row(opened.root, index)
     return default_collate([opened[index]])
 
 

@@ -4,7 +4,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.motion.joint_path import JointPath
-from lerobot_env_bimanual.motion.pace import CONTACT, FREE, Pace
+from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace
 from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
@@ -38,7 +38,7 @@ def random_path(rng: np.random.Generator) -> JointPath:
     return JointPath(np.cumsum(np.concatenate([HOME[None], steps]), axis=0))
 
 
-@pytest.mark.parametrize("pace", [FREE, CONTACT])
+@pytest.mark.parametrize("pace", [FREE, CONTACT, PUSHING])
 @pytest.mark.parametrize("seed", range(10))
 def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
     rng = np.random.default_rng(seed)
@@ -87,3 +87,15 @@ def test_arms_that_stand_still_take_no_time_and_a_small_step_a_moment():
     small = swing(0, 1e-3)
     assert 1 <= len(law(small)) <= 5
     assert np.array_equal(small.at(law(small))[-1], small.knots[-1])
+
+
+def test_a_hand_that_pushes_gains_speed_slowly_and_brakes_as_fast_as_others():
+    path = swing(0.0, 1.0)
+    arm = BOTH[0]
+    for pace, is_slow in ((CONTACT, False), (PUSHING, True)):
+        joints = path.at(np.append(0.0, law(path, pace=pace)))
+        tips_m = np.array([arm.fk(posture)[:3, 3] for posture in joints])
+        speed_m_s = np.linalg.norm(np.diff(tips_m, axis=0), axis=1) * CONTROL_HZ
+        gains_m_s2 = np.diff(speed_m_s) * CONTROL_HZ
+        assert (gains_m_s2.max() <= 1.1 * PUSHING.tip_m_s2) == is_slow
+        assert gains_m_s2.min() < -2 * PUSHING.tip_m_s2

@@ -1,0 +1,67 @@
+"""An environment that rests when its episode is over, while others of its batch go on."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import gymnasium as gym
+
+from lerobot_bimanual.errors import InvalidAction
+
+INVALID_ACTION = "invalid action: "
+"""Begins the failure of an episode that ended by one."""
+
+
+class FreezeWhenOver(gym.Wrapper):
+    """Repeats the last transition of a finished episode until the next explicit reset.
+
+    A batched rollout goes on until its slowest episode ends and ignores what the others do meanwhile, so a
+    finished environment has no reason to simulate another episode. Gymnasium's automatic reset calls `reset`
+    without arguments, which no explicit reset of a vector environment does; it keeps the environment frozen.
+    """
+
+    def __init__(self, env: gym.Env):
+        super().__init__(env)
+        self._last: tuple[Any, float, bool, bool, dict[str, Any]] | None = None
+        self._last_frame: Any = None
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        """Start an episode, or repeat the last observation if this is an automatic reset."""
+        if self._last is not None and not arguments:
+            return self._last[0], self._last[4]
+        self._last = self._last_frame = None
+        return self.env.reset(**arguments)
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether the episode is over."""
+        return self._last is not None
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step, or the last transition again, without its reward.
+
+        Args:
+            action: of the episode; one that cannot be executed, or the reason why it cannot even be read, ends the
+                episode as a failure.
+        """
+        if self._last is not None:
+            return self._last
+        try:
+            if isinstance(action, InvalidAction):
+                raise action
+            observation, reward, terminated, truncated, info = self.env.step(action)
+        except InvalidAction as error:
+            fail = self.env.get_wrapper_attr("fail")
+            observation, reward, terminated, truncated, info = fail(f"{INVALID_ACTION}{error}")
+        if terminated or truncated:
+            self._last = (observation, 0.0, terminated, truncated, info)
+        return observation, float(reward), terminated, truncated, info
+
+    def render(self) -> Any:
+        """A frame; of a finished episode a copy of its last one, for LeRobot films every environment to the end."""
+        if self._last is None:
+            return self.env.render()
+        if self._last_frame is None:
+            self._last_frame = self.env.render()
+        return copy.copy(self._last_frame)

@@ -1,0 +1,225 @@
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.gl import mujoco, release_gl
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.drawer_cabinet import DrawerCabinet
+from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_env_bimanual.world.backdrop import Backdrop
+from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
+from lerobot_env_bimanual.world.rendering import QUALITIES, Renderer
+from lerobot_env_bimanual.world.scene import Scene
+
+SIZE = 64
+ROOM_CAMERAS = ("front", "left_shoulder", "right_shoulder")
+
+
+class PlainRenderer:
+    """MuJoCo's own functions and nothing else: each camera draws every geom, in the model's order."""
+
+    def __init__(self, scene: Scene, size: int = SIZE):
+        self.model, self.data = scene.model, scene.data
+        self.rect = mujoco.MjrRect(0, 0, size, size)
+        with self.settings(size):
+            self.gl = mujoco.GLContext(size, size)
+            self.gl.make_current()
+            self.context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
+        self.scene = mujoco.MjvScene(self.model, 1000)
+        self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+
+    @contextmanager
+    def settings(self, size: int) -> Iterator[None]:
+        frame, quality = self.model.vis.global_, self.model.vis.quality
+        fields = ("offsamples", "shadowsize", "numslices", "numstacks", "numquads")
+        kept = [getattr(quality, field) for field in fields]
+        for field, value in zip(fields, (0, 0, 24, 12, 2), strict=True):
+            setattr(quality, field, value)
+        frame.offwidth = frame.offheight = size
+        yield
+        for field, value in zip(fields, kept, strict=True):
+            setattr(quality, field, value)
+
+    def render(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        self.gl.make_current()
+        images = {}
+        for name in CAMERA_NAMES:
+            camera = mujoco.MjvCamera()
+            camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self.model.camera(name).id
+            everything = mujoco.mjtCatBit.mjCAT_ALL
+            mujoco.mjv_updateScene(
+                self.model, self.data, mujoco.MjvOption(), None, camera, everything, self.scene
+            )
+            rgb = np.empty((self.rect.height, self.rect.width, 3), np.uint8)
+            depth = np.empty((self.rect.height, self.rect.width), np.float32)
+            mujoco.mjr_render(self.rect, self.scene, self.context)
+            mujoco.mjr_readPixels(rgb, depth, self.rect, self.context)
+            near, far = self.model.vis.map.znear, self.model.vis.map.zfar  # of an extent of 1 m
+            metres = near * far / (far - depth.astype(np.float64) * (far - near))
+            images[name] = rgb[::-1], metres[::-1].astype(np.float32)
+        release_gl()
+        return images
+
+    def close(self) -> None:
+        self.gl.make_current()
+        self.context.free()
+        self.gl.free()
+
+
+@contextmanager
+def both(scene: Scene, size: int = SIZE) -> Iterator[tuple[Renderer, PlainRenderer]]:
+    plain = PlainRenderer(scene, size)
+    with Renderer(scene, height=size, width=size) as renderer:
+        yield renderer, plain
+    plain.close()
+
+
+def assert_same(renderer: Renderer, plain: PlainRenderer) -> None:
+    expected = plain.render()
+    for camera, (rgb, depth_m) in renderer.render().items():
+        assert np.array_equal(rgb, expected[camera][0]), camera
+        assert np.array_equal(depth_m, expected[camera][1]), camera
+
+
+@pytest.fixture
+def scene() -> Scene:
+    scene = Scene([DrawerCabinet(), Block()])
+    lay_out(scene)
+    return scene
+
+
+def lay_out(scene: Scene) -> None:
+    scene.reset()
+    scene.place("cabinet", Pose.upright((0.2, 0.25, TABLE_HEIGHT_M)))
+    scene.place("item", Pose.upright((0.25, -0.1, TABLE_HEIGHT_M + 0.04)))
+    scene.settle(20)
+
+
+def swing(scene: Scene, ticks: int) -> None:
+    for _ in range(ticks):
+        action = scene.commanded
+        action[[0, 8]] += 0.03
+        scene.tick(action)
+
+
+def drawn_geoms(renderer: Renderer, monkeypatch) -> int:
+    """Geoms that OpenGL is given for one observation."""
+    counts = []
+    draw = Offscreen.draw
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            Offscreen,
+            "draw",
+            lambda self, scene, *rest: counts.append(scene.ngeom) or draw(self, scene, *rest),
+        )
+        renderer.render()
+    return sum(counts)
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_images_of_every_task_are_those_of_the_whole_scene_drawn_camera_by_camera(task):
+    env = BimanualEnv(task, split="val", obs="state")
+    env.reset(seed=0)
+    with both(env.scene) as (renderer, plain):
+        assert_same(renderer, plain)
+        swing(env.scene, 5)
+        assert_same(renderer, plain)
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_images_of_a_whole_episode_are_those_of_the_whole_scene(task):
+    env = BimanualEnv(task, split="val", obs="state", control_mode="keypose")
+    states = []
+    env.tick_observers.append(lambda env, _: states.append(env.scene.save_state()))
+    run_expert(env, 0)
+    with both(env.scene, 256) as (renderer, plain):
+        for state in states[::3]:
+            env.scene.restore_state(state)
+            assert_same(renderer, plain)
+    env.close()
+
+
+def test_what_stands_still_is_drawn_again_when_it_is_put_elsewhere_or_painted(scene):
+    with both(scene) as (renderer, plain):
+        assert_same(renderer, plain)
+        scene.place("cabinet", Pose.upright((0.3, 0.2, TABLE_HEIGHT_M)))
+        assert_same(renderer, plain)
+        scene.set_color("table", (0.2, 0.4, 0.6, 1))
+        assert_same(renderer, plain)
+
+
+def test_what_slept_is_drawn_where_it_is_carried(scene):
+    with both(scene) as (renderer, plain):
+        assert_same(renderer, plain)
+        scene.place("item", Pose.upright((0.1, -0.2, 1.0)))
+        assert_same(renderer, plain)
+        scene.set_joint("cabinet_top_slide", 0.1)
+        assert_same(renderer, plain)
+
+
+def test_only_what_has_moved_is_drawn_for_the_cameras_in_the_room(scene, monkeypatch):
+    geoms = int(((scene.model.geom_group < 3) & (scene.model.geom_rgba[:, 3] > 0)).sum())
+    with Renderer(scene, cameras=ROOM_CAMERAS, height=SIZE, width=SIZE) as renderer:
+        assert drawn_geoms(renderer, monkeypatch) == len(ROOM_CAMERAS) * geoms
+        swing(scene, 1)
+        assert 0 < drawn_geoms(renderer, monkeypatch) < len(ROOM_CAMERAS) * geoms / 2
+
+
+@pytest.mark.parametrize("depth_m", [0.0, 0.04, 0.08])
+def test_a_thing_that_lies_in_the_floor_is_drawn_after_it(depth_m):
+    scene = Scene([Block(size_m=(0.6, 0.6, 0.08))])
+    with both(scene) as (renderer, plain):
+        scene.model.geom("table").pos[2] = -5.0  # the hand's camera looks at the floor
+        camera = scene.data.camera("left_wrist")
+        ray = -camera.xmat.reshape(3, 3)[:, 2]
+        looked_at = camera.xpos - ray * camera.xpos[2] / ray[2]
+        scene.place("item", Pose.upright((*looked_at[:2], 0.04 - depth_m)))
+        assert_same(renderer, plain)
+        assert np.any(renderer.segment()["left_wrist"][0] == scene.model.geom("item").id)
+
+
+@pytest.mark.parametrize("geom", ["item", "table"])
+def test_what_lets_light_through_shows_what_is_behind_it(scene, geom):
+    with both(scene) as (renderer, plain):
+        assert_same(renderer, plain)
+        scene.set_color(geom, (0.2, 0.4, 0.6, 0.5))
+        assert_same(renderer, plain)
+
+
+def test_equally_near_things_are_seen_in_the_model_s_order(scene):
+    with both(scene) as (renderer, plain):
+        scene.model.geom_rgba[scene.model.geom("item").id] = (0, 1, 0, 1)
+        half = scene.model.geom("item").size
+        scene.model.geom("table").size[:] = half  # as large as the block, and in the same place
+        scene.place("item", Pose.upright(scene.model.geom("table").pos))
+        assert_same(renderer, plain)
+
+
+def test_where_two_images_are_equally_near_they_are_not_laid_over_each_other(scene):
+    offscreen = Offscreen(scene.model, 1, 3, QUALITIES["observation"])
+    red, blue = (np.full((1, 3, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 0, 255)))
+    behind = Backdrop(Pixels(red, np.array([[0.5, 0.2, 0.0]], np.float32)), offscreen)
+    image = behind.behind(Pixels(blue, np.array([[0.4, 0.3, 0.0]], np.float32)))
+    assert image is not None
+    assert image.rgb[0].tolist() == [[255, 0, 0], [0, 0, 255], [255, 0, 0]]
+    assert image.nearness == pytest.approx(np.array([[0.5, 0.3, 0.0]]))
+    assert np.array_equal(image.depth_m, offscreen.depth_m(image.nearness))
+    assert behind.behind(Pixels(blue, np.array([[0.5, 0.1, 0.0]], np.float32))) is None
+    offscreen.free()
+
+
+def test_rendering_leaves_the_groups_of_geoms_alone(scene):
+    groups = scene.model.geom_group.copy()
+    with Renderer(scene, height=SIZE, width=SIZE) as renderer:
+        renderer.render()
+    assert np.array_equal(scene.model.geom_group, groups)
