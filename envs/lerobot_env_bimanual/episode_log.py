@@ -15,9 +15,19 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-OUT_OF_TIME = "out of time"
+from lerobot_bimanual.benchmark.names import place_name
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord, result_versions
+from lerobot_bimanual.json_record import decode
+from lerobot_env_bimanual.episode_recorder import OUT_OF_TIME, PLAYED
+from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.options import EnvOptions
+
 MOST_REASONS = 5
 """In the last line, which has to stay readable."""
+RECORDED_OPTIONS = ("variation", "split", "cameras", "image_size", "obs", "control_mode", "max_keyposes")
+"""That decide what is played and seen."""
 
 logger = logging.getLogger(__name__)
 
@@ -53,14 +63,18 @@ class EpisodeLog:
 
     Args:
         task: its name.
-        folder: where the films are; the list of episodes is written beside them.
+        options: of the environments; they say where the films are, beside which the list of episodes is written, and
+            where the record belongs.
+        environments: number of them.
     """
 
-    def __init__(self, task: str, folder: str | None):
+    def __init__(self, task: str, options: EnvOptions, environments: int):
         self._task = task
-        self._folder = None if folder is None else Path(folder)
+        self._options = options
+        self._environments = environments
         self._running: set[int] = set()
         self._finished: list[FinishedEpisode] = []
+        self._played: list[PlayedEpisode] = []
 
     def begin(self, environments: Iterable[int]) -> None:
         """Note which environments have just been reset."""
@@ -82,11 +96,16 @@ class EpisodeLog:
                     int(info["seed"][index]), success, failure, int(info["ticks"][index])
                 )
                 self._finished.append(episode)
+                if PLAYED in info:
+                    self._played.append(
+                        decode(PlayedEpisode, json.loads(info[PLAYED][index]), "a played episode")
+                    )
                 logger.info("%s, %s", self._task, episode)
 
     def close(self) -> None:
         """Sum up the episodes since the last time, if there were any."""
         finished, self._finished = self._finished, []
+        played, self._played = self._played, []
         self._running.clear()
         if not finished:
             return
@@ -94,8 +113,10 @@ class EpisodeLog:
         reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MOST_REASONS))
         solved = sum(episode.success for episode in finished)
         films = "--env.video_dir=FOLDER films every episode whole"
-        if self._folder is not None:
-            films = f"films and {self._write(self._folder, finished).name} in {self._folder}"
+        if (folder := self._options.video_dir) is not None:
+            films = f"films and {self._write(Path(folder), finished).name} in {folder}"
+        if (folder := self._options.results_dir) is not None and played:
+            films = f"{self._write_record(Path(folder), played)}; {films}"
         logger.info(
             "%s: %d of %d episodes solved%s; %s",
             self._task,
@@ -114,3 +135,31 @@ class EpisodeLog:
         except OSError as error:
             logger.warning("%s cannot be written: %s", path, error)
         return path
+
+    def _write_record(self, folder: Path, played: list[PlayedEpisode]) -> str:
+        """Write what `lerobot-bimanual verify-results` reads, and say where, or why not."""
+        path = folder / record_name(self._task, self._options)
+        record = EvaluationRecord(
+            schema_version=RECORD_SCHEMA_VERSION,
+            task=self._task,
+            world=world_version(self._task),
+            options={name: str(getattr(self._options, name)) for name in RECORDED_OPTIONS},
+            batch_size=self._environments,
+            versions=result_versions(),
+            episodes=tuple(
+                sorted(
+                    {episode.seed: episode for episode in played}.values(), key=lambda episode: episode.seed
+                )
+            ),
+        )
+        try:
+            record.write(path)
+        except BimanualError as error:
+            logger.warning("%s", error)
+            return f"no record: {error}"
+        return f"record in {path}"
+
+
+def record_name(task: str, options: EnvOptions) -> str:
+    """What the record of an evaluation is called."""
+    return f"{place_name(task, str(options.variation))}_{options.split}_record.json"

@@ -9,6 +9,9 @@ import gymnasium as gym
 
 from lerobot_bimanual.errors import InvalidAction
 
+INVALID_ACTION = "invalid action: "
+"""Begins the failure of an episode that ended by one."""
+
 
 class FreezeWhenOver(gym.Wrapper):
     """Repeats the last transition of a finished episode until the next explicit reset.
@@ -50,7 +53,7 @@ class FreezeWhenOver(gym.Wrapper):
             observation, reward, terminated, truncated, info = self.env.step(action)
         except InvalidAction as error:
             fail = self.env.get_wrapper_attr("fail")
-            observation, reward, terminated, truncated, info = fail(f"invalid action: {error}")
+            observation, reward, terminated, truncated, info = fail(f"{INVALID_ACTION}{error}")
         if terminated or truncated:
             self._last = (observation, 0.0, terminated, truncated, info)
         return observation, float(reward), terminated, truncated, info

@@ -30,7 +30,7 @@ class EnvOptions:
     """Options of one environment besides its task, valid by construction.
 
     The types are those that LeRobot's command lines can read; Python may also give `cameras` as a sequence,
-    `image_size` as `(height, width)` and `video_dir` as a path.
+    `image_size` as `(height, width)` and folders as paths.
 
     Raises:
         UnknownCamera: the scene has no such camera.
@@ -55,6 +55,10 @@ class EnvOptions:
     # Folder for a film of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
     # per keypose.)
     video_dir: str | None = None
+    # Folder for a record of every episode that a vector environment plays: outcome, actions and a chain of state hashes,
+    # from which `lerobot-bimanual verify-results` plays it again without the policy. One file per task, written when the
+    # environments are closed, in the place of an older one.
+    results_dir: str | None = None
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
     max_keyposes: int = 25
     # Of `render` and of films, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
@@ -67,7 +71,9 @@ class EnvOptions:
         self.cameras = ",".join(_camera_names(self.cameras))
         height, width = _image_size(self.image_size)
         self.image_size = height if height == width else f"{height}x{width}"
-        self.video_dir = None if self.video_dir is None else _writable_folder(self.video_dir)
+        for name in ("video_dir", "results_dir"):
+            if (folder := getattr(self, name)) is not None:
+                setattr(self, name, _writable_folder(name, folder))
         for option, choices in (
             ("split", tuple(SPLITS)),
             ("obs", get_args(ObservationMode)),
@@ -147,10 +153,10 @@ def _image_size(image_size: object) -> tuple[int, int]:
     return sides[0], sides[-1]
 
 
-def _writable_folder(path: object) -> str:
+def _writable_folder(option: str, path: object) -> str:
     """A path at which there is a folder that can be written, or at which one can be made."""
     if not isinstance(path, str | Path):
-        raise InvalidChoice("video_dir", path, ["the path of a folder"])
+        raise InvalidChoice(option, path, ["the path of a folder"])
     try:
         folder = Path(path).absolute()
         there = next(place for place in (folder, *folder.parents) if place.exists())
@@ -158,5 +164,5 @@ def _writable_folder(path: object) -> str:
     except OSError:  # a name that is too long
         is_writable = False
     if not is_writable:
-        raise InvalidChoice("video_dir", str(path), ["the path of a folder that can be written or made"])
+        raise InvalidChoice(option, str(path), ["the path of a folder that can be written or made"])
     return str(path)

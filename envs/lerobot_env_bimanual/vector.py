@@ -32,6 +32,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.episode_log import EpisodeLog
+from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.freezing import FreezeWhenOver
 from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import end_of, end_with_parent, told
@@ -81,7 +82,10 @@ class _InWorker(gym.Wrapper):
 
 
 def _make_frozen(make_env: Callable[[], gym.Env]) -> gym.Env:
-    return FreezeWhenOver(make_env())
+    env = make_env()
+    if isinstance(env, BimanualEnv) and env.options.results_dir is not None:
+        env = EpisodeRecorder(env)
+    return FreezeWhenOver(env)
 
 
 def _make_in_worker(make_env: Callable[[], gym.Env]) -> gym.Env:
@@ -149,7 +153,7 @@ class LazyVectorEnv(VectorEnv):
         self._attributes = sorted(name for name in vars(example.unwrapped) if not name.startswith("_"))
         self._episodes = None
         if isinstance(example.unwrapped, BimanualEnv):
-            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options.video_dir)
+            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
         example.close()
         if asynchronous:
             _start_fork_server()

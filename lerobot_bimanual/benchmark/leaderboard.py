@@ -1,26 +1,30 @@
 """Results of many benchmarks, side by side, as a page of documentation."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import read_worlds
 from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig
+from lerobot_bimanual.benchmark.recipe import GROUP as RECIPE_GROUP
 from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
-from lerobot_bimanual.benchmark.results import EpisodeResult, ResultRow
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.statistics import SuccessRate, standard_deviation
 
 PAGE = """\
 # Results of the recipe `{recipe}`
 
 Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not edit.
 
-Each cell is one training with one seed: successes of unseen episodes of the split `test` and their 95 % Wilson interval.
-The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
+Each cell is one training with one seed, successes of unseen episodes of the split `test` and their 95 % Wilson interval, or
+several trainings, successes of each, their mean and its standard deviation between trainings. The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
 plays the mean keyposes of 30 training episodes whatever the scene; of a task with variations it plays each, on all seeds.
 
 {success}
@@ -30,13 +34,16 @@ What each was trained on, for how long by the clock on the machine named in its 
 
 {training}
 
-A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages. One
-cell again, that of the last line:
+A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages.
+`lerobot-bimanual verify-results --results={folder}` plays its test episodes again without the policy, and
+compares every state and claim.{again}
+"""
+AGAIN = """ One cell trained and tested again, that of the last line of a policy that is installed:
 
 ```bash
 {command}
-```
-"""
+```"""
+NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
 EXPERT_CERTIFICATE = "expert.json"
 """Among certificates, the one that covers every task."""
@@ -51,8 +58,32 @@ def render(folder: Path, certificates: Path | None = None) -> str:
             `certificates` beside that of the rows, if there is one.
 
     Raises:
-        BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or no
-            command trains it again. The message names the file.
+        BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or its
+            recipe is installed and yet no command trains it again. The message names the file.
+    """
+    rows = read_rows(folder)
+    _check_likeness(rows)
+    _check_trainings(rows)
+    _check_worlds(rows, folder, certificates)
+    lines = [
+        (row, _config_of(path, row))
+        for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].policy))
+    ]
+    configs = [config for _, config in lines if config is not None]
+    return PAGE.format(
+        recipe=lines[0][0].recipe,
+        folder=folder.as_posix(),
+        success=_success(list(rows.values())),
+        training=_training(lines),
+        again=AGAIN.format(command=command(configs[-1])) if configs else "",
+    )
+
+
+def read_rows(folder: Path) -> dict[Path, ResultRow]:
+    """The rows in a folder.
+
+    Raises:
+        BimanualError: there are none, one contradicts itself, or lies under another row's name.
     """
     paths = sorted(folder.glob("*.json"))
     if not paths:
@@ -60,28 +91,12 @@ def render(folder: Path, certificates: Path | None = None) -> str:
             f"{folder} holds no results; `lerobot-bimanual benchmark` writes them to OUTPUT/results"
         )
     rows = {path: ResultRow.read(path) for path in paths}
-    _check_names(rows)
-    _check_likeness(rows)
-    _check_worlds(rows, folder, certificates)
-    lines = [
-        (row, _config_of(path, row))
-        for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].policy))
-    ]
-    return PAGE.format(
-        recipe=lines[0][0].recipe,
-        folder=folder.as_posix(),
-        success=_success({(_place(row), row.policy): row for row in rows.values()}),
-        training=_training(lines),
-        command=command(lines[-1][1]),
-    )
-
-
-def _check_names(rows: Mapping[Path, ResultRow]) -> None:
     for path, row in rows.items():
         if path.name != row.file_name:
             raise BimanualError(
                 f"{path}: its row is that of a file named {row.file_name}; rename it or leave it out"
             )
+    return rows
 
 
 def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
@@ -95,13 +110,34 @@ def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
             f"world of {row.task}": row.world,
             f"expert on {place}": _played(row.expert),
             f"blind on {place}": _played(row.blind),
-            f"seed of {row.policy} on {place}": row.flags["seed"],
+            f"flags of {row.policy} on {place}": sorted(row.flags),
+            **{
+                f"flag {flag} of {row.policy} on {place}": value
+                for flag, value in row.flags.items()
+                if flag != "seed"
+            },
         }.items():
             elsewhere, other = first.setdefault(name, (path, value))
             if value != other:
                 raise BimanualError(
                     f"{path}: {name} is {shown(value)}, but {shown(other)} in {elsewhere}; keep what is alike"
                 )
+
+
+def _check_trainings(rows: Mapping[Path, ResultRow]) -> None:
+    """Several trainings are several, and each was tested on as many episodes as were planned."""
+    first: dict[tuple[str, str, str], Path] = {}
+    for path, row in rows.items():
+        if row.stopped_against is not None:
+            raise BimanualError(
+                f"{path}: its test was stopped as soon as it differed from another policy, which favours one side of its "
+                "rate; it is for `lerobot-bimanual compare`, and a table needs a test without --stop_when_sure"
+            )
+        elsewhere = first.setdefault((_place(row), row.policy, row.checkpoint_sha256), path)
+        if elsewhere != path:
+            raise BimanualError(
+                f"{path}: it has the weights of {elsewhere}, so it is no other training; leave one out"
+            )
 
 
 def _played(episodes: Sequence[EpisodeResult]) -> list[tuple[int, int | None, bool]]:
@@ -122,27 +158,41 @@ def _check_worlds(rows: Mapping[Path, ResultRow], folder: Path, certificates: Pa
             )
 
 
-def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig:
+def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig | None:
+    """What trains a row again; None for a policy of somebody else, who is not installed here."""
+    if row.policy not in entries(RECIPE_GROUP):
+        return None
     try:
         return config_of(row)
     except BimanualError as error:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def _success(cells: dict[tuple[str, str], ResultRow]) -> str:
+def _success(rows: Sequence[ResultRow]) -> str:
+    cells: defaultdict[tuple[str, str], list[ResultRow]] = defaultdict(list)
+    for row in rows:
+        cells[_place(row), row.policy].append(row)
     policies = sorted({policy for _, policy in cells})
     lines = []
     for place in sorted({place for place, _ in cells}):
-        row = next(row for (where, _), row in cells.items() if where == place)
-        scores = [
-            _score(cells[place, name].rates["policy"]) if (place, name) in cells else ABSENT
-            for name in policies
-        ]
+        row = next(group[0] for (where, _), group in cells.items() if where == place)
+        scores = [_cell(cells[place, name]) if (place, name) in cells else ABSENT for name in policies]
         lines.append([f"`{place}`", *scores, str(row.rates["expert"].successes), _score(row.rates["blind"])])
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
 
 
-def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
+def _cell(rows: Sequence[ResultRow]) -> str:
+    """One training, or several by the seeds of the trainings."""
+    ordered = sorted(rows, key=lambda row: int(row.flags["seed"]))
+    rates = [row.rates["policy"] for row in ordered]
+    if len(rates) == 1:
+        return _score(rates[0])
+    shares = [rate.rate for rate in rates]
+    counts = ", ".join(f"{rate.successes}/{rate.trials}" for rate in rates)
+    return f"{counts}: {sum(shares) / len(shares):.1%} ± {standard_deviation(shares):.1%}"
+
+
+def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig | None]]) -> str:
     lines = []
     for row, config in trained:
         machine = row.machine.gpu or f"{row.machine.cpus} cores"
@@ -152,7 +202,8 @@ def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig]]) -> str:
         )
         demos, minutes = str(len(row.dataset.seeds)), f"{row.training_seconds / 60:.1f}"
         steps = f"{row.checkpoint_step} of {row.flags['steps']}"
-        beyond = f"`{words}`" if (words := beyond_recipe(config)) else ABSENT
+        words = None if config is None else beyond_recipe(config)
+        beyond = NOT_INSTALLED if words is None else f"`{words}`" if words else ABSENT
         policy = f"`{row.policy}`"
         lines.append([f"`{_place(row)}`", policy, demos, steps, minutes, machine, validated, beyond])
     headings = ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"]

@@ -1,12 +1,14 @@
 """What the programs of a benchmark have measured, read from their files and held against what was asked of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lerobot_bimanual.benchmark.results import BadResult, EpisodeResult
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
+from lerobot_bimanual.benchmark.results import BadResult
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import read_json, shown
 from lerobot_bimanual.json_record import BadRecord, decode
 
@@ -84,6 +86,40 @@ def read_evaluation(path: Path, seeds: Sequence[int]) -> tuple[EpisodeResult, ..
     if len(successes) != len(seeds):
         raise BadResult(f"{path} holds {len(successes)} episodes, but {len(seeds)} were asked for")
     return tuple(EpisodeResult(seed, success) for seed, success in zip(seeds, successes, strict=True))
+
+
+def read_record(path: Path, seeds: Sequence[int]) -> EvaluationRecord:
+    """The record of an evaluation, without the episodes that filled up its last batch.
+
+    Args:
+        path: the file.
+        seeds: of the episodes that were asked for, rising.
+
+    Raises:
+        BadResult: the file is no such record, or an episode is missing.
+    """
+    try:
+        record = EvaluationRecord.read(path)
+    except BimanualError as error:
+        raise BadResult(str(error)) from error
+    episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
+    if [episode.seed for episode in episodes] != list(seeds):
+        raise BadResult(f"{path} does not hold the seeds {shown(seeds)}; remove it to evaluate anew")
+    return replace(record, episodes=episodes)
+
+
+def check_agreement(record: EvaluationRecord, evaluation: Sequence[EpisodeResult]) -> None:
+    """LeRobot and the environment must say the same of the same episodes, one by one.
+
+    Raises:
+        BadResult: they do not.
+    """
+    for played, counted in zip(record.episodes, evaluation, strict=True):
+        if (played.seed, played.success) != (counted.seed, counted.success):
+            raise BadResult(
+                f"seed {played.seed} of {record.task} has success {played.success} in the environment's record, but "
+                f"lerobot-eval counted seed {counted.seed} with success {counted.success}"
+            )
 
 
 def read_certificate(path: Path, control: str, task: str, seeds: Sequence[int]) -> Certified:

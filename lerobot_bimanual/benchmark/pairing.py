@@ -1,11 +1,14 @@
 """Are two policies different, seed by seed?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb
+from functools import cached_property
+from math import sqrt
 
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.statistics import SuccessRate, anytime_p_value, mcnemar_p_value, standard_deviation
 
 
 @dataclass(frozen=True)
@@ -24,24 +27,126 @@ class Pairing:
     only_second: int
     neither: int
 
-    @property
-    def p_value(self) -> float:
-        """Two-sided exact test of McNemar (1947).
-
-        If the policies were equally good, an episode that only one of them solves would be either's with
-        probability one half; this is the probability of a split at least as uneven as the one seen.
-        """
-        differing = self.only_first + self.only_second
-        tail = sum(comb(differing, k) for k in range(min(self.only_first, self.only_second) + 1))
-        return min(1.0, 2 * tail / 2**differing)
+    def __add__(self, other: "Pairing") -> "Pairing":
+        return Pairing(
+            self.both + other.both,
+            self.only_first + other.only_first,
+            self.only_second + other.only_second,
+            self.neither + other.neither,
+        )
 
 
-def pair(first: ResultRow, second: ResultRow) -> Pairing:
-    """Count the outcomes of two rows on the seeds that they share.
+@dataclass(frozen=True)
+class Comparison:
+    """Two policies on one task, each trained once or several times.
+
+    Attributes:
+        first: trainings of the first, by seed of the training.
+        second: trainings of the second.
 
     Raises:
         BimanualError: the rows differ in task, world, variation or simulation, or share no seed.
     """
+
+    first: tuple[ResultRow, ...]
+    second: tuple[ResultRow, ...]
+
+    def __post_init__(self) -> None:
+        rows = (*self.first, *self.second)
+        for row in rows:
+            _check_likeness(rows[0], row)
+        if not self.seeds:
+            raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
+
+    @cached_property
+    def seeds(self) -> tuple[int, ...]:
+        """Seeds of the episodes that all trainings have played."""
+        played = [{episode.seed for episode in row.episodes} for row in (*self.first, *self.second)]
+        return tuple(sorted(set.intersection(*played)))
+
+    @property
+    def rates(self) -> tuple[list[SuccessRate], list[SuccessRate]]:
+        """Success of every training on those seeds."""
+        first, second = self._outcomes
+        return [_rate(solved) for solved in first], [_rate(solved) for solved in second]
+
+    @property
+    def pairing(self) -> Pairing:
+        """Outcomes on the same episodes, of the trainings in turn as far as both have as many."""
+        pairs = zip(*self._outcomes, strict=False)
+        return sum((_pair(one, other) for one, other in pairs), Pairing(0, 0, 0, 0))
+
+    @property
+    def was_stopped(self) -> bool:
+        """Whether a test went on only until it was sure."""
+        return any(row.stopped_against is not None for row in (*self.first, *self.second))
+
+    @property
+    def test(self) -> str:
+        """What gives the p-value."""
+        return "a test that may be looked at any time" if self.was_stopped else "McNemar's exact test"
+
+    @property
+    def p_value(self) -> float:
+        """Of that test, two-sided."""
+        test = anytime_p_value if self.was_stopped else mcnemar_p_value
+        return test(self.pairing.only_first, self.pairing.only_second)
+
+    @property
+    def difference(self) -> float:
+        """Mean success of the first less that of the second."""
+        first, second = self.rates
+        return _mean([rate.rate for rate in first]) - _mean([rate.rate for rate in second])
+
+    @property
+    def episode_error(self) -> float:
+        """Standard error of the difference that comes of which episodes were drawn, for these very trainings."""
+        first, second = self._outcomes
+        by_episode = [
+            _mean(one) - _mean(other)
+            for one, other in zip(zip(*first, strict=True), zip(*second, strict=True), strict=True)
+        ]
+        return standard_deviation(by_episode) / sqrt(len(by_episode))
+
+    @property
+    def training_error(self) -> float | None:
+        """Standard error of the difference that comes of which trainings there were; None if either has only one."""
+        first, second = ([rate.rate for rate in rates] for rates in self.rates)
+        if len(first) < 2 or len(second) < 2:
+            return None
+        return sqrt(
+            standard_deviation(first) ** 2 / len(first) + standard_deviation(second) ** 2 / len(second)
+        )
+
+    @cached_property
+    def _outcomes(self) -> tuple[list[list[bool]], list[list[bool]]]:
+        """Of each training, success on every shared seed."""
+        return [self._solved(row) for row in self.first], [self._solved(row) for row in self.second]
+
+    def _solved(self, row: ResultRow) -> list[bool]:
+        success = {episode.seed: episode.success for episode in row.episodes}
+        return [success[seed] for seed in self.seeds]
+
+
+def _pair(first: Sequence[bool], second: Sequence[bool]) -> Pairing:
+    outcomes = list(zip(first, second, strict=True))
+    return Pairing(
+        both=outcomes.count((True, True)),
+        only_first=outcomes.count((True, False)),
+        only_second=outcomes.count((False, True)),
+        neither=outcomes.count((False, False)),
+    )
+
+
+def _rate(solved: Sequence[bool]) -> SuccessRate:
+    return SuccessRate(sum(solved), len(solved))
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _check_likeness(first: ResultRow, second: ResultRow) -> None:
     for name in ("task", "variation"):
         one, other = getattr(first, name), getattr(second, name)
         if one != other:
@@ -60,15 +165,3 @@ def pair(first: ResultRow, second: ResultRow) -> Pairing:
                 f"{package} was {one} for one result and {other} for the other, so a seed may mean two episodes; "
                 "evaluate both with the same versions"
             )
-    successes = {episode.seed: episode.success for episode in second.episodes}
-    outcomes = [
-        (episode.success, successes[episode.seed]) for episode in first.episodes if episode.seed in successes
-    ]
-    if not outcomes:
-        raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
-    return Pairing(
-        both=outcomes.count((True, True)),
-        only_first=outcomes.count((True, False)),
-        only_second=outcomes.count((False, True)),
-        neither=outcomes.count((False, False)),
-    )

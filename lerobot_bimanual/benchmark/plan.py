@@ -33,6 +33,7 @@ OWN_EVALUATION_FLAGS = (
     "env.variation",
     "env.split",
     "env.image_size",
+    "env.results_dir",
     "eval.n_episodes",
     "seed",
     "output_dir",
@@ -57,6 +58,8 @@ class BenchmarkConfig:
     # Per checkpoint; by default 20 (small) or 100 (paper). 0 scores none, where there is only one to choose.
     val_episodes: int | None = None
     test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
+    # Result of another policy on the same task: the test ends as soon as it is sure which of the two is better.
+    stop_when_sure: Path | None = None
     seed: int = 1000  # of the training
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
     # Further flags of the training, in one text; they win over the recipe's.
@@ -156,9 +159,15 @@ class Plan:
         """The weights of the policy after so many steps."""
         return self.checkpoint(step) / "model.safetensors"
 
-    def evaluation_file(self, split: ScoredSplit, step: int) -> Path:
-        """What `lerobot-eval` finds out about a checkpoint."""
-        return self.run_folder / f"{split}_{self.checkpoint(step).parent.name}" / "eval_info.json"
+    def evaluation_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
+        """What `lerobot-eval` finds out about a checkpoint, on all seeds or some of them."""
+        part = "" if seeds is None else f"_{seeds.start}_{seeds.stop}"
+        return self.run_folder / f"{split}_{self.checkpoint(step).parent.name}{part}" / "eval_info.json"
+
+    def record_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
+        """What the environment keeps of that evaluation: every action, to be played again."""
+        place = place_name(self.config.task, self.config.variation)
+        return self.evaluation_file(split, step, seeds).with_name(f"{place}_{split}_record.json")
 
     def generation(self) -> Command:
         """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
@@ -223,9 +232,10 @@ class Plan:
             training_folder=self.run_folder / "train",
         )
 
-    def evaluation(self, split: ScoredSplit, step: int) -> Command:
-        """Score one checkpoint."""
-        evaluation = self.evaluation_file(split, step)
+    def evaluation(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Command:
+        """Score one checkpoint, on all seeds or some of them."""
+        evaluation = self.evaluation_file(split, step, seeds)
+        played = self.seeds(split) if seeds is None else seeds
         flags = {
             "policy.path": self.checkpoint(step),
             **self._device,
@@ -235,9 +245,10 @@ class Plan:
             "env.split": split,
             "env.image_size": self.protocol.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
-            "eval.n_episodes": len(self.seeds(split)),
+            "env.results_dir": evaluation.parent,
+            "eval.n_episodes": len(played),
             "eval.batch_size": 2,
-            "seed": self.config.first_seed,
+            "seed": played.start,
             "output_dir": evaluation.parent,
             **self.more_evaluation,
         }

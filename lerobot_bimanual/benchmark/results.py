@@ -1,25 +1,26 @@
 """What a benchmark measured, as one JSON file that says how it came about."""
 
 import json
-import platform
 import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import date
 from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
 from lerobot_bimanual.benchmark.names import place_name, result_name
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, STAMPED_PACKAGES, installed_versions
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord
 from lerobot_bimanual.json_file import parse_json, read_bytes, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.statistics import SuccessRate
 
-ROW_SCHEMA_VERSION = 2
-RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
+ROW_SCHEMA_VERSION = 3
 PLACES = ("dataset.root", "output_dir")
 """Training flags that only say where things lie; a row does without them."""
 
@@ -32,33 +33,6 @@ RATES = "rates"
 
 class BadResult(BimanualError):
     """A result that is not what this version writes; the message names the field."""
-
-
-@dataclass(frozen=True)
-class EpisodeResult:
-    """One episode.
-
-    Attributes:
-        seed: seed of the reset, in the split of the row.
-        success: whether it was solved.
-        variation: index of the variation; None if the evaluation does not tell (`lerobot-eval` does not).
-        failure: why it was not solved; None if the evaluation does not tell, or if it was.
-        state_hash: SHA-256 of the simulation's final state; None if the evaluation does not tell.
-    """
-
-    seed: int
-    success: bool
-    variation: int | None = None
-    failure: str | None = None
-    state_hash: str | None = None
-
-
-@dataclass(frozen=True)
-class Validation:
-    """Episodes of the validation split with one checkpoint."""
-
-    step: int
-    episodes: tuple[EpisodeResult, ...]
 
 
 @dataclass(frozen=True)
@@ -112,7 +86,11 @@ class ResultRow:
         validation: every checkpoint on the validation split, from which the tested one was chosen; empty where there
             was only one, so that nothing was to be chosen.
         split: split of `episodes`, `expert` and `blind`.
-        episodes: the policy, one entry per seed.
+        options: of the environment in which the policy was tested, by name.
+        batch_size: environments side by side then.
+        episodes: the policy, one entry per seed, with all that is needed to play it again.
+        stopped_against: checkpoint_sha256 of another policy's row, if the test went on only until it was sure which of the
+            two is better; such a row is for comparisons, since its rate is biased. None for a fixed number of episodes.
         expert: the expert on the same seeds.
         blind: the blind control on the same seeds, on each variation if `variation` is `any`.
         training_seconds: wall time of the training command.
@@ -136,7 +114,10 @@ class ResultRow:
     checkpoint_sha256: str
     validation: tuple[Validation, ...]
     split: str
-    episodes: tuple[EpisodeResult, ...]
+    options: dict[str, str]
+    batch_size: int
+    episodes: tuple[PlayedEpisode, ...]
+    stopped_against: str | None
     expert: tuple[EpisodeResult, ...]
     blind: tuple[EpisodeResult, ...]
     training_seconds: float
@@ -159,7 +140,12 @@ class ResultRow:
             yield name, re.fullmatch(r"\w[\w.-]*", getattr(self, name)), "must be a name"
         hexadecimal = re.fullmatch("[0-9a-f]{64}", self.checkpoint_sha256)
         yield "checkpoint_sha256", hexadecimal, "must be 64 hex digits"
+        stopped = self.stopped_against is None or re.fullmatch("[0-9a-f]{64}", self.stopped_against)
+        yield "stopped_against", stopped, "must be 64 hex digits or nothing"
         yield "split", self.split == "test", "must be test: what is chosen on val is scored on test"
+        of_split = self.options.get("split") == self.split
+        yield "options", of_split, f"must hold the split {self.split!r}"
+        yield "batch_size", self.batch_size > 0, "must be at least 1"
         yield "training_seconds", self.training_seconds >= 0, "must not be negative"
         yield "date", _is_day(self.date), "must be a day, YYYY-MM-DD"
         gpu = self.machine.gpu or "none"
@@ -185,7 +171,7 @@ class ResultRow:
         seeds = self.dataset.seeds
         rising = bool(seeds) and seeds[0] >= 0 and list(seeds) == sorted(set(seeds))
         yield "dataset", rising, "its seeds must be there and rise"
-        recorded = _flags_of(self.dataset.command)
+        recorded = command_flags(self.dataset.command)
         for flag, value in {
             "task": self.task,
             "variation": self.variation,
@@ -205,7 +191,7 @@ class ResultRow:
             )
 
     def _rules_of_episodes(self) -> Iterator[tuple[str, object, str]]:
-        seeds = self.test_seeds
+        seeds = [episode.seed for episode in self.episodes]
         listed = bool(seeds) and seeds[0] >= 0 and seeds == list(range(seeds[0], seeds[0] + len(seeds)))
         yield "episodes", listed, "must not be empty, nor repeat or leave out a seed"
         steps, every = int(self.flags["steps"]), int(self.flags["save_freq"])
@@ -251,9 +237,17 @@ class ResultRow:
         )
 
     @property
-    def test_seeds(self) -> list[int]:
-        """Seeds of the policy's episodes, rising."""
-        return sorted(episode.seed for episode in self.episodes)
+    def evaluation(self) -> EvaluationRecord:
+        """The policy's episodes by themselves, as `lerobot-eval` has left them."""
+        return EvaluationRecord(
+            RECORD_SCHEMA_VERSION,
+            self.task,
+            self.world,
+            self.options,
+            self.batch_size,
+            self.versions,
+            self.episodes,
+        )
 
     @property
     def file_name(self) -> str:
@@ -263,8 +257,11 @@ class ResultRow:
     @property
     def rates(self) -> dict[str, SuccessRate]:
         """Success of policy, expert and blind control."""
-        played = {"policy": self.episodes, "expert": self.expert, "blind": self.blind}
-        return {who: success_rate(episodes) for who, episodes in played.items()}
+        return {
+            "policy": success_rate(self.episodes),
+            "expert": success_rate(self.expert),
+            "blind": success_rate(self.blind),
+        }
 
     def to_json(self) -> str:
         """The row as a JSON text, success rates included."""
@@ -306,24 +303,6 @@ class ResultRow:
             raise BadResult(f"{path}: {error}") from error
 
 
-def best_checkpoint(validations: Sequence[Validation]) -> Validation:
-    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
-    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
-
-
-def success_rate(episodes: tuple[EpisodeResult, ...]) -> SuccessRate:
-    """Successes among episodes."""
-    return SuccessRate(sum(episode.success for episode in episodes), len(episodes))
-
-
-def versions() -> dict[str, str]:
-    """Versions of the installed packages that a result depends on, and of Python."""
-    found = installed_versions(RESULT_PACKAGES)
-    # LeRobot's own policies do without ours.
-    present = {package: version for package, version in found.items() if version != "none"}
-    return {"python": platform.python_version()} | present
-
-
 def _rates_as_json(row: ResultRow) -> dict[str, dict[str, Any]]:
     return {
         who: {"successes": rate.successes, "trials": rate.trials, "wilson_95": list(rate.interval)}
@@ -338,7 +317,7 @@ def _is_day(text: str) -> bool:
         return False
 
 
-def _flags_of(command: str) -> dict[str, str]:
+def command_flags(command: str) -> dict[str, str]:
     """Flags of a recorded command by name; none of what is no command."""
     try:
         words = shlex.split(command)

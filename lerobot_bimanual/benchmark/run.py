@@ -1,30 +1,35 @@
 """The commands of a benchmark, run one after the other, and what they give."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import date
+from itertools import batched
 
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.benchmark.measurements import read_certificate, read_evaluation
+from lerobot_bimanual.benchmark.episode_result import Validation, best_checkpoint, success_rate
+from lerobot_bimanual.benchmark.measurements import (
+    check_agreement,
+    read_certificate,
+    read_evaluation,
+    read_record,
+)
 from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.results import (
-    PLACES,
-    ROW_SCHEMA_VERSION,
-    DatasetRecord,
-    Machine,
-    ResultRow,
-    Validation,
-    best_checkpoint,
-    success_rate,
-    versions,
-)
+from lerobot_bimanual.benchmark.results import PLACES, ROW_SCHEMA_VERSION, DatasetRecord, Machine, ResultRow
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
+from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.output_file import write_file
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.statistics import SuccessRate, anytime_p_value
+
+SEEDS_AT_A_TIME = 10
+"""Between two looks at whether the test may stop; each is a start of `lerobot-eval`."""
+SURE = 0.05
+"""Share of comparisons of equal policies that may ever be called different."""
 
 
 def show(plan: Plan, console: Console) -> None:
@@ -54,12 +59,13 @@ def run(plan: Plan, console: Console) -> ResultRow:
         episodes = read_evaluation(plan.evaluation_file("val", step), plan.seeds("val"))
         validations.append(Validation(step, episodes))
     step = best_checkpoint(validations).step if validations else plan.recipe.steps
-    own.run(plan.evaluation("test", step))
-
+    rival = None if config.stop_when_sure is None else ResultRow.read(config.stop_when_sure)
+    tested = _test(plan, own, step) if rival is None else play_until_sure(plan, own, step, rival)
     expert, blind = (
         read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
         for control in ("expert", "blind")
     )
+    seeds = [episode.seed for episode in tested.episodes]
     row = ResultRow(
         schema_version=ROW_SCHEMA_VERSION,
         task=config.task,
@@ -73,16 +79,51 @@ def run(plan: Plan, console: Console) -> ResultRow:
         checkpoint_sha256=sha256(plan.weights(step)),
         validation=tuple(validations),
         split="test",
-        episodes=read_evaluation(plan.evaluation_file("test", step), plan.seeds("test")),
-        expert=expert.episodes,
-        blind=blind.episodes,
+        options=tested.options,
+        batch_size=tested.batch_size,
+        episodes=tested.episodes,
+        stopped_against=None if rival is None else rival.checkpoint_sha256,
+        expert=tuple(episode for episode in expert.episodes if episode.seed in seeds),
+        blind=tuple(episode for episode in blind.episodes if episode.seed in seeds),
         training_seconds=round(own.seconds(plan.training()), 1),
         machine=Machine.this(),
-        versions=versions(),
+        versions=result_versions(),
         date=date.today().isoformat(),
     )
     write_file(plan.result, row.to_json())
     return row
+
+
+def _test(plan: Plan, pipeline: Pipeline, step: int, seeds: range | None = None) -> EvaluationRecord:
+    """Score a checkpoint on the test seeds, all or some of them."""
+    pipeline.run(plan.evaluation("test", step, seeds))
+    played = plan.seeds("test") if seeds is None else seeds
+    record = read_record(plan.record_file("test", step, seeds), played)
+    check_agreement(record, read_evaluation(plan.evaluation_file("test", step, seeds), played))
+    return record
+
+
+def play_until_sure(plan: Plan, pipeline: Pipeline, step: int, rival: ResultRow) -> EvaluationRecord:
+    """Score a checkpoint on test seeds, a few at a time, until they say which of two policies is better, or are all played.
+
+    Raises:
+        BimanualError: the rival has not played those seeds.
+    """
+    solved = {episode.seed: episode.success for episode in rival.episodes}
+    if missing := [seed for seed in plan.seeds("test") if seed not in solved]:
+        raise BimanualError(
+            f"{plan.config.stop_when_sure} has not played the seeds {shown(missing)}; take fewer --test_episodes, or "
+            "another --first_seed"
+        )
+    records: list[EvaluationRecord] = []
+    for seeds in batched(plan.seeds("test"), SEEDS_AT_A_TIME):
+        records.append(_test(plan, pipeline, step, range(seeds[0], seeds[-1] + 1)))
+        episodes = [episode for record in records for episode in record.episodes]
+        wins = sum(episode.success and not solved[episode.seed] for episode in episodes)
+        losses = sum(not episode.success and solved[episode.seed] for episode in episodes)
+        if anytime_p_value(wins, losses) <= SURE:
+            break
+    return replace(records[0], episodes=tuple(episode for record in records for episode in record.episodes))
 
 
 def report(row: ResultRow, plan: Plan, console: Console) -> None:

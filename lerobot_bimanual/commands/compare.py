@@ -1,57 +1,133 @@
 """The verb `compare`."""
 
+from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.benchmark.pairing import pair
-from lerobot_bimanual.benchmark.results import ResultRow, success_rate
+from lerobot_bimanual.benchmark.names import place_name
+from lerobot_bimanual.benchmark.pairing import Comparison
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.statistics import SuccessRate, holm
+
+type Rows = dict[str, tuple[ResultRow, ...]]
+"""Trainings of one policy, by task."""
 
 
 @dataclass
 class CompareConfig:
     """Flags of the `compare` verb."""
 
-    first: Path = field(kw_only=True)  # result of one benchmark, a JSON file
-    second: Path = field(kw_only=True)  # result of another one on the same task, variation and split
+    first: Path = field(kw_only=True)  # result of one benchmark, a JSON file, or a folder of results
+    second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
+    first_policy: str | None = None  # of a folder with several policies, the one that is meant
+    second_policy: str | None = None  # likewise
 
 
 def compare(config: CompareConfig) -> None:
-    """Compare two benchmark results episode by episode.
+    """Compare two policies episode by episode, on one task or on several.
 
-    Pairs the episodes by seed and prints both success rates with their 95 % Wilson intervals, how many episodes
-    only one policy solved, and the p-value of McNemar's exact test. Overlapping intervals do not mean that two
-    policies are equal: on the same episodes the paired test sees smaller differences.
+    Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, how many episodes
+    only one policy solved, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks.
+    Overlapping intervals do not mean that two policies are equal: on the same episodes the paired test sees smaller
+    differences. Of policies that were trained several times, every training stands there, and the standard error of the
+    difference is told apart by where it comes from: the episodes that were drawn, and the trainings. The test is about
+    these trainings; whether others would differ likewise, the second error says.
 
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
+        lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
     """
-    first, second = ResultRow.read(config.first), ResultRow.read(config.second)
-    pairing = pair(first, second)
-    table = Table(title=f"{first.task}, variation {first.variation}: same {first.split} seeds")
-    for heading in ("result", "policy", "solved", "95 % interval (Wilson)"):
-        justify = "left" if heading in ("result", "policy") else "right"
-        table.add_column(heading, justify=justify, overflow="fold")
-    shared = _seeds(first) & _seeds(second)
+    first = _rows(config.first, config.first_policy, "first_policy")
+    second = _rows(config.second, config.second_policy, "second_policy")
+    shared = sorted(first.keys() & second.keys())
+    if not shared and len(first) == len(second) == 1:
+        Comparison(*first.values(), *second.values())  # which says best in what they differ
+    if not shared:
+        raise BimanualError(
+            f"no task is in both: {', '.join(sorted(first))} in {config.first}, {', '.join(sorted(second))} in "
+            f"{config.second}"
+        )
+    comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     console = Console()
-    for name, path, row in (("first", config.first, first), ("second", config.second, second)):
-        rate = success_rate(tuple(episode for episode in row.episodes if episode.seed in shared))
-        low, high = rate.interval
-        policy = f"{row.policy} ({row.recipe})"
+    for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
+        row = rows[shared[0]][0]
         console.print(
-            f"{name:<7} {path}", soft_wrap=True, highlight=False, markup=False
+            f"{name:<7} {row.policy} ({row.recipe}), {path}", soft_wrap=True, highlight=False, markup=False
         )  # too long for a column
-        table.add_row(name, policy, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}")
-    console.print(table)
-    console.print(
-        f"both {pairing.both}, only the first {pairing.only_first}, only the second {pairing.only_second}, "
-        f"neither {pairing.neither}; McNemar's exact test: p = {pairing.p_value:.3g}",
-        soft_wrap=True,
-        highlight=False,
-    )
+    console.print(_table(comparisons))
+    for line in _remarks(comparisons):
+        console.print(line, soft_wrap=True, highlight=False)
 
 
-def _seeds(row: ResultRow) -> set[int]:
-    return {episode.seed for episode in row.episodes}
+def _rows(path: Path, policy: str | None, flag: str) -> Rows:
+    """Rows in a file or folder, by task, of one policy."""
+    paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
+    rows = [ResultRow.read(each) for each in paths]
+    if not rows:
+        raise BimanualError(f"{path} holds no results; `lerobot-bimanual benchmark` writes them")
+    policies = sorted({row.policy for row in rows})
+    if policy is None and len(policies) > 1:
+        raise BimanualError(
+            f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
+        )
+    if policy is not None and policy not in policies:
+        raise InvalidChoice(flag, policy, policies)
+    found: defaultdict[str, list[ResultRow]] = defaultdict(list)
+    for row in rows:
+        if policy in (None, row.policy):
+            found[place_name(row.task, row.variation)].append(row)
+    return {
+        place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()
+    }
+
+
+def _table(comparisons: dict[str, Comparison]) -> Table:
+    table = Table(title="success on the same seeds")
+    for heading in ("task", "first", "second", "difference", "only one solved", "p", "p (Holm)"):
+        table.add_column(heading, justify="left" if heading == "task" else "right", overflow="fold")
+    corrected = holm([comparison.p_value for comparison in comparisons.values()])
+    for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True):
+        first, second = comparison.rates
+        pairing = comparison.pairing
+        table.add_row(
+            place,
+            _rates(first),
+            _rates(second),
+            _difference(comparison),
+            f"{pairing.only_first}, {pairing.only_second}",
+            f"{comparison.p_value:.3g}",
+            f"{p_holm:.3g}",
+        )
+    return table
+
+
+def _rates(rates: list[SuccessRate]) -> str:
+    if len(rates) > 1:
+        return f"{', '.join(str(rate.successes) for rate in rates)} of {rates[0].trials}"
+    (rate,) = rates
+    low, high = rate.interval
+    return f"{rate.successes} of {rate.trials} ({low:.0%} to {high:.0%})"
+
+
+def _difference(comparison: Comparison) -> str:
+    errors = [f"{comparison.episode_error:.1%} (episodes)"]
+    if comparison.training_error is not None:
+        errors.append(f"{comparison.training_error:.1%} (trainings)")
+    return " ± ".join([f"{comparison.difference:+.1%}", *errors])
+
+
+def _remarks(comparisons: dict[str, Comparison]) -> list[str]:
+    remarks = []
+    for place, comparison in comparisons.items():
+        pairing = comparison.pairing
+        remarks.append(
+            f"{place}: both {pairing.both}, only the first {pairing.only_first}, only the second "
+            f"{pairing.only_second}, neither {pairing.neither}; {comparison.test}: p = {comparison.p_value:.3g}"
+        )
+    if any(comparison.training_error is None for comparison in comparisons.values()):
+        remarks.append("A single training of a policy does not say how far another one would be from it.")
+    return remarks

@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import write_page
-from lerobot_bimanual.output_file import check_output_file
+from lerobot_bimanual.output_file import check_output_file, check_output_folder
 
 
 @dataclass
@@ -16,18 +17,35 @@ class LeaderboardConfig:
     # Folder of certificates, of whose worlds the results must be; by default `certificates` beside RESULTS, if it exists.
     certificates: Path | None = None
     output: Path | None = None  # Markdown file; without it the page is printed
+    # Folder for the same rows in the Hub's form, one file for `.eval_results/` of each model's repository.
+    hub_results: Path | None = None
+    benchmark_repo: str | None = None  # dataset repository of the benchmark there, ORGANISATION/NAME
 
 
 def leaderboard(config: LeaderboardConfig) -> None:
-    """Write the success of all policies on all tasks side by side, from the results of `benchmark`.
+    r"""Write the success of all policies on all tasks side by side, from the results of `benchmark`.
 
     Every file is checked first, by itself and against the others: who played which episodes of which split, in which
     world and with which versions, and whether the tested checkpoint was the best. Nothing is written if one is wrong.
 
     Examples:
-        lerobot-bimanual leaderboard --results=results/small
-        lerobot-bimanual leaderboard --results=results/small --output=docs/results.md
+        lerobot-bimanual leaderboard --results=results/leaderboard
+        lerobot-bimanual leaderboard --results=results/leaderboard --output=docs/results.md
+        lerobot-bimanual leaderboard --results=results/leaderboard --hub_results=outputs/eval_results \
+            --benchmark_repo=me/bimanual
     """
     if config.output is not None:
         check_output_file(config.output)
+    if config.hub_results is not None:
+        if config.benchmark_repo is None or config.benchmark_repo.count("/") != 1:
+            raise BimanualError(
+                f"benchmark_repo is {config.benchmark_repo!r}, but --hub_results needs the dataset repository that stands for "
+                "the benchmark on the Hub, ORGANISATION/NAME"
+            )
+        check_output_folder(config.hub_results)
     write_page(render(config.results, config.certificates), config.output)
+    if config.hub_results is not None and config.benchmark_repo is not None:
+        from lerobot_bimanual.benchmark.hub_results import write_hub_results
+
+        for path in write_hub_results(config.results, config.hub_results, config.benchmark_repo):
+            print(path)

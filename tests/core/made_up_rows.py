@@ -3,13 +3,37 @@
 from dataclasses import replace
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.results import DatasetRecord, EpisodeResult, Machine, ResultRow, Validation
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation
+from lerobot_bimanual.benchmark.results import DatasetRecord, Machine, ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.evaluation.action_text import actions_to_text
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 
 
 def episodes(outcomes: str, first_seed: int = 0) -> tuple[EpisodeResult, ...]:
     """One episode per letter, `x` solved and `.` not."""
     return tuple(EpisodeResult(first_seed + index, letter == "x") for index, letter in enumerate(outcomes))
+
+
+def recorded(outcomes: str, first_seed: int = 0) -> tuple[PlayedEpisode, ...]:
+    """The same of a policy that was tested, with actions that nobody has played."""
+    return tuple(
+        PlayedEpisode(
+            seed=first_seed + index,
+            variation=0,
+            instruction="lift the ball",
+            success=letter == "x",
+            first_met_tick=3 if letter == "x" else None,
+            failure="" if letter == "x" else "out of time",
+            ticks=12,
+            keyposes=1,
+            start="0a" * 32,
+            actions=(actions_to_text([[0.5] * 18]),),
+            links="00000",
+            end="0b" * 32,
+        )
+        for index, letter in enumerate(outcomes)
+    )
 
 
 def played(outcomes: str, variation: int = 0) -> tuple[EpisodeResult, ...]:
@@ -26,7 +50,7 @@ def generation(task: str) -> str:
 
 VERSIONS = dict.fromkeys(SIMULATION_PACKAGES, "3")
 ROW = ResultRow(
-    schema_version=2,
+    schema_version=3,
     world="0123456789ab",
     task="lift_ball",
     variation="any",
@@ -50,7 +74,10 @@ ROW = ResultRow(
     checkpoint_sha256="0f" * 32,
     validation=(Validation(2, episodes("..")), Validation(4, episodes(".x"))),
     split="test",
-    episodes=episodes("xx.."),
+    options={"split": "test"},
+    batch_size=2,
+    episodes=recorded("xx.."),
+    stopped_against=None,
     expert=played("xxxx"),
     blind=played("x..."),
     training_seconds=1.5,

@@ -5,10 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from made_up_rows import ROW, episodes, played, put, row_of
+import yaml
+from huggingface_hub import parse_eval_result_entries
+from made_up_rows import ROW, episodes, played, put, recorded, row_of
 
+from lerobot_bimanual.benchmark.episode_result import Validation
 from lerobot_bimanual.benchmark.leaderboard import render
-from lerobot_bimanual.benchmark.results import BadResult, Validation
+from lerobot_bimanual.benchmark.results import BadResult
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
@@ -62,9 +65,30 @@ def test_a_row_that_no_command_gives_again_is_refused_with_its_file(results: Pat
     with pytest.raises(BimanualError, match=rf"{path.name}: --train_flags sets --config_path"):
         render(results)
     put(results, row)
-    path = put(results, row_of("gone", "lift_ball"))
-    with pytest.raises(BimanualError, match=rf"{path.name}: policy is 'gone', but must be one of: .*mine"):
-        render(results)
+
+
+def test_rows_of_policies_that_are_not_installed_stand_in_the_table_too(results: Path):
+    put(results, row_of("theirs", "lift_ball"))
+    page = render(results)
+    assert "| task | `mine` | `other` | `theirs` | expert | blind |" in page
+    assert (
+        "| `lift_ball` | `theirs` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | its recipe is not installed"
+        in page
+    )
+    assert "benchmark --policy=mine --task=push_box" in page
+
+
+def test_rows_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
+    config = LeaderboardConfig(results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md")
+    with pytest.raises(BimanualError, match="benchmark_repo is None, but --hub_results needs"):
+        leaderboard(config)
+    leaderboard(replace(config, benchmark_repo="me/bimanual"))
+    files = sorted((tmp_path / "hub").glob("*.yaml"))
+    assert [file.stem for file in files] == sorted(path.stem for path in results.glob("*.json"))
+    (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
+    assert (entry.dataset_id, entry.task_id) == ("me/bimanual", "lift_ball")
+    assert (entry.value, entry.date) == (50.0, "2026-01-31")
+    assert "2 of 4 unseen episodes" in (entry.notes or "")
 
 
 def test_a_leaderboard_is_printed_or_written(results: Path, capsys):
@@ -94,7 +118,6 @@ UNLIKE = {
         },
         "versions is",
     ),
-    "another seed": ({"flags": ROW.flags | {"seed": "7"}}, "seed of mine on lift_ball is '7', but '1000' in"),
 }
 
 
@@ -106,6 +129,35 @@ def test_a_leaderboard_of_unlike_results_is_refused_and_nothing_is_written(
     with pytest.raises(BimanualError, match=f"lift_ball_.*json: {message}.*keep what is alike"):
         leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert not (tmp_path / "page.md").exists()
+
+
+def another_training(results: Path, **changes) -> Path:
+    row = row_of("mine", "lift_ball")
+    flags = row.flags | {"seed": "7"} | changes.pop("flags", {})
+    return put(results, replace(row, **{"flags": flags, "checkpoint_sha256": "1f" * 32} | changes))
+
+
+def test_several_trainings_of_a_policy_share_a_cell(results: Path):
+    another_training(results, episodes=recorded("xxxx"))
+    assert "| `lift_ball` | 4/4, 2/4: 75.0% ± 35.4% | 2/4 (15% to 85%) | 4 |" in render(results)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"flags": {"log_freq": "9"}}, "flag log_freq of mine on lift_ball is '9', but '1' in"),
+        ({"flags": {"more": "9"}}, "flags of mine on lift_ball is .*more.*, but"),
+        (
+            {"checkpoint_sha256": ROW.checkpoint_sha256},
+            "it has the weights of .*seed1000.json, so it is no other",
+        ),
+        ({"stopped_against": "0f" * 32}, "its test was stopped as soon as it differed"),
+    ],
+)
+def test_trainings_that_cannot_share_a_cell_are_refused(changes, message, results: Path):
+    another_training(results, **changes)
+    with pytest.raises(BimanualError, match=f"lift_ball_mine_small_seed.*json: {message}"):
+        render(results)
 
 
 def test_a_row_under_another_name_is_refused(results: Path):

@@ -5,8 +5,9 @@ import json
 import pytest
 from made_up_rows import episodes
 
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import Certified, read_certificate, read_evaluation
-from lerobot_bimanual.benchmark.results import BadResult, EpisodeResult
+from lerobot_bimanual.benchmark.results import BadResult
 from lerobot_bimanual.errors import BimanualError
 
 

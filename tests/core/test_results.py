@@ -1,21 +1,16 @@
 """Results of benchmarks: they survive a file, bad ones are refused, and they stand side by side."""
 
-import copy
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_rows import ROW, VERSIONS, episodes, generation, row_of
+from made_up_rows import ROW, generation
 
-from lerobot_bimanual.benchmark.pairing import Pairing, pair
 from lerobot_bimanual.benchmark.results import (
     BadResult,
     ResultRow,
 )
-from lerobot_bimanual.commands.compare import CompareConfig, compare
-from lerobot_bimanual.errors import BimanualError
 
 
 def test_a_row_survives_json():
@@ -117,51 +112,3 @@ def test_what_is_no_result_is_refused_with_the_file_it_is_in(tmp_path, text):
 def test_a_result_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(BadResult, match="No such file"):
         ResultRow.read(tmp_path / "row.json")
-
-
-@pytest.mark.parametrize(
-    ("only_first", "only_second", "p_value"),
-    [(0, 0, 1.0), (1, 9, 22 / 1024), (9, 1, 22 / 1024), (5, 5, 1.0), (6, 0, 2 / 64)],
-)
-def test_mcnemars_test_has_the_binomial_tail(only_first, only_second, p_value):
-    assert Pairing(3, only_first, only_second, 4).p_value == pytest.approx(p_value)
-
-
-def test_episodes_are_paired_by_seed():
-    other = copy.copy(ROW)
-    object.__setattr__(other, "episodes", tuple(reversed(episodes("x.x.x", first_seed=1))))
-    # Seeds 1, 2 and 3 are shared: the first solved 1, the second 1 and 3.
-    assert pair(ROW, other) == Pairing(both=1, only_first=0, only_second=1, neither=1)
-
-
-@pytest.mark.parametrize(
-    ("difference", "message"),
-    [
-        ({"task": "push_box"}, "differ in task: 'lift_ball' and 'push_box'"),
-        ({"world": "ba9876543210"}, "world 0123456789ab for one result and ba9876543210 for the other"),
-        ({"variation": "0"}, "differ in variation"),
-        ({"versions": VERSIONS | {"mujoco": "4"}}, "mujoco was 3 for one result and 4 for the other"),
-        ({"episodes": episodes("xx", first_seed=50)}, "share no seed"),
-    ],
-)
-def test_only_the_same_episodes_are_compared(difference, message):
-    other = copy.copy(ROW)  # whatever else it would contradict
-    for name, value in difference.items():
-        object.__setattr__(other, name, value)
-    with pytest.raises(BimanualError, match=message):
-        pair(ROW, other)
-
-
-def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    long = tmp_path / f"{'long' * 20}.json"
-    long.write_text(ROW.to_json())
-    compare(CompareConfig(first=long, second=long))
-    assert capsys.readouterr().out.count(str(long)) == 2
-    (tmp_path / "one.json").write_text(ROW.to_json())
-    (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=episodes("...x")).to_json())
-    compare(CompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
-    printed = capsys.readouterr().out
-    assert "2 of 4" in printed
-    assert "1 of 4" in printed
-    assert "only the first 2, only the second 1, neither 1; McNemar's exact test: p = 1" in printed

@@ -6,8 +6,8 @@ import shlex
 import pytest
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
-from lerobot_bimanual.benchmark.results import EpisodeResult, Validation, best_checkpoint
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo

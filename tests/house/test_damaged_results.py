@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from lerobot_bimanual.benchmark.results import EpisodeResult, success_rate
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.statistics import SuccessRate
 
 ROOT = Path(__file__).parents[2]
 SISTER, DAMAGED = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "peract_lf"))
@@ -24,7 +24,7 @@ def results(tmp_path: Path) -> Path:
     """A committed row, one like it of another policy, and the worlds of the committed certificates beside them."""
     folder = tmp_path / "small"
     folder.mkdir()
-    shutil.copy(ROOT / "results" / "small" / SISTER, folder)
+    shutil.copy(ROOT / "results" / "leaderboard" / SISTER, folder)
     row = json.loads((folder / SISTER).read_text())
     row["policy"] = row["flags"]["policy.type"] = "peract_lf"
     (folder / DAMAGED).write_text(json.dumps(row))
@@ -121,7 +121,11 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "a flag of two lines": (setting("flags", "policy.x", value="a\nb"), "must hold flags of one line each"),
     "an impossible day": (setting("date", value="2026-02-30"), "'date' is '2026-02-30'"),
     "more successes": (setting("rates", "policy", "successes", value=50), "'rates' is .*but the episodes"),
-    "an episode turned": (lambda row: _turn(row["episodes"][0]), "'rates' is .*but the episodes"),
+    "an episode turned": (
+        lambda row: _turn(row["episodes"][0]),
+        "there must be a failure just if there is no success",
+    ),
+    "an expert's episode turned": (lambda row: _turn(row["expert"][0]), "'expert'.*a failure just if"),
     "an unknown policy": (
         lambda row: (row.update(policy="mine"), row["flags"].update({"policy.type": "mine"})),
         "its row is that of a file named handover_item_easy_mine",
@@ -136,7 +140,7 @@ def _turn(episode: Row) -> None:
 def with_its_rates(row: Row) -> Row:
     """The row with the rates of its episodes, which whoever forges one would not forget."""
     for who, name in {"policy": "episodes", "expert": "expert", "blind": "blind"}.items():
-        rate = success_rate(tuple(EpisodeResult(**episode) for episode in row[name]))
+        rate = SuccessRate(sum(episode["success"] for episode in row[name]), len(row[name]))
         interval = list(rate.interval)
         row["rates"][who] = {"successes": rate.successes, "trials": rate.trials, "wilson_95": interval}
     return row
@@ -160,9 +164,9 @@ def test_a_damage_is_named_with_its_file_and_no_page_is_written(damage, message,
     assert not (tmp_path / "page.md").exists()
 
 
-def test_the_same_policy_twice_is_refused(results, tmp_path):
+def test_the_same_training_twice_is_refused(results):
     row = json.loads((results / DAMAGED).read_text())
     row["flags"]["seed"] = "7"
     (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
-    with pytest.raises(BimanualError, match="seed of peract_lf on handover_item_easy is '7', but '1000' in"):
+    with pytest.raises(BimanualError, match=r"it has the weights of .*json, so it is no other training"):
         leaderboard(LeaderboardConfig(results=results))

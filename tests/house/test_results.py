@@ -4,6 +4,7 @@ import json
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lerobot_bimanual.benchmark.leaderboard import render
@@ -12,15 +13,16 @@ from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
 
 ROOT = Path(__file__).parents[2]
-ROWS = sorted((ROOT / "results" / "small").glob("*.json"))
+ROWS = sorted((ROOT / "results" / "leaderboard").glob("*.json"))
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
 def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
-    assert (ROOT / "docs" / "results.md").read_text() == render(Path("results/small"))
+    assert (ROOT / "docs" / "results.md").read_text() == render(Path("results/leaderboard"))
 
 
 def test_every_row_is_of_the_world_that_is_certified():
@@ -58,3 +60,12 @@ def test_a_trained_policy_is_small_and_that_of_a_row(folder: Path):
     (row,) = [row for row in map(ResultRow.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
     assert row.task == folder.name
     assert row.rates["policy"].interval[0] > row.rates["blind"].interval[1]
+
+
+@pytest.mark.slow
+@pytest.mark.sim
+def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
+    """On a sample, another one in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
+    seed = int(np.random.default_rng().integers(1000))
+    config = VerifyResultsConfig(results=ROOT / "results" / "leaderboard", sample=4, controls=1, seed=seed)
+    assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"

@@ -8,7 +8,7 @@ import pytest
 from lerobot_bimanual import cli
 from lerobot_bimanual.output_file import UnwritableOutput, write_file
 
-ROWS = Path(__file__).parents[2] / "results" / "small"
+ROWS = Path(__file__).parents[2] / "results" / "leaderboard"
 CERTIFICATES = ROWS.parent / "certificates"
 
 COMMANDS: dict[str, Callable[[Path], list[str]]] = {

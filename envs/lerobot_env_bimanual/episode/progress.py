@@ -28,6 +28,7 @@ class EpisodeProgress:
         ticks: control ticks so far.
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
+        first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         failure: what ended the episode, empty while nothing has.
     """
@@ -41,6 +42,7 @@ class EpisodeProgress:
     ticks: int = 0
     keyposes: int = 0
     held_ticks: int = 0
+    first_met_tick: int | None = None
     line_fallbacks: int = 0
     failure: str = ""
 
@@ -58,6 +60,8 @@ class EpisodeProgress:
         """Take the conditions after a tick into account, all of them or as far as the first that is not met."""
         self.conditions = conditions
         self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0
+        if self.held_ticks and self.first_met_tick is None:
+            self.first_met_tick = self.ticks
 
     def info(self) -> dict[str, Any]:
         """What the environment tells besides its observation."""

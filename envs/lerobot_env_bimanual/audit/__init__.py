@@ -1,0 +1,1 @@
+"""Results played again without the policy, claim by claim."""

@@ -1,0 +1,94 @@
+"""What stands beside a policy in its row, played anew: demonstrations it learned from, expert, blind and one arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from lerobot_bimanual.benchmark.episode_result import EpisodeResult
+from lerobot_bimanual.benchmark.results import ResultRow, command_flags
+from lerobot_bimanual.errors import PlacementFailure
+from lerobot_env_bimanual.audit.episodes import placement_hash
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.campaign import Campaign
+from lerobot_env_bimanual.expert.certificate import STATE_HASH_DIGITS
+from lerobot_env_bimanual.expert.control_names import ControlName
+from lerobot_env_bimanual.expert.outcome import Job
+from lerobot_env_bimanual.expert.stored_certificate import StoredCertificate
+from lerobot_env_bimanual.options import ANY_VARIATION
+from lerobot_env_bimanual.tasks.registry import get_task
+
+SOLO: tuple[ControlName, ...] = ("solo_left", "solo_right")
+
+
+def demonstrated_placements(row: ResultRow) -> dict[str, int]:
+    """Hash of where everything stood at the start of each demonstration, and its seed."""
+    flags = command_flags(row.dataset.command)
+    variation, first = flags["variation"], int(flags.get("first_seed", 0))
+    spec = get_task(row.task).spec
+    # Of several variations seeds take turns, as `generate` has it.
+    indices = range(len(spec.variations)) if variation == ANY_VARIATION else [int(variation)]
+    env, found = BimanualEnv(row.task, split="train", obs="state"), {}
+    for seed in row.dataset.seeds:
+        try:
+            env.reset(seed=seed, options={"variation": indices[(seed - first) % len(indices)]})
+        except PlacementFailure:
+            continue  # and so it was no demonstration
+        found[placement_hash(env)] = seed
+    env.close()
+    return found
+
+
+def control_problems(
+    row: ResultRow, campaign: Campaign, seeds: Iterable[int], certificates: Path | None
+) -> Iterator[str]:
+    """What a row, or the certificates beside it, say of expert, blind and one arm that is not so.
+
+    Args:
+        row: whose controls are played.
+        campaign: plays them.
+        seeds: of the sample.
+        certificates: folder of certificates, of which those of one arm are looked at; or None.
+    """
+    seeds = list(seeds)
+    claims: dict[ControlName, list[EpisodeResult]] = {
+        "expert": [episode for episode in row.expert if episode.seed in seeds],
+        "blind": [episode for episode in row.blind if episode.seed in seeds],
+    }
+    for control, episodes in claims.items():
+        yield from _control_problems(campaign, row.task, control, episodes)
+    for control in SOLO:
+        path = None if certificates is None else certificates / f"{control}.json"
+        if path is None or not path.is_file():
+            continue
+        stored = [episode for episode in StoredCertificate.read(path).episodes if episode.task == row.task]
+        yield from _control_problems(
+            campaign,
+            row.task,
+            control,
+            [
+                EpisodeResult(episode.seed, episode.success, episode.variation, None, episode.state_hash)
+                for episode in stored[: len(seeds)]
+            ],
+        )
+
+
+def _control_problems(
+    campaign: Campaign, task: str, control: ControlName, episodes: list[EpisodeResult]
+) -> Iterator[str]:
+    by_variation: Mapping[str, list[EpisodeResult]] = {}
+    for episode in episodes:
+        by_variation.setdefault(str(episode.variation), []).append(episode)
+    for variation, claimed in by_variation.items():
+        keyposes = campaign.blind_keyposes(task, variation) if control == "blind" else ()
+        job = Job(task, variation, "test", 0, control, blind_keyposes=keyposes)
+        outcomes = campaign.play(
+            [replace(job, seed=episode.seed) for episode in claimed], f"{task}: {control}"
+        )
+        for episode, outcome in zip(claimed, outcomes, strict=True):
+            who = f"{control}, variation {variation}, seed {episode.seed}"
+            if episode.success != outcome.success:
+                yield f"{who}: success is {episode.success}, but {outcome.success} when it is played again"
+            elif (episode.state_hash or "")[:STATE_HASH_DIGITS] != outcome.state_hash[:STATE_HASH_DIGITS]:
+                yield f"{who}: another state at the end"

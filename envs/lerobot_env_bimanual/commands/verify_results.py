@@ -1,0 +1,158 @@
+"""The verb `verify-results`: proof that results are what their actions lead to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.json_file import read_json
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lerobot_bimanual.benchmark.results import ResultRow
+    from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+    from lerobot_bimanual.evaluation.record import EvaluationRecord
+    from lerobot_env_bimanual.audit.episodes import EpisodeAudit, EpisodeAuditor
+    from lerobot_env_bimanual.expert.campaign import Campaign
+
+type Options = tuple[tuple[str, str], ...]
+
+
+@dataclass
+class VerifyResultsConfig:
+    """Options of the verb `verify-results`."""
+
+    # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
+    results: Path = field(kw_only=True)
+    sample: int = 0  # episodes played again of each result, drawn at random; 0 plays all
+    controls: int = 3  # seeds on which expert, blind and one arm are played anew, of each row; 0 plays none
+    seed: int = 0  # of the draws
+    # Folder of certificates, whose one-arm controls are played too; by default `certificates` beside the folder of
+    # RESULTS, if it exists.
+    certificates: Path | None = None
+    workers: int = 0  # processes; 0 takes one per core
+
+
+def verify_results(config: VerifyResultsConfig) -> int:
+    """Play the episodes of results again, without the policy, and compare every claim.
+
+    From each seed the recorded actions are played: the state after every one of them must be the recorded one, bit for
+    bit, and instruction, outcome, first tick of success, failure, ticks and keyposes must come out as claimed. Of a row
+    of `benchmark`, no tested episode may start as a demonstration did, and on a few seeds the expert, the blind
+    control and, as certified, either arm alone are played anew. Exits with 1 if anything differs, and says where first.
+
+    Examples:
+        lerobot-bimanual verify-results --results=results/leaderboard
+        lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
+        lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
+    """
+    from lerobot_env_bimanual.expert.campaign import Campaign
+
+    for name in ("sample", "controls"):
+        if getattr(config, name) < 0:
+            raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
+    is_sound = True
+    with Campaign(config.workers) as campaign:
+        for path in _files(config.results):
+            problems = list(_problems(path, config, campaign))
+            print(f"{path}: {'as claimed' if not problems else 'NOT as claimed'}")
+            for problem in problems:
+                print(f"  {problem}")
+            is_sound &= not problems
+    return 0 if is_sound else 1
+
+
+def _files(results: Path) -> list[Path]:
+    if not results.is_dir():
+        return [results]
+    found = sorted(results.glob("*.json"))
+    if not found:
+        raise BimanualError(f"{results} holds no results; `lerobot-bimanual benchmark` writes them")
+    return found
+
+
+def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> Iterator[str]:
+    import numpy as np
+
+    from lerobot_bimanual.benchmark.results import ResultRow
+    from lerobot_bimanual.evaluation.record import EvaluationRecord
+    from lerobot_env_bimanual.audit.controls import control_problems
+    from lerobot_env_bimanual.tasks.registry import get_task
+
+    content = read_json(path)
+    is_row = isinstance(content, dict) and "policy" in content
+    row = ResultRow.read(path) if is_row else None
+    record = EvaluationRecord.read(path) if row is None else row.evaluation
+    get_task(record.task)
+    yield from _other_world(record)
+    rng = np.random.default_rng(config.seed)
+    episodes = _drawn(record.episodes, config.sample, rng)
+    audits = _audits(record, episodes, campaign)
+    for audit in audits:
+        yield from (f"seed {audit.seed}: {problem}" for problem in audit.problems)
+    if row is not None:
+        yield from _demonstrated(row, audits)
+        seeds = [episode.seed for episode in _drawn(record.episodes, config.controls, rng)]
+        certificates = config.certificates or path.parent.parent / "certificates"
+        if config.controls:
+            yield from control_problems(row, campaign, seeds, certificates)
+
+
+def _drawn(episodes: tuple[PlayedEpisode, ...], count: int, rng: np.random.Generator) -> list[PlayedEpisode]:
+    if not 0 < count < len(episodes):
+        return list(episodes)
+    return [episodes[index] for index in sorted(rng.choice(len(episodes), count, replace=False))]
+
+
+def _other_world(record: EvaluationRecord) -> Iterator[str]:
+    from lerobot_env_bimanual.expert.world_version import world_version
+
+    if record.world != (here := world_version(record.task)):
+        yield f"world of {record.task} is {record.world}, but {here} here: play it with the versions {record.versions}"
+
+
+def _audits(
+    record: EvaluationRecord, episodes: list[PlayedEpisode], campaign: Campaign
+) -> list[EpisodeAudit]:
+    from lerobot_env_bimanual.audit.episodes import EpisodeAudit
+
+    options = tuple(sorted(record.options.items()))
+    jobs = [(record.task, options, episode) for episode in episodes]
+    return list(
+        campaign.map(
+            _audit,
+            jobs,
+            f"{record.task}: played again",
+            "episode",
+            failed=lambda job, reason: EpisodeAudit(job[2].seed, (f"not played: {reason}",), ""),
+        )
+    )
+
+
+def _demonstrated(row: ResultRow, audits: list[EpisodeAudit]) -> Iterator[str]:
+    from lerobot_env_bimanual.audit.controls import demonstrated_placements
+
+    placements = demonstrated_placements(row)
+    for audit in audits:
+        if audit.placement in placements:
+            yield f"seed {audit.seed}: starts as the demonstration of seed {placements[audit.placement]} does"
+
+
+_auditors: dict[tuple[str, Options], EpisodeAuditor] = {}
+
+
+def _audit(job: tuple[str, Options, PlayedEpisode]) -> EpisodeAudit:
+    """Play one episode in this process, in an environment that is kept for the next one of its kind."""
+    from lerobot_env_bimanual.audit.episodes import EpisodeAuditor
+
+    task, options, episode = job
+    if (task, options) not in _auditors:
+        for auditor in _auditors.values():
+            auditor.close()
+        _auditors.clear()
+        _auditors[task, options] = EpisodeAuditor(task, dict(options))
+    return _auditors[task, options].audit(episode)

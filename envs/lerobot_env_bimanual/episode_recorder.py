@@ -1,0 +1,99 @@
+"""Keeps what was played in an episode, so that anybody can play it again without the policy."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import asdict
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.evaluation.action_text import actions_to_text
+from lerobot_bimanual.evaluation.hash_chain import HashChain
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.actions import real_vector
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
+
+PLAYED = "played"
+"""Key of the last step's info under which the whole episode is, as JSON."""
+OUT_OF_TIME = "out of time"
+NOTHING = np.zeros(0, np.float32)
+"""Stands for an answer that nobody could read."""
+
+
+class EpisodeRecorder(gym.Wrapper):
+    """Adds the `PlayedEpisode` to the info of an episode's last step, under `PLAYED`.
+
+    Args:
+        env: whose episodes are kept.
+    """
+
+    def __init__(self, env: BimanualEnv):
+        super().__init__(env)
+        self._env = env
+        self._start = ""
+        self._chain = HashChain()
+        self._actions: list[NDArray[np.float32]] = []
+        self._refused = NOTHING
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        """Start an episode, and its record."""
+        observation, info = self._env.reset(**arguments)
+        self._start = self._env.state_hash()
+        self._chain = chain_of(self._env, self._start)
+        self._actions = []
+        self._refused = NOTHING
+        return observation, info
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step of the episode; an action that it refuses is kept until the episode is declared a failure."""
+        try:
+            vector = real_vector(action, self._env.action_lengths)
+        except InvalidAction:
+            self._refused = NOTHING
+            return self._env.step(action)  # which says best what is wrong
+        self._refused = vector
+        return self._noted(vector, self._env.step(vector))
+
+    def fail(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """End the episode as a failure, for the last action was one that cannot be executed."""
+        return self._noted(self._refused, self._env.fail(reason))
+
+    def _noted(self, action: NDArray[np.float32], transition: Any) -> Any:
+        observation, reward, terminated, truncated, info = transition
+        self._actions.append(action)
+        self._refused = NOTHING
+        self._chain.add(action, self._env.state_hash())
+        if terminated or truncated:
+            info = info | {PLAYED: json.dumps(asdict(self._played(self._env.progress)))}
+        return observation, reward, terminated, truncated, info
+
+    def _played(self, progress: EpisodeProgress) -> PlayedEpisode:
+        return PlayedEpisode(
+            seed=progress.seed,
+            variation=progress.variation.index,
+            instruction=progress.instruction,
+            success=progress.succeeded,
+            first_met_tick=progress.first_met_tick,
+            failure="" if progress.succeeded else progress.failure or OUT_OF_TIME,
+            ticks=progress.ticks,
+            keyposes=progress.keyposes,
+            start=self._start,
+            actions=tuple(
+                actions_to_text(np.stack(list(run))) for _, run in itertools.groupby(self._actions, key=len)
+            ),
+            links=self._chain.links,
+            end=self._chain.end,
+        )
+
+
+def chain_of(env: BimanualEnv, start: str) -> HashChain:
+    """The chain of an episode that has just begun, in the state whose hash is `start`."""
+    progress = env.progress
+    facts = (env.task, env.options.split, progress.seed, progress.variation.index, progress.instruction)
+    return HashChain(*map(str, facts), start)

@@ -1,0 +1,154 @@
+"""Policies side by side on the same episodes, trained once or several times, on one task or several."""
+
+import copy
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from made_up_rows import ROW, VERSIONS, put, recorded, row_of
+
+from lerobot_bimanual.benchmark.pairing import Comparison, Pairing
+from lerobot_bimanual.benchmark.pipeline import Command
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.benchmark.run import play_until_sure
+from lerobot_bimanual.commands.compare import CompareConfig, compare
+from lerobot_bimanual.errors import BimanualError
+
+
+def test_episodes_are_paired_by_seed():
+    other = copy.copy(ROW)
+    object.__setattr__(other, "episodes", recorded("x.x.x", first_seed=1))
+    # Seeds 1, 2 and 3 are shared: the first solved 1, the second 1 and 3.
+    assert Comparison((ROW,), (other,)).pairing == Pairing(both=1, only_first=0, only_second=1, neither=1)
+
+
+@pytest.mark.parametrize(
+    ("difference", "message"),
+    [
+        ({"task": "push_box"}, "differ in task: 'lift_ball' and 'push_box'"),
+        ({"world": "ba9876543210"}, "world 0123456789ab for one result and ba9876543210 for the other"),
+        ({"variation": "0"}, "differ in variation"),
+        ({"versions": VERSIONS | {"mujoco": "4"}}, "mujoco was 3 for one result and 4 for the other"),
+        ({"episodes": recorded("xx", first_seed=50)}, "share no seed"),
+    ],
+)
+def test_only_the_same_episodes_are_compared(difference, message):
+    other = copy.copy(ROW)  # whatever else it would contradict
+    for name, value in difference.items():
+        object.__setattr__(other, name, value)
+    with pytest.raises(BimanualError, match=message):
+        Comparison((ROW,), (other,))
+
+
+def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    long = tmp_path / f"{'long' * 20}.json"
+    long.write_text(ROW.to_json())
+    compare(CompareConfig(first=long, second=long))
+    assert capsys.readouterr().out.count(str(long)) == 2
+    (tmp_path / "one.json").write_text(ROW.to_json())
+    (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=recorded("...x")).to_json())
+    compare(CompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
+    printed = capsys.readouterr().out
+    assert "2 of 4" in printed
+    assert "1 of 4" in printed
+    assert "only the first 2, only the second 1, neither 1; McNemar's exact test: p = 1" in printed
+
+
+def trained(seed: int, outcomes: str, policy: str = "mine", task: str = "lift_ball") -> ResultRow:
+    row = row_of(policy, task)
+    flags = row.flags | {"seed": str(seed)}
+    return replace(row, flags=flags, episodes=recorded(outcomes), checkpoint_sha256=f"{seed:064x}")
+
+
+def test_the_spread_of_episodes_and_that_of_trainings_are_told_apart():
+    first = (trained(1, "xxxx"), trained(2, "xx.."))
+    second = (trained(1, "x...", "other"), trained(2, "x...", "other"))
+    comparison = Comparison(first, second)
+    assert comparison.difference == pytest.approx(0.75 - 0.25)
+    # By episode the difference is 0, 1, 0.5 and 0.5; the first's trainings differ by a half, the second's not at all.
+    assert comparison.episode_error == pytest.approx((0.5 / 3) ** 0.5 / 2)
+    assert comparison.training_error == pytest.approx((0.125 / 2) ** 0.5)
+    assert comparison.pairing == Pairing(both=2, only_first=4, only_second=0, neither=2)
+    assert Comparison(first[:1], second).training_error is None
+
+
+def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
+    for task in ("lift_ball", "push_box"):
+        for policy, outcomes in (("mine", "xxxx"), ("other", "....")):
+            put(tmp_path, trained(7, outcomes, policy, task))
+    config = CompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other")
+    compare(config)
+    printed = capsys.readouterr().out
+    for task in ("lift_ball", "push_box"):
+        (line,) = [line for line in printed.splitlines() if task in line and "±" in line]
+        assert [cell.strip() for cell in line.split("│")][4:-1] == [
+            "+100.0% ± 0.0% (episodes)",
+            "4, 0",
+            "0.125",
+            "0.25",
+        ]
+    assert "A single training of a policy does not say" in printed
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ({}, "several policies; choose one with --first_policy=mine|other"),
+        ({"first_policy": "third"}, "first_policy is 'third', but must be one of: mine, other"),
+    ],
+)
+def test_which_policy_of_a_folder_is_meant_must_be_said(flags, message, tmp_path):
+    put(tmp_path, trained(7, "xxxx"))
+    put(tmp_path, trained(7, "xxxx", "other"))
+    with pytest.raises(BimanualError, match=message.replace("|", r"\|")):
+        compare(CompareConfig(first=tmp_path, second=tmp_path, **flags))
+
+
+def test_folders_that_share_no_task_are_refused(tmp_path):
+    for folder, tasks in (("one", ("lift_ball", "push_box")), ("two", ("lift_tray",))):
+        (tmp_path / folder).mkdir()
+        for task in tasks:
+            put(tmp_path / folder, trained(7, "xxxx", task=task))
+    with pytest.raises(
+        BimanualError, match=r"no task is in both: lift_ball, push_box in .*one, lift_tray in"
+    ):
+        compare(CompareConfig(first=tmp_path / "one", second=tmp_path / "two"))
+
+
+class MadeUpEvaluations:
+    """Stands for a pipeline: every evaluation ends as it is told."""
+
+    def __init__(self, plan: Plan, outcomes: str):
+        self.plan, self.outcomes, self.ran = plan, outcomes, 0
+
+    def run(self, command: Command) -> None:
+        self.ran += 1
+        flags = dict(word.removeprefix("--").split("=", 1) for word in command.words[1:])
+        first, folder = int(flags["seed"]), Path(flags["output_dir"])
+        part = self.outcomes[first : first + int(flags["eval.n_episodes"])]
+        folder.mkdir(parents=True)
+        successes = {"metrics": {"successes": [letter == "x" for letter in part]}}
+        (folder / "eval_info.json").write_text(json.dumps({"per_task": [successes]}))
+        record = replace(ROW.evaluation, episodes=recorded(part, first_seed=first))
+        record.write(folder / "lift_ball_test_record.json")
+
+
+@pytest.mark.parametrize(("outcomes", "played"), [("x" * 40, 10), ("." * 20 + "x" * 20, 30), ("." * 40, 40)])
+def test_a_test_goes_on_until_it_is_sure_or_over(outcomes, played, tmp_path):
+    config = BenchmarkConfig(output=tmp_path, test_episodes=40, stop_when_sure=Path("rival.json"))
+    plan = Plan.of(config)
+    pipeline = MadeUpEvaluations(plan, outcomes)
+    rival = copy.copy(ROW)
+    object.__setattr__(rival, "episodes", recorded("." * 40))
+    record = play_until_sure(plan, pipeline, 4, rival)  # pyright: ignore[reportArgumentType]
+    assert len(record.episodes) == played == 10 * pipeline.ran
+
+
+def test_a_rival_must_have_played_the_same_seeds(tmp_path):
+    plan = Plan.of(BenchmarkConfig(output=tmp_path, test_episodes=6, stop_when_sure=Path("rival.json")))
+    with pytest.raises(BimanualError, match=r"rival\.json has not played the seeds \[4, 5\]"):
+        play_until_sure(plan, MadeUpEvaluations(plan, "x" * 6), 4, ROW)  # pyright: ignore[reportArgumentType]

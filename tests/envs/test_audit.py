@@ -1,0 +1,179 @@
+"""Episodes are recorded while they are played, and a record that was changed in any way is found out."""
+
+import json
+import re
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_to_text
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.json_record import decode
+from lerobot_env_bimanual.audit.episodes import EpisodeAuditor
+from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.freezing import FreezeWhenOver
+from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_env_bimanual.vector import LazyVectorEnv
+
+pytestmark = pytest.mark.sim
+
+SEED = 40_000
+
+
+def played_by_expert(task: str, seed: int = SEED) -> PlayedEpisode:
+    """The record of an expert's episode, by keyposes."""
+    env = BimanualEnv(task, obs="state")
+    recorder = EpisodeRecorder(env)
+    info = recorder.reset(seed=seed)[1]
+    for move in expert()(env):
+        info = recorder.step(move.action)[4]
+        if PLAYED in info:
+            break
+    env.close()
+    return decode(PlayedEpisode, json.loads(info[PLAYED]), "played")
+
+
+@pytest.fixture(scope="module")
+def played() -> PlayedEpisode:
+    return played_by_expert("lift_ball")
+
+
+@pytest.fixture(scope="module")
+def auditor():
+    auditor = EpisodeAuditor("lift_ball", {"split": "test", "max_keyposes": "25"})
+    yield auditor
+    auditor.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_an_experts_episode_of_every_task_is_found_as_recorded(task):
+    played = played_by_expert(task)
+    assert played.success
+    assert played.first_met_tick is not None
+    auditor = EpisodeAuditor(task, {"split": "test"})
+    assert auditor.audit(played).problems == ()
+    assert auditor.audit(played).problems == ()
+    auditor.close()
+
+
+def one_bit_of_action(played: PlayedEpisode) -> PlayedEpisode:
+    actions = actions_from_text(played.actions[0])
+    actions.view(np.uint32)[1, 2] ^= 1
+    return replace(played, actions=(actions_to_text(actions),))
+
+
+def fewer_actions(played: PlayedEpisode) -> PlayedEpisode:
+    return replace(played, actions=(actions_to_text(actions_from_text(played.actions[0])[:-1]),))
+
+
+def another_link(played: PlayedEpisode) -> PlayedEpisode:
+    first = "1" if played.links[5] != "1" else "2"
+    return replace(played, links=played.links[:5] + first + played.links[6:])
+
+
+DAMAGES = {
+    "an action": (one_bit_of_action, "another action or state at step 1, ticks "),
+    "an action less": (fewer_actions, "not over after its"),
+    "unreadable actions": (
+        lambda played: replace(played, actions=("7x18:!",)),
+        "cannot be unpacked|not the 7",
+    ),
+    "a seed": (lambda played: replace(played, seed=SEED + 1), "another state at the start"),
+    "the state at the start": (
+        lambda played: replace(played, start="0" * 64),
+        "another state at the start",
+    ),
+    "a link": (another_link, "another action or state at step 1"),
+    "the last link": (lambda played: replace(played, end="0" * 64), "chain of state hashes ends otherwise"),
+    "the outcome": (
+        lambda played: replace(played, success=False, failure="out of time"),
+        "success is False, but True when it is played again",
+    ),
+    "the first tick of success": (
+        lambda played: replace(played, first_met_tick=(played.first_met_tick or 0) - 1),
+        "first_met_tick is",
+    ),
+    "the ticks": (lambda played: replace(played, ticks=played.ticks + 1), "ticks is"),
+    "the keyposes": (lambda played: replace(played, keyposes=1), "keyposes is 1"),
+    "the instruction": (lambda played: replace(played, instruction="win"), "instruction is 'win'"),
+}
+
+
+@pytest.mark.parametrize(("damage", "message"), DAMAGES.values(), ids=DAMAGES.keys())
+def test_one_changed_thing_is_found(damage, message, played, auditor):
+    problems = auditor.audit(damage(played)).problems
+    assert problems
+    assert re.search(message, "; ".join(problems))
+
+
+def test_what_was_not_changed_is_as_claimed(played, auditor):
+    assert auditor.audit(played).problems == ()
+
+
+@pytest.mark.parametrize("answer", [np.full(16, np.nan), InvalidAction("an action must be a vector")])
+def test_episodes_that_ended_by_a_refused_answer_are_found_as_recorded(answer, auditor):
+    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv("lift_ball", obs="state")))
+    observation, _ = player.reset(seed=SEED)
+    for _ in range(2):
+        player.step(observation["agent_pos"])
+    info = player.step(answer)[4]
+    record = decode(PlayedEpisode, json.loads(info[PLAYED]), "played")
+    assert record.failure.startswith("invalid action: ")
+    assert len(record.action_list()) == 3
+    assert auditor.audit(record).problems == ()
+    player.close()
+
+
+def rolled_out(folder: Path, asynchronous: bool, seeds: list[int]) -> bytes:
+    """The record that a vector environment leaves of episodes that hold still for a while and then give up."""
+    make = partial(BimanualEnv, "lift_ball", obs="state", results_dir=str(folder))
+    envs = LazyVectorEnv([make] * 2, asynchronous=asynchronous)
+    for pair in (seeds[:2], seeds[2:]):
+        envs.reset(seed=pair)
+        holding = np.stack([observation["agent_pos"] for observation in envs.call("observe")])
+        for _ in range(2):
+            envs.step(holding)
+        envs.step(np.zeros((2, 18)))
+    envs.close()
+    return (folder / "lift_ball_test_record.json").read_bytes()
+
+
+def test_records_are_equal_bytes_in_one_process_and_in_several_and_after_other_episodes(tmp_path, capsys):
+    records = [
+        rolled_out(tmp_path / "sync", False, [3, 4, 5, 6]),
+        rolled_out(tmp_path / "async", True, [3, 4, 5, 6]),
+        rolled_out(tmp_path / "order", False, [5, 6, 3, 4]),
+    ]
+    assert records[0] == records[1] == records[2]
+    record = EvaluationRecord.read(tmp_path / "sync" / "lift_ball_test_record.json")
+    assert [episode.seed for episode in record.episodes] == [3, 4, 5, 6]
+    assert {episode.failure for episode in record.episodes} == {"left arm: zero quaternion"}
+
+    config = VerifyResultsConfig(results=tmp_path / "sync", workers=1)
+    assert verify_results(config) == 0
+    assert "lift_ball_test_record.json: as claimed" in capsys.readouterr().out
+    replace(record, episodes=(replace(record.episodes[0], ticks=9), *record.episodes[1:])).write(
+        tmp_path / "sync" / "lift_ball_test_record.json"
+    )
+    assert verify_results(config) == 1
+    assert "seed 3: ticks is 9, but 2 when it is played again" in capsys.readouterr().out
+
+
+def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
+    record = EvaluationRecord(1, "lift_ball", "0" * 12, {"split": "test"}, 1, {"numpy": "1"}, (played,))
+    record.write(tmp_path / "record.json")
+    assert verify_results(VerifyResultsConfig(results=tmp_path / "record.json", workers=1)) == 1
+    assert "world of lift_ball is 000000000000" in capsys.readouterr().out
+
+
+def test_fifty_keypose_episodes_take_less_than_500_kb(played):
+    assert 50 * len(json.dumps(asdict(played))) < 500_000
