@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-seeds="${SEEDS:-60000:60100}"
+seeds="${SEEDS:-61000:61100}"
 few="${seeds%%:*}:$((${seeds%%:*} + 50))"
 fewest="${seeds%%:*}:$((${seeds%%:*} + 20))"  # adversaries try several ways in each episode
 folder="${FOLDER:-results/certificates}"

@@ -2,7 +2,7 @@
 
 Prints per task and keypose the pixels of every object in every view, and in how many views each arm's target is seen.
 
-Usage: visibility.py [--task=all] [--split=test] [--seeds=60000:60010] [--output=FILE]
+Usage: visibility.py [--task=all] [--split=test] [--seeds=61000:61010] [--output=FILE]
 """
 
 import argparse
@@ -23,7 +23,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--task", default="all", help="task and suite names, comma separated")
     parser.add_argument("--split", default="test")
-    parser.add_argument("--seeds", default="60000:60010", help="first:stop, the same of every task")
+    parser.add_argument("--seeds", default="61000:61010", help="first:stop, the same of every task")
     parser.add_argument("--output", type=Path, help="JSON file")
     options = parser.parse_args()
     if options.output is not None:

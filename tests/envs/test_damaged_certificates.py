@@ -16,7 +16,7 @@ from lerobot_env_bimanual.reports.certified import CERTIFICATES
 
 COMMITTED = Path(__file__).parents[2] / "results" / "certificates"
 TASKS = ("lift_ball", "dual_push_buttons")
-SEEDS = range(60000, 60003)
+SEEDS = range(61000, 61003)
 
 type Content = dict[str, Any]
 
@@ -71,7 +71,7 @@ def without(*place: Any) -> Callable[[Content], None]:
 
 
 def other_seeds(content: Content) -> None:
-    content["seeds"] = "60001:60004"
+    content["seeds"] = "61001:61004"
     for episode in content["episodes"]:
         episode["seed"] += 1
 
@@ -108,12 +108,12 @@ DAMAGES: dict[str, tuple[str, Callable[[Content], None], str]] = {
     "another split": ("blind", setting("split", value="val"), "split is 'val', but must be test"),
     "no split": ("blind", setting("split", value="holdout"), "split is 'holdout', but must be one of"),
     "no replay": ("expert", setting("replay", value="none"), "replayed is True, but must be known just if"),
-    "range of seeds": ("random", setting("seeds", value="60000:60002"), "seed 60002 is not among"),
-    "longer range of seeds": ("random", setting("seeds", value="60000:60004"), "0 on seed 60003"),
-    "endless range of seeds": ("random", setting("seeds", value="60000:999999999"), "0 on seed 60003"),
+    "range of seeds": ("random", setting("seeds", value="61000:61002"), "seed 61002 is not among"),
+    "longer range of seeds": ("random", setting("seeds", value="61000:61004"), "0 on seed 61003"),
+    "endless range of seeds": ("random", setting("seeds", value="61000:999999999"), "0 on seed 61003"),
     "no range of seeds": ("random", setting("seeds", value="all"), "seeds is 'all'"),
-    "other seeds": ("noop", other_seeds, "seeds is '60001:60004', but must be 60000:60003"),
-    "other seeds of an expert": ("expert_discretised", other_seeds, "seeds is '60001:60004'"),
+    "other seeds": ("noop", other_seeds, "seeds is '61001:61004', but must be 61000:61003"),
+    "other seeds of an expert": ("expert_discretised", other_seeds, "seeds is '61001:61004'"),
     "another MuJoCo": ("noop", setting("versions", "mujoco", value="3.16.0"), "versions is .*3.16.0"),
     "no MuJoCo": ("noop", without("versions", "mujoco"), "versions is of .* but must be of frankik"),
     "another world": ("noop", setting("worlds", "lift_ball", value="0" * 12), "worlds is .*'000000000000'"),
@@ -131,10 +131,10 @@ DAMAGES: dict[str, tuple[str, Callable[[Content], None], str]] = {
         "variation is 9.* 0 to 0",
     ),
     "another variation": ("blind", setting("episodes", 0, "variation", value=1), "is there twice on seed"),
-    "an episode missing": ("random", without("episodes", 0), "0 on seed 60000"),
-    "an episode twice": ("random", one_episode_twice, "is there twice on seed 60000"),
+    "an episode missing": ("random", without("episodes", 0), "0 on seed 61000"),
+    "an episode twice": ("random", one_episode_twice, "is there twice on seed 61000"),
     "a task missing": ("noop", one_task_left_out, "worlds is of"),
-    "a variation missing": ("expert_discretised", one_variation_left_out, "there are 4 on seed 60000"),
+    "a variation missing": ("expert_discretised", one_variation_left_out, "there are 4 on seed 61000"),
     "one variation only": ("expert_discretised", one_variation_only, "variations is 'some only'"),
     "no episodes": ("noop", setting("episodes", value=[]), "worlds is of"),
     "a success invented": ("noop", setting("episodes", 0, "success", value=True), "failure is 'out of time'"),

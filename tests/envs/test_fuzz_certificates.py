@@ -22,7 +22,7 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks, resolve_ta
 pytestmark = pytest.mark.fuzz
 
 COMMITTED = Path(__file__).parents[2] / "results" / "certificates"
-SEEDS = range(60000, 60002)
+SEEDS = range(61000, 61002)
 JOB = Job("lift_ball", "0", "test", 0, "noop")
 OUTCOME = Outcome(
     "lift_ball", 0, "test", 0, False, "fell", "lift", ("up",), (MoveReport("lift", (0.5,), 9, (0.0, 1.0), True),), 9, 1,

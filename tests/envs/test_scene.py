@@ -215,6 +215,7 @@ def test_shells_that_are_only_seen_change_no_contact(task, monkeypatch):
     bare = Scene(props)
     monkeypatch.setattr(scene_module, "solid_geom_counts", lambda model: model.body_geomnum.copy())
     dressed = Scene(props)
+    assert not bare.model.geom_margin.any()  # with one, MuJoCo would bound bodies otherwise
     command = bare.commanded
     touched = 0
     for _ in range(20):
