@@ -24,8 +24,9 @@ PAGE = """\
 Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not edit.
 
 Each cell is one training with one seed, successes of unseen episodes of the split `test` and their 95 % Wilson interval, or
-several trainings, successes of each, their mean and its standard deviation between trainings. The checkpoint was chosen on the split `val`. The expert acts on the same episodes, and so does the blind control, which
-plays the mean keyposes of 30 training episodes whatever the scene; of a task with variations it plays each, on all seeds.
+several trainings, successes of each, their mean and the standard deviation between trainings. The checkpoint was chosen on
+the split `val`. The expert acts on the same episodes, and so does the blind control, which plays the mean keyposes of 30
+training episodes whatever the scene; of a task with variations it plays each, on all seeds.
 
 {success}
 
