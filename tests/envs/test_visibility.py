@@ -116,7 +116,5 @@ def test_a_stored_measurement_is_read_as_it_was_written_and_a_damaged_one_is_ref
 @pytest.mark.slow
 @pytest.mark.parametrize("task", list_tasks())
 def test_before_every_move_two_cameras_see_what_each_arm_goes_to(task):
-    """Nearly always: the open door and the right arm hide the oven's tray from all but one where it stands askew."""
     views = [sight.views(arm) for sight in sights(task, range(4), "val") for arm in sight.targets]
-    assert min(views) >= 1
-    assert np.mean(np.array(views) >= MIN_VIEWS) >= (0.9 if task == "take_tray_out_of_oven" else 1.0)
+    assert min(views) >= MIN_VIEWS
