@@ -99,7 +99,9 @@ class Blamer:
         actions = _readable(played)
         states, facts = self._play(actions, played.failure)
         if self._env.progress.ticks != played.ticks or self._env.progress.succeeded:
-            raise BimanualError(f"seed {played.seed} does not come out as recorded; `verify-results` says where")
+            raise BimanualError(
+                f"seed {played.seed} does not come out as recorded; `verify-results` says where"
+            )
         kind, fact = failure_class(self._env.task, facts, expert_facts)
         index, loser, recovers = None, Loser.NOT_EVEN_EXPERT, None
         if any(action.size not in (0, KEYPOSE_DIM) for action in actions):
@@ -125,7 +127,9 @@ class Blamer:
     def _start(self, played: PlayedEpisode) -> None:
         self._env.reset(seed=played.seed, options={"variation": played.variation})
         if self._env.state_hash() != played.start:
-            raise BimanualError(f"seed {played.seed} starts in another state here; `verify-results` says more")
+            raise BimanualError(
+                f"seed {played.seed} starts in another state here; `verify-results` says more"
+            )
 
     def _play_expert(self) -> tuple[EpisodeFacts, bool]:
         env, self._expert = self._env, []
@@ -161,7 +165,9 @@ class Blamer:
             if self._recovers(end, self._expert_from(count)):
                 return count, Loser.NOBODY, None
         last = next(
-            index for index in reversed(range(count)) if self._recovers(states[index], self._expert_from(index))
+            index
+            for index in reversed(range(count))
+            if self._recovers(states[index], self._expert_from(index))
         )
         left, right = (
             self._recovers(

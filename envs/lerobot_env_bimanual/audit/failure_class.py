@@ -53,7 +53,10 @@ def _classes(task: str, facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[t
         yield FailureClass.COLLISION, "the simulation became unstable"
     most_n = COLLISION_FACTOR * bounds_of(task)["contact_force_n"]
     if facts.contact_force_n > most_n:
-        yield FailureClass.COLLISION, f"an arm pushed with {facts.contact_force_n:.0f} N, above {most_n:.0f} N"
+        yield (
+            FailureClass.COLLISION,
+            f"an arm pushed with {facts.contact_force_n:.0f} N, above {most_n:.0f} N",
+        )
     for other in sorted(facts.others_met - expert.others_met):
         yield FailureClass.WRONG_OBJECT, f"{other} was met, which nobody asked for"
     for arm, thing in sorted(facts.gripped):
