@@ -45,10 +45,12 @@ PLANTED = {
         1,
         Loser.COORDINATION,
     ),
-    "nothing but to go on": (TRAY, lambda keyposes: keyposes[:1], 25, Loser.NOBODY),
+    "both stay beside": (TRAY, lambda keyposes: keyposes[:1], 1, Loser.COORDINATION),
+    "all but the last, in vain": (TRAY, lambda keyposes: keyposes[:-1], 25, Loser.NOBODY),
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "change", "index", "loser"), PLANTED.values(), ids=PLANTED.keys())
 def test_an_arms_planted_error_is_blamed_on_it(task, change, index, loser):
     found = blamed(task, played(task, change(expert_keyposes(task))))
