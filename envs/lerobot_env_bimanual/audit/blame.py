@@ -1,9 +1,9 @@
 """Which keypose lost an episode, and which arm's half of it.
 
 A failed episode is played again with a snapshot before every keypose. From each of them, the last one first, the expert
-takes over with both arms: it plays the keyposes of its own episode of the same seed, from the same number on, with the time
-that is left. The last keypose before which that succeeds is the one that lost the episode. Of this keypose then one arm's
-half alone is replaced by the expert's, before the expert goes on with both.
+takes over with both arms: it plays the keyposes of its own episode of the same seed, from the same number on, with the
+time that is left. The last keypose before which that succeeds is the one that lost the episode. Of this keypose then one
+arm's half alone is replaced by the expert's, before the expert goes on with both.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ class Blamer:
     def _search(
         self, actions: list[NDArray[np.float32]], states: list[Any]
     ) -> tuple[int | None, Loser, tuple[bool, bool] | None]:
-        """The last recoverable keypose, who lost it, and whether the left or the right arm's half would have sufficed."""
+        """The last recoverable keypose, who lost it, and whether the left or the right half would have sufficed."""
         end, count = states[-1], len(actions)
         if not end[1].failure:
             end[1].ticks = end[1].keyposes = 0  # only time ended it, so let there be more

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from enum import StrEnum
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_env_bimanual.audit.witness import EpisodeFacts
 from lerobot_env_bimanual.expert.strain import bounds_of
 from lerobot_env_bimanual.freezing import INVALID_ACTION
@@ -66,11 +66,19 @@ def _classes(task: str, facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[t
     for thing, tick in facts.lost.items():
         if thing in gripped_by_expert:
             yield FailureClass.DROPPED, f"{thing} was lost at tick {tick}"
-    for arm in ARMS:
-        due = sorted(thing for hand, thing in expert.gripped if hand is arm)
-        if due and arm in facts.closed and not any((arm, thing) in facts.gripped for thing in due):
-            yield FailureClass.MISSED_GRASP, f"the {arm} hand closed, and never held {', '.join(due)}"
+    missed = [
+        (arm, due)
+        for arm in ARMS
+        if arm in facts.closed and (due := _gripped_by(expert, arm)) and not due & _gripped_by(facts, arm)
+    ]
+    if missed:
+        hands = (f"the {arm} hand closed, and never held {', '.join(sorted(due))}" for arm, due in missed)
+        yield FailureClass.MISSED_GRASP, "; ".join(hands)
     if not facts.unmet and not facts.met_together:
         yield FailureClass.OUT_OF_STEP, "each condition held at some tick, but never all together"
     held = "all held together, but not for half a second" if facts.met_together else ""
     yield FailureClass.OUT_OF_TIME, held or f"never met: {', '.join(facts.unmet)}"
+
+
+def _gripped_by(facts: EpisodeFacts, arm: Arm) -> set[str]:
+    return {thing for hand, thing in facts.gripped if hand is arm}

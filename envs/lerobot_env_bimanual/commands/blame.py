@@ -35,10 +35,10 @@ class BlameConfig:
 def blame(config: BlameConfig) -> int:
     """Say of failed episodes why they failed, which keypose lost them, and which arm.
 
-    Each failed episode is played again from its seed, and classed by rules from physics. If it was played by keyposes, the
-    expert takes over with both arms from a snapshot before each of them: the last one before which it still succeeds has
-    lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices, this arm lost it; if
-    either suffices, either; if neither does, their coordination. No weights are needed.
+    Each failed episode is played again from its seed, and classed by rules from physics. If it was played by keyposes,
+    the expert takes over with both arms from a snapshot before each of them: the last one before which it still
+    succeeds has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices,
+    this arm lost it; if either suffices, either; if neither does, their coordination. No weights are needed.
 
     Examples:
         lerobot-bimanual blame --results=results/leaderboard

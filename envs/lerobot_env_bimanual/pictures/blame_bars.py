@@ -32,7 +32,12 @@ def blame_bars(found: Mapping[str, Sequence[Blame]]) -> Image.Image:
     header = 2 * GAP + TITLE_SIZE + 2 * TEXT_SIZE
     sheet = Image.new("RGB", (WIDTH, header + PANEL_HEIGHT * len(found) + GAP), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((GAP, GAP), "Which keypose lost the episode, and who", INK, ImageFont.load_default(TITLE_SIZE))
+    draw.text(
+        (GAP, GAP),
+        "Index of the keypose that lost the episode, and who lost it",
+        INK,
+        ImageFont.load_default(TITLE_SIZE),
+    )
     _draw_legend(draw, GAP + TITLE_SIZE + GAP)
     for row, (task, blames) in enumerate(found.items()):
         _draw_panel(draw, header + PANEL_HEIGHT * row, task, blames)
