@@ -72,6 +72,7 @@ PLANTED = {
     "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), FailureClass.DROPPED),
     "a left grasp beside the item": (EASY, shifted(1, LEFT_X, 0.06), FailureClass.MISSED_GRASP),
     "a right grasp beside the rim": ("lift_tray", shifted(1, RIGHT_X, 0.06), FailureClass.MISSED_GRASP),
+    "a hand that takes nothing over": (EASY, from_on(4, RIGHT_X, 0.15), FailureClass.MISSED_GRASP),
     "one hand after the other": (
         "dual_push_buttons",
         one_hand_after_the_other,
@@ -93,16 +94,14 @@ def test_a_planted_failure_is_told_from_the_others(task, change, kind):
 
 
 def test_of_several_kinds_the_first_counts():
-    nothing = EpisodeFacts(
-        "", False, 0.0, frozenset(), frozenset(), frozenset(), {}, (), ("a",), False, frozenset()
-    )
+    nothing = EpisodeFacts("", False, 0.0, frozenset(), frozenset(), {}, {}, (), ("a",), False, frozenset())
     expert = replace(nothing, gripped=frozenset({(Arm.LEFT, "item")}), touched=frozenset({"item"}))
     facts = replace(
         nothing,
         failure=f"{INVALID_ACTION}NaN",
         unstable=True,
         gripped=frozenset({(Arm.RIGHT, "other"), (Arm.RIGHT, "item")}),
-        closed=frozenset({Arm.LEFT}),
+        closed={Arm.LEFT: 8},
         lost={"item": 7},
         met=("a",),
         unmet=(),
@@ -113,7 +112,7 @@ def test_of_several_kinds_the_first_counts():
         FailureClass.COLLISION: {"unstable": False},
         FailureClass.WRONG_OBJECT: {"gripped": frozenset({(Arm.RIGHT, "item")})},
         FailureClass.DROPPED: {"lost": {}},
-        FailureClass.MISSED_GRASP: {"closed": frozenset()},
+        FailureClass.MISSED_GRASP: {"closed": {}},
         FailureClass.OUT_OF_STEP: {"met": (), "unmet": ("a",)},
         FailureClass.OUT_OF_TIME: {},
     }

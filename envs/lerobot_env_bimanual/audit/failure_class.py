@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from enum import StrEnum
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import Arm
 from lerobot_env_bimanual.audit.witness import EpisodeFacts
 from lerobot_env_bimanual.expert.strain import bounds_of
 from lerobot_env_bimanual.freezing import INVALID_ACTION
@@ -20,7 +20,7 @@ NAMES_OF_ARMS = ("left arm: ", "right arm: ", "both arms: ")
 
 
 class FailureClass(StrEnum):
-    """Kinds of failure; of several that apply, the first counts."""
+    """Kinds of failure; of several that apply, the first counts, and of dropped and missed what happened first."""
 
     INVALID_ACTION = "invalid action"
     UNREACHABLE = "unreachable"
@@ -62,22 +62,27 @@ def _classes(task: str, facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[t
     for arm, thing in sorted(facts.gripped):
         if thing not in expert.touched:
             yield FailureClass.WRONG_OBJECT, f"the {arm} hand held {thing}, which the expert does not touch"
-    gripped_by_expert = {thing for _, thing in expert.gripped}
-    for thing, tick in facts.lost.items():
-        if thing in gripped_by_expert:
-            yield FailureClass.DROPPED, f"{thing} was lost at tick {tick}"
-    missed = [
-        (arm, due)
-        for arm in ARMS
-        if arm in facts.closed and (due := _gripped_by(expert, arm)) and not due & _gripped_by(facts, arm)
-    ]
-    if missed:
-        hands = (f"the {arm} hand closed, and never held {', '.join(sorted(due))}" for arm, due in missed)
-        yield FailureClass.MISSED_GRASP, "; ".join(hands)
+    yield from _failed_grips(facts, expert)
     if not facts.unmet and not facts.met_together:
         yield FailureClass.OUT_OF_STEP, "each condition held at some tick, but never all together"
     held = "all held together, but not for half a second" if facts.met_together else ""
     yield FailureClass.OUT_OF_TIME, held or f"never met: {', '.join(facts.unmet)}"
+
+
+def _failed_grips(facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[tuple[FailureClass, str]]:
+    """What was dropped or missed, in the order in which it happened: of these two each may be the other's consequence."""
+    happened: list[tuple[int, FailureClass, str]] = []
+    gripped_by_expert = {thing for _, thing in expert.gripped}
+    for thing, tick in facts.lost.items():
+        if thing in gripped_by_expert:
+            happened.append((tick, FailureClass.DROPPED, f"{thing} was lost at tick {tick}"))
+    for arm, tick in facts.closed.items():
+        due = _gripped_by(expert, arm)
+        if due and not due & _gripped_by(facts, arm):
+            fact = f"the {arm} hand closed at tick {tick}, and never held {', '.join(sorted(due))}"
+            happened.append((tick, FailureClass.MISSED_GRASP, fact))
+    for _, kind, fact in sorted(happened):
+        yield kind, fact
 
 
 def _gripped_by(facts: EpisodeFacts, arm: Arm) -> set[str]:

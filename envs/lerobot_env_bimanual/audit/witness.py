@@ -36,7 +36,7 @@ class EpisodeFacts:
         contact_force_n: largest force between an arm and all else, through the low pass of `expert.strain`.
         gripped: hands, and what each held for `SURE_TICKS`.
         touched: what any hand touched.
-        closed: hands that were told to close for `SURE_TICKS`.
+        closed: hands that were told to close for `SURE_TICKS`, and the tick at which they first were.
         lost: what was held for `SURE_TICKS` and then slipped out of a hand that was told to stay closed, or was let go
             and fell by `FALL_M` within `FALL_TICKS`; and the tick at which no hand held it any more.
         met: names of the conditions of success that held at some tick.
@@ -50,7 +50,7 @@ class EpisodeFacts:
     contact_force_n: float
     gripped: frozenset[tuple[Arm, str]]
     touched: frozenset[str]
-    closed: frozenset[Arm]
+    closed: dict[Arm, int]
     lost: dict[str, int]
     met: tuple[str, ...]
     unmet: tuple[str, ...]
@@ -75,6 +75,7 @@ class EpisodeWitness:
         self._gripped: Counter[tuple[Arm, str]] = Counter()
         self._touched: set[str] = set()
         self._closed: Counter[Arm] = Counter()
+        self._first_closed: dict[Arm, int] = {}
         self._carried: dict[str, _Carried] = {}
         self._lost: dict[str, int] = {}
         self._met: set[str] = set()
@@ -101,7 +102,7 @@ class EpisodeWitness:
             contact_force_n=self._strain.result().contact_force_n if progress.ticks else 0.0,
             gripped=frozenset(_sure(self._gripped)),
             touched=frozenset(self._touched),
-            closed=frozenset(_sure(self._closed)),
+            closed={arm: self._first_closed[arm] for arm in _sure(self._closed)},
             lost=self._lost,
             met=tuple(name for name in names if name in self._met),
             unmet=tuple(name for name in names if name not in self._met),
@@ -118,6 +119,7 @@ class EpisodeWitness:
         self._others_met.update(other.name for other in self._others if other(scene))
         closed = {arm for arm in ARMS if by_arm(scene.commanded)[arm.ordinal, -1] < 0.5}
         self._closed.update(closed)
+        self._first_closed = dict.fromkeys(closed, self._env.progress.ticks) | self._first_closed
         self._touched.update(*(self._things.touched(arm) for arm in ARMS))
         held = {arm: self._things.held(arm) for arm in ARMS}
         self._gripped.update((arm, thing) for arm in ARMS for thing in held[arm])
