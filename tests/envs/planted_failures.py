@@ -60,7 +60,7 @@ def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keypo
     return change
 
 
-def played(task: str, actions: Sequence[NDArray], seed: int = SEED) -> PlayedEpisode:
+def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED) -> PlayedEpisode:
     """The record of an episode of these actions; the last one is repeated until it is over."""
     player = FreezeWhenOver(EpisodeRecorder(BimanualEnv(task, obs="state")))
     player.reset(seed=seed, options={"variation": 0})

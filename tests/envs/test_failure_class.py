@@ -128,3 +128,12 @@ def test_other_conditions_are_of_what_nobody_asked_for(task):
     for variation in definition.spec.variations:
         others = set(other_conditions(definition, variation))
         assert not others & set(definition.conditions(variation))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_whoever_stops_half_way_touched_nothing_wrong(task):
+    keyposes = expert_keyposes(task)
+    expert = witnessed(task, keyposes)
+    found, fact = failure_class(task, witnessed(task, keyposes[: len(keyposes) // 2]), expert)
+    assert found in (FailureClass.OUT_OF_TIME, FailureClass.OUT_OF_STEP), fact

@@ -70,7 +70,7 @@ def _classes(task: str, facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[t
 
 
 def _failed_grips(facts: EpisodeFacts, expert: EpisodeFacts) -> Iterator[tuple[FailureClass, str]]:
-    """What was dropped or missed, in the order in which it happened: of these two each may be the other's consequence."""
+    """What was dropped or missed, in the order in which it happened: each may be the other's consequence."""
     happened: list[tuple[int, FailureClass, str]] = []
     gripped_by_expert = {thing for _, thing in expert.gripped}
     for thing, tick in facts.lost.items():
