@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.json_file import read_json
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from lerobot_bimanual.benchmark.results import ResultRow
     from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
     from lerobot_bimanual.evaluation.record import EvaluationRecord
@@ -50,6 +48,7 @@ def verify_results(config: VerifyResultsConfig) -> int:
         lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
     """
+    from lerobot_env_bimanual.audit.result_files import result_files
     from lerobot_env_bimanual.expert.campaign import Campaign
 
     for name in ("sample", "controls"):
@@ -57,7 +56,7 @@ def verify_results(config: VerifyResultsConfig) -> int:
             raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
     is_sound = True
     with Campaign(config.workers) as campaign:
-        for path in _files(config.results):
+        for path in result_files(config.results):
             problems = list(_problems(path, config, campaign))
             print(f"{path}: {'as claimed' if not problems else 'NOT as claimed'}")
             for problem in problems:
@@ -66,21 +65,13 @@ def verify_results(config: VerifyResultsConfig) -> int:
     return 0 if is_sound else 1
 
 
-def _files(results: Path) -> list[Path]:
-    if not results.is_dir():
-        return [results]
-    found = sorted(results.glob("*.json"))
-    if not found:
-        raise BimanualError(f"{results} holds no results; `lerobot-bimanual benchmark` writes them")
-    return found
-
-
 def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> Iterator[str]:
     import numpy as np
 
     from lerobot_bimanual.benchmark.results import ResultRow
     from lerobot_bimanual.evaluation.record import EvaluationRecord
     from lerobot_env_bimanual.audit.controls import control_problems
+    from lerobot_env_bimanual.audit.result_files import drawn
     from lerobot_env_bimanual.tasks.registry import get_task
 
     content = read_json(path)
@@ -90,22 +81,16 @@ def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> It
     get_task(record.task)
     yield from _other_world(record)
     rng = np.random.default_rng(config.seed)
-    episodes = _drawn(record.episodes, config.sample, rng)
+    episodes = drawn(record.episodes, config.sample, rng)
     audits = _audits(record, episodes, campaign)
     for audit in audits:
         yield from (f"seed {audit.seed}: {problem}" for problem in audit.problems)
     if row is not None:
         yield from _demonstrated(row, audits)
-        seeds = [episode.seed for episode in _drawn(record.episodes, config.controls, rng)]
+        seeds = [episode.seed for episode in drawn(record.episodes, config.controls, rng)]
         certificates = config.certificates or path.parent.parent / "certificates"
         if config.controls:
             yield from control_problems(row, campaign, seeds, certificates)
-
-
-def _drawn(episodes: tuple[PlayedEpisode, ...], count: int, rng: np.random.Generator) -> list[PlayedEpisode]:
-    if not 0 < count < len(episodes):
-        return list(episodes)
-    return [episodes[index] for index in sorted(rng.choice(len(episodes), count, replace=False))]
 
 
 def _other_world(record: EvaluationRecord) -> Iterator[str]:

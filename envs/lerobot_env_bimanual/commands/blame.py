@@ -1,0 +1,164 @@
+"""The verb `blame`: why episodes failed, at which keypose, and by which arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.json_file import read_json
+
+if TYPE_CHECKING:
+    from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+    from lerobot_bimanual.evaluation.record import EvaluationRecord
+    from lerobot_env_bimanual.audit.blame import Blame, Blamer
+    from lerobot_env_bimanual.workers import WorkerPool
+
+type Options = tuple[tuple[str, str], ...]
+
+
+@dataclass
+class BlameConfig:
+    """Options of the verb `blame`."""
+
+    # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
+    results: Path = field(kw_only=True)
+    sample: int = 0  # failed episodes looked at of each result, drawn at random; 0 takes all
+    seed: int = 0  # of the draws
+    output: Path | None = None  # JSON file with all that was found
+    figure: Path | None = None  # PNG: at which keypose episodes were lost, and by whom
+    workers: int = 0  # processes; 0 takes one per core
+
+
+def blame(config: BlameConfig) -> int:
+    """Say of failed episodes why they failed, which keypose lost them, and which arm.
+
+    Each failed episode is played again from its seed, and classed by rules from physics. If it was played by keyposes,
+    the expert takes over with both arms from a snapshot before each of them: the last one before which it still
+    succeeds has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices,
+    this arm lost it; if either suffices, either; if neither does, their coordination. No weights are needed.
+
+    Examples:
+        lerobot-bimanual blame --results=results/leaderboard
+        lerobot-bimanual blame --results=outputs/eval/lift_ball_test_record.json --figure=outputs/blame.png
+        lerobot-bimanual blame --results=results/leaderboard --sample=5 --output=outputs/blame.json
+    """
+    import numpy as np
+
+    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_env_bimanual.audit.result_files import drawn, result_files
+    from lerobot_env_bimanual.workers import WorkerPool
+
+    if config.sample < 0:
+        raise InvalidChoice("sample", config.sample, ["a number of episodes from 0 on"])
+    for path in filter(None, (config.output, config.figure)):
+        check_output_file(path)
+    found: dict[str, list[Blame]] = {}
+    with WorkerPool(config.workers) as pool:
+        for path in result_files(config.results):
+            record = _record(path)
+            failed = tuple(episode for episode in record.episodes if not episode.success)
+            rng = np.random.default_rng(config.seed)
+            blames = list(_blames(record, drawn(failed, config.sample, rng), pool))
+            found.setdefault(record.task, []).extend(blames)
+            print(f"{path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
+            _print_table(blames)
+    _print_sums(found)
+    _write(found, config)
+    return 0
+
+
+def _record(path: Path) -> EvaluationRecord:
+    from lerobot_bimanual.benchmark.results import ResultRow
+    from lerobot_bimanual.evaluation.record import EvaluationRecord
+    from lerobot_env_bimanual.expert.world_version import world_version
+
+    content = read_json(path)
+    is_row = isinstance(content, dict) and "policy" in content
+    record = ResultRow.read(path).evaluation if is_row else EvaluationRecord.read(path)
+    if record.world != (here := world_version(record.task)):
+        raise BimanualError(
+            f"{path}: world of {record.task} is {record.world}, but {here} here: "
+            f"play it with the versions {record.versions}"
+        )
+    return record
+
+
+def _blames(record: EvaluationRecord, episodes: Sequence[PlayedEpisode], pool: WorkerPool) -> Iterator[Blame]:
+    options = tuple(sorted(record.options.items()))
+    jobs = [(record.task, options, episode) for episode in episodes]
+    return pool.map(_blame, jobs, f"{record.task}: why it failed", "episode", name=_name)
+
+
+def _name(job: tuple[str, Options, PlayedEpisode]) -> str:
+    return f"{job[0]}, seed {job[2].seed}"
+
+
+def _print_table(blames: Sequence[Blame]) -> None:
+    from lerobot_bimanual.markdown_table import markdown_table
+
+    headings = ("seed", "class", "last recoverable keypose", "lost by", "fact")
+    rows = [
+        (blame.seed, blame.failure_class, _shown(blame.last_recoverable), blame.loser, blame.fact)
+        for blame in blames
+    ]
+    if rows:
+        print(markdown_table(headings, rows))
+
+
+def _shown(index: int | None) -> str:
+    return "" if index is None else str(index)
+
+
+def _print_sums(found: dict[str, list[Blame]]) -> None:
+    from lerobot_bimanual.markdown_table import markdown_table
+    from lerobot_env_bimanual.audit.blame import Loser
+    from lerobot_env_bimanual.audit.failure_class import FailureClass
+
+    for heading, kinds, attribute in (
+        ("class", FailureClass, "failure_class"),
+        ("lost by", Loser, "loser"),
+    ):
+        kinds_of = {task: [getattr(blame, attribute) for blame in blames] for task, blames in found.items()}
+        print(f"\nBy {heading}:")
+        print(
+            markdown_table(
+                ("task", *kinds, "failed"),
+                [
+                    (task, *(of_task.count(kind) for kind in kinds), len(of_task))
+                    for task, of_task in kinds_of.items()
+                ],
+            )
+        )
+
+
+def _write(found: dict[str, list[Blame]], config: BlameConfig) -> None:
+    import json
+    from dataclasses import asdict
+
+    from lerobot_bimanual.output_file import write_file
+    from lerobot_env_bimanual.pictures.blame_bars import blame_bars
+
+    if config.output is not None:
+        content = {task: [asdict(blame) for blame in blames] for task, blames in found.items()}
+        write_file(config.output, json.dumps(content, indent=1) + "\n")
+    if config.figure is not None:
+        blame_bars(found).save(config.figure, format="png")
+
+
+_blamers: dict[tuple[str, Options], Blamer] = {}
+
+
+def _blame(job: tuple[str, Options, PlayedEpisode]) -> Blame:
+    """Look at one episode in this process, in an environment that is kept for the next one of its kind."""
+    from lerobot_env_bimanual.audit.blame import Blamer
+
+    task, options, episode = job
+    if (task, options) not in _blamers:
+        for blamer in _blamers.values():
+            blamer.close()
+        _blamers.clear()
+        _blamers[task, options] = Blamer(task, dict(options))
+    return _blamers[task, options].blame(episode)

@@ -1,0 +1,72 @@
+"""Episodes of the expert with one planted error, recorded as an evaluation would."""
+
+import json
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.json_record import decode
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.expert.reading import Script
+from lerobot_env_bimanual.expert.runner import home_keypose
+from lerobot_env_bimanual.freezing import FreezeWhenOver
+
+Keyposes = NDArray[np.float32]
+SEED = 40_001
+
+
+@cache
+def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -> Keyposes:
+    """Keyposes (n, 18) of the expert, or of another script, in variation 0."""
+    env, keyposes = BimanualEnv(task, obs="state"), []
+    env.reset(seed=seed, options={"variation": 0})
+    target = home_keypose(env.scene)
+    stages = (
+        env.task_definition.script(env.scene, env.progress.variation) if script is None else script(env.scene)
+    )
+    for stage in stages:
+        target = stage.keypose(target)
+        keyposes.append(target.to_vector())
+        _, _, terminated, truncated, _ = env.step(keyposes[-1])
+        if terminated or truncated:
+            break
+    env.close()
+    return np.array(keyposes)
+
+
+def shifted(index: int, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
+    """An error: one number of one keypose is off."""
+
+    def change(keyposes: Keyposes) -> Keyposes:
+        changed = keyposes.copy()
+        changed[index, column] += by
+        return changed
+
+    return change
+
+
+def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keyposes]:
+    """An error: one number is another from one keypose on."""
+
+    def change(keyposes: Keyposes) -> Keyposes:
+        changed = keyposes.copy()
+        changed[index:, column] = value
+        return changed
+
+    return change
+
+
+def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED) -> PlayedEpisode:
+    """The record of an episode of these actions; the last one is repeated until it is over."""
+    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv(task, obs="state")))
+    player.reset(seed=seed, options={"variation": 0})
+    info, index = {}, 0
+    while PLAYED not in info:
+        info = player.step(actions[min(index, len(actions) - 1)])[4]
+        index += 1
+    player.close()
+    return decode(PlayedEpisode, json.loads(info[PLAYED]), "played")

@@ -1,0 +1,94 @@
+"""Who lost an episode is found where it is known: one arm's half of one keypose was made wrong."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from planted_failures import SEED, expert_keyposes, from_on, played, shifted
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_env_bimanual.audit.blame import Blamer, Loser
+from lerobot_env_bimanual.audit.failure_class import FailureClass
+from lerobot_env_bimanual.commands.blame import BlameConfig, blame
+from lerobot_env_bimanual.expert.world_version import world_version
+
+pytestmark = pytest.mark.sim
+
+EASY, TRAY = "handover_item_easy", "lift_tray"
+LEFT_X, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 7, 9, 16
+OPTIONS = {"split": "test", "max_keyposes": "25"}
+
+
+def record_of(task: str, *episodes) -> EvaluationRecord:
+    return EvaluationRecord(1, task, world_version(task), OPTIONS, 1, {"numpy": "1"}, episodes)
+
+
+def blamed(task: str, episode):
+    blamer = Blamer(task, OPTIONS)
+    found = blamer.blame(episode)
+    blamer.close()
+    return found
+
+
+PLANTED = {
+    "left grasp": (EASY, shifted(1, LEFT_X, 0.06), 1, Loser.LEFT),
+    "left opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), 3, Loser.LEFT),
+    "right never closes": (EASY, from_on(4, RIGHT_OPEN, 1.0), 4, Loser.RIGHT),
+    "left out of reach": (EASY, shifted(2, LEFT_X, 3.0), 2, Loser.LEFT),
+    "right is no number": (EASY, shifted(3, RIGHT_X, np.nan), 3, Loser.RIGHT),
+    "right grasp": (TRAY, shifted(1, RIGHT_X, 0.06), 1, Loser.RIGHT),
+    "both grasps": (
+        TRAY,
+        lambda keyposes: shifted(1, LEFT_X, 0.06)(shifted(1, RIGHT_X, 0.06)(keyposes)),
+        1,
+        Loser.COORDINATION,
+    ),
+    "both stay beside": (TRAY, lambda keyposes: keyposes[:1], 1, Loser.COORDINATION),
+    "all but the last, in vain": (TRAY, lambda keyposes: keyposes[:-1], 25, Loser.NOBODY),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("task", "change", "index", "loser"), PLANTED.values(), ids=PLANTED.keys())
+def test_an_arms_planted_error_is_blamed_on_it(task, change, index, loser):
+    found = blamed(task, played(task, change(expert_keyposes(task))))
+    assert (found.last_recoverable, found.loser) == (index, loser), found
+
+
+def test_of_joint_actions_only_the_class_is_told():
+    episode = played("lift_ball", [np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], 2)])
+    found = blamed("lift_ball", episode)
+    assert found.loser == Loser.NOT_KEYPOSES
+    assert found.last_recoverable is None
+    assert found.failure_class in FailureClass
+
+
+def test_the_verb_says_who_lost_what_and_draws_it(tmp_path, capsys):
+    keyposes = expert_keyposes(EASY)
+    episode = played(EASY, shifted(1, LEFT_X, 0.06)(keyposes))
+    path, output, figure = (tmp_path / name for name in ("record.json", "blame/found.json", "blame/bars.png"))
+    record_of(EASY, episode).write(path)
+    assert blame(BlameConfig(results=path, output=output, figure=figure, workers=1)) == 0
+    printed = capsys.readouterr().out
+    assert f"| {SEED} | missed grasp | 1 | left arm |" in printed
+    assert "1 episodes of handover_item_easy, 1 failed" in printed
+    assert json.loads(output.read_text())[EASY][0]["recovers"] == [True, False]
+    with Image.open(figure) as picture:
+        colors = {color for _, color in picture.convert("RGB").getcolors(1 << 20) or ()}
+    assert (0, 114, 178) in colors
+
+
+def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):
+    episode = played(TRAY, expert_keyposes(TRAY)[:1])
+    record = record_of(TRAY, episode)
+    path = tmp_path / "record.json"
+    record.write(path)
+    path.write_text(path.read_text().replace(record.world, "0" * 12))
+    with pytest.raises(BimanualError, match=f"world of {TRAY} is 000000000000"):
+        blame(BlameConfig(results=path, workers=1))
+    record.write(path)
+    path.write_text(path.read_text().replace(episode.start, "0" * 64))
+    with pytest.raises(BimanualError, match=f"seed {SEED} starts in another state"):
+        blame(BlameConfig(results=path, workers=1))
