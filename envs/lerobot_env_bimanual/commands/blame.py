@@ -119,7 +119,7 @@ def _print_sums(found: dict[str, list[Blame]]) -> None:
 
     for heading, kinds, attribute in (
         ("class", FailureClass, "failure_class"),
-        ("lost by", Loser, "loser"),
+        ("who lost them", Loser, "loser"),
     ):
         kinds_of = {task: [getattr(blame, attribute) for blame in blames] for task, blames in found.items()}
         print(f"\nBy {heading}:")
