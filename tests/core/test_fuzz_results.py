@@ -86,7 +86,9 @@ def test_a_leaderboard_is_a_whole_page_or_an_error(data, tmp_path_factory):
     except BimanualError as error:
         check_clear(error, str(folder))
     else:
-        assert page.endswith("compares every state and claim.\n")  # its policy is not installed: no command follows
+        assert page.endswith(
+            "compares every state and claim.\n"
+        )  # its policy is not installed: no command follows
 
 
 @given(data=st.data())
