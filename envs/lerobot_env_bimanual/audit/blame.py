@@ -20,10 +20,9 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import PLAYED_OPTIONS
+from lerobot_env_bimanual.audit.episodes import played_env
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
-from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.freezing import INVALID_ACTION
 
@@ -81,8 +80,7 @@ class Blamer:
     """
 
     def __init__(self, task: str, options: Mapping[str, str]):
-        keywords = {name: kind(options[name]) for name, kind in PLAYED_OPTIONS.items() if name in options}
-        self._env = BimanualEnv(task, obs="state", **keywords)
+        self._env = played_env(task, options)
         self._expert: list[NDArray[np.float32]] = []
         self._takeovers = 0
 

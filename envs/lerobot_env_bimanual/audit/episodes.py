@@ -47,8 +47,7 @@ class EpisodeAuditor:
     """
 
     def __init__(self, task: str, options: Mapping[str, str]):
-        keywords = {name: kind(options[name]) for name, kind in PLAYED_OPTIONS.items() if name in options}
-        self._env = BimanualEnv(task, obs="state", **keywords)
+        self._env = played_env(task, options)
         self._player = FreezeWhenOver(EpisodeRecorder(self._env))
 
     def audit(self, played: PlayedEpisode) -> EpisodeAudit:
@@ -81,6 +80,12 @@ class EpisodeAuditor:
     def close(self) -> None:
         """Free the world."""
         self._env.close()
+
+
+def played_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
+    """An environment in which an evaluation is played again, given its options by name."""
+    keywords = {name: kind(options[name]) for name, kind in PLAYED_OPTIONS.items() if name in options}
+    return BimanualEnv(task, obs="state", **keywords)
 
 
 def placement_hash(env: BimanualEnv) -> str:
