@@ -46,10 +46,19 @@ def show(plan: Plan, console: Console) -> None:
 
 def run(plan: Plan, console: Console) -> ResultRow:
     """Run what is not done yet, and write the result."""
-    config = plan.config
+    config, rival = plan.config, read_rival(plan)
     shared = Pipeline(plan.folder, console)
     for command in (plan.generation(), plan.certification("expert"), plan.certification("blind")):
         shared.run(command)
+    expert, blind = (
+        read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
+        for control in ("expert", "blind")
+    )
+    if rival is not None and rival.world != expert.world:
+        raise BimanualError(
+            f"{config.stop_when_sure} is of the world {rival.world} of {config.task}, but here it is {expert.world}; "
+            "measure both in one world"
+        )
 
     own = Pipeline(plan.run_folder, console)
     own.run(plan.training())
@@ -59,12 +68,7 @@ def run(plan: Plan, console: Console) -> ResultRow:
         episodes = read_evaluation(plan.evaluation_file("val", step), plan.seeds("val"))
         validations.append(Validation(step, episodes))
     step = best_checkpoint(validations).step if validations else plan.recipe.steps
-    rival = None if config.stop_when_sure is None else ResultRow.read(config.stop_when_sure)
     tested = _test(plan, own, step) if rival is None else play_until_sure(plan, own, step, rival)
-    expert, blind = (
-        read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
-        for control in ("expert", "blind")
-    )
     seeds = [episode.seed for episode in tested.episodes]
     row = ResultRow(
         schema_version=ROW_SCHEMA_VERSION,
@@ -103,18 +107,32 @@ def _test(plan: Plan, pipeline: Pipeline, step: int, seeds: range | None = None)
     return record
 
 
-def play_until_sure(plan: Plan, pipeline: Pipeline, step: int, rival: ResultRow) -> EvaluationRecord:
-    """Score a checkpoint on test seeds, a few at a time, until they say which of two policies is better, or are all played.
+def read_rival(plan: Plan) -> ResultRow | None:
+    """The row that a test goes against until it is sure which is better, looked at before anything runs; None without one.
 
     Raises:
-        BimanualError: the rival has not played those seeds.
+        BimanualError: it is no row, of another task or variation, or has not played the seeds of the test.
     """
-    solved = {episode.seed: episode.success for episode in rival.episodes}
+    path = plan.config.stop_when_sure
+    if path is None:
+        return None
+    rival = ResultRow.read(path)
+    for name in ("task", "variation"):
+        if (got := getattr(rival, name)) != (wanted := getattr(plan.config, name)):
+            raise BimanualError(
+                f"{path} is of the {name} {got!r}, but must be of {wanted!r}, as this benchmark is"
+            )
+    solved = {episode.seed for episode in rival.episodes}
     if missing := [seed for seed in plan.seeds("test") if seed not in solved]:
         raise BimanualError(
-            f"{plan.config.stop_when_sure} has not played the seeds {shown(missing)}; take fewer --test_episodes, or "
-            "another --first_seed"
+            f"{path} has not played the seeds {shown(missing)}; take fewer --test_episodes, or another --first_seed"
         )
+    return rival
+
+
+def play_until_sure(plan: Plan, pipeline: Pipeline, step: int, rival: ResultRow) -> EvaluationRecord:
+    """Score a checkpoint on test seeds, a few at a time, until they say which of two policies is better, or are all played."""
+    solved = {episode.seed: episode.success for episode in rival.episodes}
     records: list[EvaluationRecord] = []
     for seeds in batched(plan.seeds("test"), SEEDS_AT_A_TIME):
         records.append(_test(plan, pipeline, step, range(seeds[0], seeds[-1] + 1)))

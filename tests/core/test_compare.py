@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 from made_up_rows import ROW, VERSIONS, put, recorded, row_of
+from rich.console import Console
 
 from lerobot_bimanual.benchmark.pairing import Comparison, Pairing
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.results import ResultRow
-from lerobot_bimanual.benchmark.run import play_until_sure
+from lerobot_bimanual.benchmark.run import play_until_sure, run
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.errors import BimanualError
 
@@ -148,7 +149,19 @@ def test_a_test_goes_on_until_it_is_sure_or_over(outcomes, played, tmp_path):
     assert len(record.episodes) == played == 10 * pipeline.ran
 
 
-def test_a_rival_must_have_played_the_same_seeds(tmp_path):
-    plan = Plan.of(BenchmarkConfig(output=tmp_path, test_episodes=6, stop_when_sure=Path("rival.json")))
-    with pytest.raises(BimanualError, match=r"rival\.json has not played the seeds \[4, 5\]"):
-        play_until_sure(plan, MadeUpEvaluations(plan, "x" * 6), 4, ROW)  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"test_episodes": 6}, r"rival\.json has not played the seeds \[4, 5\]"),
+        ({"task": "push_box"}, r"rival\.json is of the task 'lift_ball', but must be of 'push_box'"),
+        ({"variation": "0"}, r"rival\.json is of the variation 'any', but must be of '0'"),
+        ({"stop_when_sure": Path("nowhere.json")}, r"nowhere\.json: .*No such file"),
+    ],
+)
+def test_a_rival_that_cannot_be_compared_with_is_refused_before_anything_runs(changes, message, tmp_path):
+    (tmp_path / "rival.json").write_text(ROW.to_json())
+    asked = {"test_episodes": 4, "stop_when_sure": tmp_path / "rival.json", "output": tmp_path / "out"}
+    plan = Plan.of(BenchmarkConfig(**(asked | changes)))
+    with pytest.raises(BimanualError, match=message):
+        run(plan, Console())
+    assert not (tmp_path / "out").exists()

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from tqdm import tqdm
+
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.results import ResultRow, command_flags
 from lerobot_bimanual.errors import PlacementFailure
@@ -30,7 +32,7 @@ def demonstrated_placements(row: ResultRow) -> dict[str, int]:
     # Of several variations seeds take turns, as `generate` has it.
     indices = range(len(spec.variations)) if variation == ANY_VARIATION else [int(variation)]
     env, found = BimanualEnv(row.task, split="train", obs="state"), {}
-    for seed in row.dataset.seeds:
+    for seed in tqdm(row.dataset.seeds, f"{row.task}: starts of demonstrations", unit="reset"):
         try:
             env.reset(seed=seed, options={"variation": indices[(seed - first) % len(indices)]})
         except PlacementFailure:

@@ -169,23 +169,26 @@ class Scene(SceneView):
         # Only here, for what sleeps and what never moves is then left out of every computation of poses.
         self._options.enableflags |= SLEEP
         self._body_geomnum[:] = self._solid_counts
-        # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
-        # second and ending with the first costs nothing and leaves poses and contacts up to date.
-        ctrl[:] = commands[0]
-        mujoco.mj_step2(model, data)
-        for observe in observers:
-            observe()
-        if len(commands) == 1 and not observers:
-            step(model, data, STEPS_PER_TICK - 1)
-        else:
-            for command in islice(cycle(commands), 1, STEPS_PER_TICK):
-                ctrl[:] = command
-                step(model, data)
-                for observe in observers:
-                    observe()
-        self._body_geomnum[:] = self._geom_counts
-        mujoco.mj_step1(model, data)
-        self._options.enableflags &= ~SLEEP
+        try:
+            # MuJoCo's step is step1 (positions to contacts) and step2 (forces to new positions). Starting with the
+            # second and ending with the first costs nothing and leaves poses and contacts up to date.
+            ctrl[:] = commands[0]
+            mujoco.mj_step2(model, data)
+            for observe in observers:
+                observe()
+            if len(commands) == 1 and not observers:
+                step(model, data, STEPS_PER_TICK - 1)
+            else:
+                for command in islice(cycle(commands), 1, STEPS_PER_TICK):
+                    ctrl[:] = command
+                    step(model, data)
+                    for observe in observers:
+                        observe()
+            self._body_geomnum[:] = self._geom_counts
+            mujoco.mj_step1(model, data)
+        finally:  # also where an observer raised
+            self._body_geomnum[:] = self._geom_counts
+            self._options.enableflags &= ~SLEEP
         if data.ntree_awake < model.ntree:
             self._forget_falling_asleep()
         self.ticks += 1
