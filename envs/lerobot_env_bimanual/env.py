@@ -116,9 +116,13 @@ class BimanualEnv(gym.Env):
             InvalidChoice: an axis of perturbation finds nothing to change in the task.
         """
         if self._scene is None:
-            self._scene = Scene(self.task_definition.spec.props, amend=self._perturbations.build)
+            props = self.task_definition.spec.props
+            self._scene = Scene(props, amend=self._perturbations.build)
             self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(self.task_definition, self._scene, self._perturbations.begin)
+            unamended = Scene(props) if self._perturbations.amends else None
+            self._reset = EpisodeReset(
+                self.task_definition, self._scene, self._perturbations.begin, unamended
+            )
         return self._scene
 
     @property
@@ -216,11 +220,12 @@ class BimanualEnv(gym.Env):
         progress = self._running_episode()
         try:
             command = self._actions.read(action)
-            self._perturbations.disturb(self.scene, progress)
             if isinstance(command, BimanualKeypose):
                 self._execute(command)
             else:
                 self._tick(command)
+            if not (progress.terminated or self._truncated):
+                self._perturbations.disturb(self.scene, progress)
         except KeyposeFailure as failure:
             progress.failure = str(failure)
         return self._transition()

@@ -126,7 +126,7 @@ class Axis:
     def disturb(
         self, scene: Scene, progress: EpisodeProgress, magnitude: float, rng: np.random.Generator
     ) -> None:
-        """Change the world between two actions of the player.
+        """Change the world after an action of the player, before he looks again.
 
         Args:
             scene: the world.

@@ -35,6 +35,9 @@ class Perturbations:
         task: whose episodes they are.
         split: of their seeds.
 
+    Attributes:
+        amends: whether the world is compiled otherwise than the task has it.
+
     Raises:
         BimanualError: an axis that is not there, or cannot be loaded.
     """
@@ -44,6 +47,7 @@ class Perturbations:
         axes = {name: get_axis(name) for name in sorted(levels)}
         self._dials = [(axis, axis.levels[levels[name] - 1]) for name, axis in axes.items() if levels[name]]
         self._seeing, self._commanding, self._disturbing = map(self._with, ("see", "command", "disturb"))
+        self.amends = bool(self._with("build"))
 
     @property
     def late_ticks(self) -> int:
@@ -96,7 +100,7 @@ class Perturbations:
         return action
 
     def disturb(self, scene: Scene, progress: EpisodeProgress) -> None:
-        """Change the world before the next action."""
+        """Change the world after an action, before it is looked at again."""
         for axis, magnitude in self._disturbing:
             axis.disturb(scene, progress, magnitude, self._rng(axis, "disturb", progress.seed))
 
