@@ -224,8 +224,6 @@ class BimanualEnv(gym.Env):
                 self._execute(command)
             else:
                 self._tick(command)
-            if not (progress.terminated or self._truncated):
-                self._perturbations.disturb(self.scene, progress)
         except KeyposeFailure as failure:
             progress.failure = str(failure)
         return self._transition()
@@ -280,6 +278,7 @@ class BimanualEnv(gym.Env):
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
+        self._perturbations.disturb(scene, progress)
         if self.options.video_dir is not None:
             self._film(Path(self.options.video_dir))
 

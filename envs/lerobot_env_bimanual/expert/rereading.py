@@ -38,7 +38,7 @@ class _FreeThings:
         return cls(data.qpos[model.jnt_qposadr[is_free, None] + xyz], np.linalg.norm(velocities, axis=1))
 
     def have_jumped_since(self, before: _FreeThings) -> bool:
-        """Whether something lay still, and lies still elsewhere a tick later."""
+        """Whether something lay still a tick ago, and lies still elsewhere."""
         moved_m = np.linalg.norm(self.positions_m - before.positions_m, axis=1)
         is_still = np.maximum(self.speeds_m_s, before.speeds_m_s) < REST_M_S
         return bool(np.any(is_still & (moved_m > JUMP_M)))
@@ -53,19 +53,22 @@ def rereading(codec: KeyposeCodec | None = None) -> Player:
     script = expert(codec)
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        before_tick = _FreeThings.of(env.scene)
+        seen, has_jumped = _FreeThings.of(env.scene), False
 
-        def look(env: BimanualEnv, _: NDArray[np.float32]) -> None:
-            nonlocal before_tick
-            before_tick = _FreeThings.of(env.scene)
+        def look(env: BimanualEnv, _: NDArray[np.float32] | None = None) -> None:
+            nonlocal seen, has_jumped
+            before, seen = seen, _FreeThings.of(env.scene)
+            has_jumped |= seen.have_jumped_since(before)
 
         with env.observed_by(look):
-            has_begun_anew = True
-            while has_begun_anew:
-                has_begun_anew = False
+            is_at_end = False
+            while not is_at_end:
+                has_jumped, is_at_end = False, True
                 for move in script(env):
                     yield move
-                    if has_begun_anew := _FreeThings.of(env.scene).have_jumped_since(before_tick):
+                    look(env)
+                    if has_jumped:
+                        is_at_end = False
                         break
 
     return play

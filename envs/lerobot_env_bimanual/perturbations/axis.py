@@ -126,7 +126,9 @@ class Axis:
     def disturb(
         self, scene: Scene, progress: EpisodeProgress, magnitude: float, rng: np.random.Generator
     ) -> None:
-        """Change the world after an action of the player, before he looks again.
+        """Change the world after a tick, before anybody looks again.
+
+        Keyposes and the joint actions that execute them so meet the same changes.
 
         Args:
             scene: the world.
@@ -142,6 +144,6 @@ HOOKS: Mapping[str, str] = {
     "look": "appearance",
     "see": "observation",
     "command": "command",
-    "disturb": "between actions",
+    "disturb": "between ticks",
 }
 """Name of each hook, and what it touches."""

@@ -100,7 +100,7 @@ class Perturbations:
         return action
 
     def disturb(self, scene: Scene, progress: EpisodeProgress) -> None:
-        """Change the world after an action, before it is looked at again."""
+        """Change the world after a tick, before it is looked at again."""
         for axis, magnitude in self._disturbing:
             axis.disturb(scene, progress, magnitude, self._rng(axis, "disturb", progress.seed))
 

@@ -16,9 +16,9 @@ from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.world.scene import Scene
 
 CM_PER_M = 100
-NOT_BEFORE_TICKS = (20, 41)
-"""Half-open range of the tick from which it may happen, 1 to 2 s: an expert is then at its first keypose, or on its way
-there, and has touched nothing."""
+NOT_BEFORE_TICKS = (10, 20)
+"""Half-open range of the tick from which it may happen, half a second to one: an expert is then on the way to its first
+keypose, so whoever looks after each keypose sees it before anything is touched."""
 DIRECTIONS = 12
 DEEPER_M = 5e-4
 """By how much a shifted thing may sink deeper into what does not move; more is a collision."""
@@ -39,7 +39,7 @@ class Nudge(Axis):
     group = Group.TIME
     levels = (1, 2, 4)
     unit = "centimetres"
-    summary = "once, between the first actions after 1 to 2 s, things that no hand touches are shifted along the table"
+    summary = "once, after 0.5 to 1 s, all loose things that no hand touches are shifted the same way along the table"
     source = "chosen here: from a sleeve that brushes a thing to a hand that pushes it aside"
 
     def applies_to(self, task: TaskSpec, model: mujoco.MjSpec) -> bool:
@@ -64,7 +64,7 @@ class Nudge(Axis):
     def disturb(
         self, scene: Scene, progress: EpisodeProgress, magnitude: float, rng: np.random.Generator
     ) -> None:
-        """Shift what can be shifted, once."""
+        """Shift what can be shifted, once; it lies as still there as it did before."""
         drawn = progress.memory.get(self.name)
         if drawn is None or progress.ticks < drawn["not_before"] or _is_touched(scene):
             return
