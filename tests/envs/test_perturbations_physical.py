@@ -11,10 +11,10 @@ import pytest
 
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control
 from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
-from lerobot_env_bimanual.perturbation_choice import MAX_LEVEL
 from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR

@@ -18,7 +18,7 @@ class Friction(Axis):
 
     name = "friction"
     group = Group.BODIES
-    levels = (0.9, 0.8, 0.7)
+    levels = (0.85, 0.7, 0.5)
     unit = "times the friction"
     summary = "all contacts slide, twist and roll more easily, those of the fingers included"
     source = "chosen here: rubber from clean to dusty, a table from dry to polished"

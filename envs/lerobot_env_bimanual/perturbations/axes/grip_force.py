@@ -14,7 +14,7 @@ class GripForce(Axis):
 
     name = "grip_force"
     group = Group.ARMS
-    levels = (0.75, 0.5, 0.3)
+    levels = (0.8, 0.6, 0.4)
     unit = "times the force of the fingers"
     summary = "the motors of both hands close, and open, with less force"
     source = "chosen here: at level 0 a finger presses with 20 to 40 N, which is up to the real hand's continuous 70 N"

@@ -29,7 +29,7 @@ class Size(Axis):
 
     name = "size"
     group = Group.BODIES
-    levels = (1.02, 1.04, 1.06)
+    levels = (1.01, 1.025, 1.05)
     unit = "times the length, width and height"
     summary = "all things that move freely are larger, about where they stand, and weigh what they weighed"
     source = "chosen here: from a thing's tolerance to the next make of it"
