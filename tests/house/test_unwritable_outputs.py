@@ -19,6 +19,7 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "leaderboard's figure": lambda place: ["leaderboard", f"--results={ROWS}", f"--figure={place}"],
     "compare's figure": lambda place: ["compare", f"--first={ROWS}", f"--second={ROWS}", f"--figure={place}"],
     "blame's figure": lambda place: ["blame", f"--results={ROWS}", f"--figure={place}"],
+    "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
 }
 
