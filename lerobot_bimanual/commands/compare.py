@@ -11,8 +11,8 @@ from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.output_file import check_output_file
 from lerobot_bimanual.statistics import SuccessRate, holm
 
 type Rows = dict[str, tuple[ResultRow, ...]]
@@ -46,7 +46,7 @@ def compare(config: CompareConfig) -> None:
         lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
-        check_output_file(config.figure)
+        check_figure_file(config.figure)
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
