@@ -48,7 +48,7 @@ class Result:
     def problem_of_world(self) -> str | None:
         """In which other world it was played; None if it is this one."""
         record = self.record
-        if record.world == (here := world_version(record.task)):
+        if record.world == (here := world_version(record.task, record.perturb)):
             return None
         return f"world of {record.task} is {record.world}, but {here} here: play it with the versions {record.versions}"
 
