@@ -12,6 +12,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR
+from lerobot_env_bimanual.perturbations.axes._joints import joints_of_things
 from lerobot_env_bimanual.world.scene import Scene
 
 type Points = NDArray[np.float64]
@@ -24,7 +25,7 @@ NEAR_TABLE_M = 0.16
 """Whatever of a hand is higher passes above; the things are 6 cm high at most."""
 HAND_M = np.array([(0.0, 0.0, 0.01), (0.0, -0.10, -0.07), (0.0, 0.10, -0.07), (0.0, 0.0, -0.20)])
 """Points of a hand in the frame of its tool centre point: fingertips, both ends of the palm, flange."""
-SHARES = np.linspace(0.0, 1.0, 5)
+SHARES = np.linspace(0.0, 1.0, 9)
 """Where along a stage hands, and along their travel joints, are looked at."""
 AROUND = np.stack([f(np.arange(32) * np.pi / 16) for f in (np.cos, np.sin)])
 """(2, 32) horizontal directions."""
@@ -82,16 +83,12 @@ def _boxes(scene: Scene) -> Iterator[tuple[Points, Points, Points]]:
     model, data = scene.model, mujoco.MjData(scene.model)
     is_ours = np.array([model.body(body).name.startswith(DISTRACTOR) for body in range(model.nbody)])
     geoms = np.flatnonzero((model.geom_bodyid > 0) & ~is_ours[model.geom_bodyid])
-    of_things = np.flatnonzero(np.isin(model.jnt_type, HINGED) & (model.jnt_actgravcomp == 0))
+    swinging = np.flatnonzero(joints_of_things(scene) & (model.jnt_limited > 0))
     for share in SHARES:
         data.qpos[:] = scene.data.qpos
-        for joint in of_things[model.jnt_limited[of_things] > 0]:
-            lower, upper = model.jnt_range[joint]
-            data.qpos[model.jnt_qposadr[joint]] = lower + share * (upper - lower)
+        lower, upper = model.jnt_range[swinging].T
+        data.qpos[model.jnt_qposadr[swinging]] = lower + share * (upper - lower)
         mujoco.mj_kinematics(model, data)
         rotations = data.geom_xmat[geoms].reshape(-1, 3, 3)
         centres = data.geom_xpos[geoms] + np.einsum("nij,nj->ni", rotations, model.geom_aabb[geoms, :3])
         yield centres, rotations, model.geom_aabb[geoms, 3:]
-
-
-HINGED = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)

@@ -2,16 +2,12 @@
 
 import numpy as np
 
-from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.episode.reset import EpisodeStart
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbations.axes._joints import has_joints, joints_of_things
 from lerobot_env_bimanual.perturbations.axis import Axis, Group
 from lerobot_env_bimanual.perturbations.registry import register
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.task import TaskSpec
-
-MOVES_FREELY = mujoco.mjtJoint.mjJNT_FREE
-OF_ARMS = {name for arm in ARMS for name in (*PANDA_PAIR.joint_names(arm), *PANDA_PAIR.finger_names(arm))}
 
 
 @register
@@ -22,21 +18,17 @@ class Stiffness(Axis):
     group = Group.BODIES
     levels = (1.5, 2.0, 3.0)
     unit = "times the spring, the damping and the friction"
-    summary = "all joints of things resist more: hinges, slides, springs"
+    summary = "all joints of things resist more: doors, drawers, buttons, lids, what bends"
     source = "chosen here: from another maker's drawer to one that nobody has oiled"
 
     def applies_to(self, task: TaskSpec, model: mujoco.MjSpec) -> bool:
         """Whether anything has joints."""
-        return any(joint.type != MOVES_FREELY and joint.name not in OF_ARMS for joint in model.joints)
+        return has_joints(model)
 
     def begin(self, start: EpisodeStart, magnitude: float, rng: np.random.Generator) -> None:
         """Scale what resists."""
         model = start.scene.model
-        of_things = [
-            model.jnt_type[joint] != MOVES_FREELY and model.joint(joint).name not in OF_ARMS
-            for joint in range(model.njnt)
-        ]
-        factors = np.where(of_things, magnitude, 1.0)
+        factors = np.where(joints_of_things(start.scene), magnitude, 1.0)
         of_dofs = factors[model.dof_jntid]
         start.scene.alter(
             jnt_stiffness=model.jnt_stiffness * factors,
