@@ -37,7 +37,7 @@ class Nudge(Axis):
 
     name = "nudge"
     group = Group.TIME
-    levels = (0.5, 1, 2)
+    levels = (1, 2, 3)
     unit = "centimetres"
     summary = "once, after 0.5 to 1 s, all loose things that no hand touches are shifted the same way along the table"
     source = "chosen here: from a sleeve that brushes a thing to a hand that pushes it aside"
