@@ -14,6 +14,9 @@ GAMMA = 2.2
 SIGMA_PER_STOP = 12
 """Noise, of 255 grey values."""
 
+FRACTIONS = 64
+"""Of a grey value, in which is counted: with 16 bits, which are fast."""
+
 
 @register
 class ColourNoise(Axis):
@@ -44,7 +47,9 @@ class ColourNoise(Axis):
         """Expose, and add noise."""
         rgb, depth_m = image
         gain = 2 ** (progress.memory[self.name][camera] * magnitude / GAMMA)
-        exposed = np.clip(np.rint(np.arange(256) * gain), 0, 255).astype(np.uint8).tobytes()
-        values = np.frombuffer(rgb.tobytes().translate(exposed), np.uint8).astype(np.int16)
-        values += normal(values.shape, SIGMA_PER_STOP * magnitude, rng, np.int16)
-        return np.clip(values, 0, 255, out=values).astype(np.uint8).reshape(rgb.shape), depth_m
+        values = rgb.astype(np.int16)
+        values *= round(gain * FRACTIONS)
+        values += normal(rgb.shape, SIGMA_PER_STOP * magnitude * FRACTIONS, rng, np.int16)
+        np.clip(values, 0, FRACTIONS * 256 - 1, out=values)
+        values >>= FRACTIONS.bit_length() - 1
+        return values.astype(np.uint8), depth_m

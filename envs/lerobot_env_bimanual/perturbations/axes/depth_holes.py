@@ -3,6 +3,7 @@
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
@@ -18,6 +19,8 @@ EDGE = 1 / 85
 """Share of an image's height that is lost beside an edge at magnitude 1: three pixels of 256."""
 DARK = 40
 """No channel of a dark pixel is above this, of 255."""
+SIGMA = 25
+"""Of the numbers by which dark pixels are drawn, which are integers for speed."""
 
 
 @register
@@ -55,14 +58,23 @@ class DepthHoles(Axis):
     ) -> Image:
         """Set depth to 0 where it is lost."""
         rgb, depth_m = image
-        lost = normal(depth_m.shape, 1, rng, np.float32) < NormalDist().inv_cdf(magnitude)
-        is_light = rgb > DARK
-        for channel in range(3):
-            lost &= ~is_light[..., channel]
-        height = depth_m.shape[0]
+        height, width = depth_m.shape
+        lost = _is_dark(rgb)
+        lost &= normal(depth_m.shape, SIGMA, rng, np.int8) < round(SIGMA * NormalDist().inv_cdf(magnitude))
         step = max(1, round(magnitude * EDGE * height))
-        most_m = depth_m * np.float32(progress.memory[self.name][camera] * step / height)
-        lost[step:] |= np.abs(depth_m[step:] - depth_m[:-step]) > most_m[step:]
-        lost[:, step:] |= np.abs(depth_m[:, step:] - depth_m[:, :-step]) > most_m[:, step:]
-        depth_m[lost] = 0
+        most = np.float32(progress.memory[self.name][camera] * step / height)
+        # As one line of numbers, which NumPy goes through several times as fast as through the rows of two images.
+        line, lost_line, most_m = depth_m.reshape(-1), lost.reshape(-1), (depth_m * most).reshape(-1)
+        for pixels in (step * width, step):
+            change_m = line[pixels:] - line[:-pixels]
+            lost_line[pixels:] |= np.abs(change_m, out=change_m) > most_m[pixels:]
+        lost[:, :step] = True  # beyond this edge of the image the other eye sees nothing
+        depth_m *= ~lost
         return rgb, depth_m
+
+
+def _is_dark(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    line = rgb.reshape(-1)
+    brightest = np.maximum(line[:-2], line[1:-1])
+    np.maximum(brightest, line[2:], out=brightest)
+    return (brightest[::3].copy() <= DARK).reshape(rgb.shape[:2])
