@@ -22,7 +22,7 @@ class Light(Axis):
     name = "light"
     group = Group.SEEN
     levels = (0.25, 0.5, 1.0)
-    unit = "times a turn of 150 degrees, 0.6 stops of strength and 30 % more or less of red and blue"
+    unit = "share of a turn by 150 degrees, of 0.6 stops of strength, and of 30 % more or less red and blue"
     summary = (
         "lamps stand elsewhere, are weaker or stronger, warmer or colder; at level 3 they also cast shadows"
     )

@@ -27,7 +27,7 @@ class ObjectColour(Axis):
     name = "object_colour"
     group = Group.SEEN
     levels = (0.25, 0.5, 1.0)
-    unit = "times a turn of all hues by 150 degrees and a shift of all colours by 0.35 of a channel"
+    unit = "share of a turn of all hues by 150 degrees, and of a shift of all colours by 0.35 of a channel"
     summary = "all props get other colours; none that an instruction of the task names is lost or given"
     source = "chosen here: the same things from another shop"
 
