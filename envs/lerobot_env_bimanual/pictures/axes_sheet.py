@@ -56,7 +56,7 @@ def draw_row(row: Row) -> list[Panel]:
         return []
     captions = [
         f"{axis.name}: 0",
-        *(f"{level}: {axis.levels[level - 1]:g}" for level in range(1, len(views))),
+        *(f"level {level}: {axis.levels[level - 1]:g}" for level in range(1, len(views))),
     ]
     return [Panel(view[changed[0]], caption) for view, caption in zip(views, captions, strict=True)]
 
