@@ -15,7 +15,8 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 TURN_RAD = np.deg2rad(150)
 SHIFT = 0.35
 """What is done at magnitude 1: a turn of all hues, and a shift of all colours, in units of a channel."""
-DRAWS = 64
+DRAWS = 16
+"""Of which that one is taken under which the fewest colours stay because they, or what they become, are named."""
 UNCOLOURED = (0.5, 0.5, 0.5, 1.0)
 """Of a geom that has the colour of its material."""
 
@@ -34,19 +35,29 @@ class ObjectColour(Axis):
     def look(
         self, start: EpisodeStart, appearance: Appearance, magnitude: float, rng: np.random.Generator
     ) -> Appearance:
-        """Draw a change under which no colour comes to be one that is named."""
+        """Draw a change, which spares colours that are named or would come to be."""
         scene, named = start.scene, named_colours(start.task.spec)
         worn = appearance.fields.get("geom_rgba", scene.model.geom_rgba).copy()
-        own = _own_colours(scene, worn)
-        changed = _of_props(scene) & ~np.isin([called(rgb) for rgb in own], list(named))
-        for _ in range(DRAWS):
-            way, direction = rng.choice((-1, 1)), rng.normal(size=3)
-            direction /= np.linalg.norm(direction)
-            colours = [_change(own[changed], level, way, direction) for level in self.levels]
-            if not named.intersection(called(rgb) for level in colours for rgb in level):
-                break
-        worn[changed, :3] = _change(own[changed], magnitude, way, direction)
+        own, of_props = _own_colours(scene, worn), _of_props(scene)
+        colours, which = np.unique(own[of_props], axis=0, return_inverse=True)
+        draws = [(rng.choice((-1, 1)), _direction(rng)) for _ in range(DRAWS)]
+        way, direction = min(draws, key=lambda draw: self._named_by(colours, named, *draw).sum())
+        stays = self._named_by(colours, named, way, direction)
+        changed = _change(colours, magnitude, way, direction)
+        worn[of_props, :3] = np.where(stays[which, None], worn[of_props, :3], changed[which])
         return appearance.wearing(geom_rgba=worn)
+
+    def _named_by(
+        self, colours: NDArray, named: set[str], way: float, direction: NDArray
+    ) -> NDArray[np.bool_]:
+        """Which colours (n, 3) are named now, or would be at any level."""
+        at_levels = [colours, *(_change(colours, level, way, direction) for level in self.levels)]
+        return np.any([[called(rgb) in named for rgb in level] for level in at_levels], axis=0)
+
+
+def _direction(rng: np.random.Generator) -> NDArray:
+    direction = rng.normal(size=3)
+    return direction / np.linalg.norm(direction)
 
 
 def _change(rgb: NDArray, magnitude: float, way: float, direction: NDArray) -> NDArray:
