@@ -25,14 +25,16 @@ def two_batches(perturb: str) -> list[dict]:
     batches = []
     for seed in (0, 1):
         observation, _ = env.reset(seed=seed)
-        batches.append(preprocess_observation(observation) | {"task": [env.task_description]})
+        batch = {key: value[None] for key, value in observation.items() if key != "pixels"}
+        batch["pixels"] = {camera: rgb[None] for camera, rgb in observation["pixels"].items()}
+        batches.append(preprocess_observation(batch) | {"task": [env.task_description]})
     env.close()
     return batches
 
 
 @pytest.fixture(scope="module")
 def rungs() -> dict[str, list[dict]]:
-    return {f"{axis}:{level}": two_batches(f"{axis}:{level}") for axis in SEEN for level in (1, 3)}
+    return {axis: two_batches(f"{axis}:3") for axis in SEEN}
 
 
 @pytest.mark.parametrize("policy_type", ["peract2", "peract_independent", "peract_lf", "rvt_lf"])

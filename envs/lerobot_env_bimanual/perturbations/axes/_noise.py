@@ -23,7 +23,7 @@ def normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtype
     return _table(count, sigma, np.dtype(dtype))[start : start + count].reshape(shape)
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=16)
 def _table(count: int, sigma: float, dtype: np.dtype) -> NDArray:
     """The same numbers in every process."""
     numbers = np.random.default_rng(0).standard_normal(PLACES + count, dtype=np.float32) * np.float32(sigma)
