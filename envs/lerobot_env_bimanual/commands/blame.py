@@ -145,7 +145,7 @@ def _write(found: dict[str, list[Blame]], config: BlameConfig) -> None:
         content = {task: [asdict(blame) for blame in blames] for task, blames in found.items()}
         write_file(config.output, json.dumps(content, indent=1) + "\n")
     if config.figure is not None:
-        blame_bars(found).save(config.figure, format="png")
+        blame_bars(found).save(config.figure)
 
 
 _blamers: dict[tuple[str, Options], Blamer] = {}
