@@ -1,10 +1,12 @@
 """The picture of one ladder: success against level, one small chart per axis."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from lerobot_bimanual.canvas import BLUE, GREY, INK, PALE, VERMILION, WIDTH, Canvas, Color, Mark
 from lerobot_bimanual.ladder.falls import Fall, falls
-from lerobot_bimanual.ladder.result import LEVELS, AxisRecord, LadderResult, Rung
+from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 
 SURE = 0.05
 """Corrected p-values up to this one are marked."""
@@ -23,7 +25,7 @@ HATCHED = "Hatched: not certified, since the expert solves too few; counted nowh
 
 
 def ladder_figure(result: LadderResult) -> Canvas:
-    """One chart per axis: policy, expert and blind control against level, level 0 the same in all."""
+    """One chart per axis, by group and name: policy, expert and blind control against level, level 0 the same in all."""
     found = falls(result)
     rows = -(-len(result.axes) // COLUMNS) if result.axes else 1
     canvas = Canvas(TOP + rows * (CHART_HEIGHT + GAP) + MARGIN, _description(result, found))
@@ -37,7 +39,7 @@ def ladder_figure(result: LadderResult) -> Canvas:
         left += 16 + canvas.text_width(text, 12) + 18
     for number, text in enumerate((REDDENED, HATCHED)):
         canvas.text(MARGIN, 70 + 18 * number, text, GREY, 12)
-    for number, axis in enumerate(result.axes):
+    for number, axis in enumerate(sorted(result.axes, key=lambda axis: (axis.group, axis.name))):
         row, column = divmod(number, COLUMNS)
         _draw_chart(
             canvas, MARGIN + CHART_WIDTH * column, TOP + row * (CHART_HEIGHT + GAP), axis, result, found
@@ -65,12 +67,14 @@ def _draw_chart(
 ) -> None:
     rungs = [result.level_0, *result.of_axis(axis.name)]
     start, ceiling = left + AXIS_ROOM, top + 44
-    step = (CHART_WIDTH - AXIS_ROOM - GAP) / (LEVELS + 1)
+    step = (CHART_WIDTH - AXIS_ROOM - GAP) / (MAX_LEVEL + 1)
 
     def at(rung: Rung, share: float) -> tuple[float, float]:
         return start + step * (rung.level + 0.5), ceiling + TALL * (1 - share)
 
-    canvas.text(left, top + 12, axis.name, size=14, room=CHART_WIDTH - GAP)
+    canvas.text(left + CHART_WIDTH - GAP, top + 12, axis.group, GREY, 11, "rm")
+    room = CHART_WIDTH - GAP - canvas.text_width(axis.group, 11) - 6
+    canvas.text(left, top + 12, axis.name, size=14, room=room)
     magnitudes = ", ".join(f"{magnitude:g}" for magnitude in axis.magnitudes)
     canvas.text(left, top + 29, f"{magnitudes} {axis.unit}", GREY, 11, room=CHART_WIDTH - GAP)
     for rung in rungs:
@@ -98,10 +102,10 @@ def _draw_chart(
                 canvas.mark("diamond", *point, VERMILION)
             else:
                 canvas.mark(kind, *point, color, 4, hollow=not rung.is_certified)
-    for level in range(LEVELS + 1):
+    for level in range(MAX_LEVEL + 1):
         canvas.text(start + step * (level + 0.5), ceiling + TALL + 14, str(level), GREY, 11, "mm")
 
 
 def _join(canvas: Canvas, points: Sequence[tuple[float, float]], color: Color, width: float) -> None:
-    for one, other in zip(points, points[1:], strict=False):
+    for one, other in pairwise(points):
         canvas.line(one, other, color, width)

@@ -12,13 +12,13 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
 from lerobot_bimanual.statistics import SuccessRate
 
 LADDER_SCHEMA_VERSION = 1
-LEVELS = 3
-"""Of an axis, besides level 0, which is the world as it is and belongs to no axis."""
 LEAST_EXPERT_RATE = 0.97
 """On a certified rung; where the expert solves fewer, a policy's failure says nothing of the policy."""
+LEVEL_0 = "level 0"
 SHA256 = re.compile("[0-9a-f]{64}")
 
 
@@ -76,7 +76,8 @@ class Rung:
 
     Attributes:
         axis: its name; empty at level 0.
-        level: 0 to 3.
+        level: 0 to 3; level 0 is the world as it is, and of no axis.
+        world: version of what the task's world does there.
         expert: seeds that the expert solved, of those of the episodes.
         blind: seeds that the blind control solved.
         certificate: the expert on many more seeds, if a certificate was at hand; it then decides, not `expert`.
@@ -88,14 +89,17 @@ class Rung:
 
     axis: str
     level: int
+    world: str
     expert: tuple[int, ...]
     blind: tuple[int, ...]
     certificate: SuccessRate | None
     episodes: tuple[RungEpisode, ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.level <= LEVELS or bool(self.axis) != bool(self.level):
-            raise ValueError(f"level 0 is of no axis, levels 1 to {LEVELS} are of one; got {self.name!r}")
+        if not 0 <= self.level <= MAX_LEVEL or bool(self.axis) != bool(self.level):
+            raise ValueError(
+                f"level 0 is of no axis, levels 1 to {MAX_LEVEL} are of one; got {self.axis!r}, {self.level}"
+            )
         if not self.seeds or self.seeds != sorted(set(self.seeds)):
             raise ValueError("episodes must be there, and their seeds rise")
         for who in ("expert", "blind"):
@@ -106,7 +110,7 @@ class Rung:
     @property
     def name(self) -> str:
         """As `--env.perturb` takes it; at level 0 in words."""
-        return f"{self.axis}:{self.level}" if self.axis or self.level else "level 0"
+        return rung_name(self.axis, self.level)
 
     @property
     def seeds(self) -> list[int]:
@@ -142,7 +146,6 @@ class LadderResult:
     Attributes:
         schema_version: version of this table of fields.
         task: name of the task.
-        world: version of what the task's world does at level 0.
         policy: type of the policy.
         checkpoint: folder of the policy, as it was called.
         checkpoint_sha256: of its `model.safetensors`.
@@ -160,7 +163,6 @@ class LadderResult:
 
     schema_version: int
     task: str
-    world: str
     policy: str
     checkpoint: str
     checkpoint_sha256: str
@@ -239,15 +241,17 @@ class LadderResult:
             raise BimanualError(f"{path}: {error}") from error
 
 
-def is_ladder(path: Path) -> bool:
-    """Whether a file looks like the result of a ladder, be it a damaged one.
+def rung_name(axis: str, level: int) -> str:
+    """A rung as `--env.perturb` takes it; level 0 in words."""
+    return levels_text({axis: level}) or LEVEL_0
 
-    Raises:
-        BimanualError: it cannot be read as JSON.
-    """
-    if not path.is_file():
+
+def is_ladder(path: Path) -> bool:
+    """Whether a file looks like the result of a ladder, be it a damaged one."""
+    try:
+        content = read_json(path)
+    except BimanualError:
         return False
-    content = read_json(path)
     return isinstance(content, dict) and "rungs" in content
 
 

@@ -9,8 +9,9 @@ from typing import Self
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.json_record import decode
-from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, LEVELS, AxisRecord
+from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, AxisRecord, rung_name
 from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.statistics import SuccessRate
 
 CERTIFICATE_SCHEMA_VERSION = 1
@@ -26,6 +27,7 @@ class CertifiedRung:
     Attributes:
         axis: its name; empty at level 0.
         level: 0 to 3.
+        world: version of what the task's world does there.
         expert_failed: seeds that the expert did not solve.
         blind_solved: seeds that the blind control solved.
 
@@ -35,14 +37,20 @@ class CertifiedRung:
 
     axis: str
     level: int
+    world: str
     expert_failed: tuple[int, ...]
     blind_solved: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.level <= LEVELS or bool(self.axis) != bool(self.level):
+        if not 0 <= self.level <= MAX_LEVEL or bool(self.axis) != bool(self.level):
             raise ValueError(
-                f"level 0 is of no axis, levels 1 to {LEVELS} are of one; got {self.axis!r}, {self.level}"
+                f"level 0 is of no axis, levels 1 to {MAX_LEVEL} are of one; got {self.axis!r}, {self.level}"
             )
+
+    @property
+    def name(self) -> str:
+        """As `--env.perturb` takes it; at level 0 in words."""
+        return rung_name(self.axis, self.level)
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,6 @@ class RungCertificate:
     Attributes:
         schema_version: version of this table of fields.
         task: name of the task.
-        world: version of what the task's world does at level 0.
         split: of the seeds.
         expert_seeds: range of the expert's seeds.
         blind_seeds: range of the blind control's.
@@ -67,7 +74,6 @@ class RungCertificate:
 
     schema_version: int
     task: str
-    world: str
     split: str
     expert_seeds: SeedRange
     blind_seeds: SeedRange
@@ -98,7 +104,7 @@ class RungCertificate:
                 (rung.blind_solved, self.blind_seeds),
             ):
                 if list(seeds) != sorted(set(seeds)) or not set(seeds) <= set(range(*whole)):
-                    yield f"seeds of {rung.axis}:{rung.level} must rise and be among {whole[0]}:{whole[1]}"
+                    yield f"seeds of {rung.name} must rise and be among {whole[0]}:{whole[1]}"
 
     def rates(self, rung: CertifiedRung) -> dict[str, SuccessRate]:
         """Success of the expert and the blind control on a rung."""
@@ -113,10 +119,9 @@ class RungCertificate:
         rate = self.rates(rung)["expert"]
         return rate.successes >= LEAST_EXPERT_RATE * rate.trials
 
-    def expert(self, axis: str, level: int) -> SuccessRate | None:
-        """The expert on a rung; None if it is not among those here."""
-        found = (rung for rung in self.rungs if (rung.axis, rung.level) == (axis, level))
-        return next((self.rates(rung)["expert"] for rung in found), None)
+    def find(self, axis: str, level: int) -> CertifiedRung | None:
+        """A rung; None if it is not among those here."""
+        return next((rung for rung in self.rungs if (rung.axis, rung.level) == (axis, level)), None)
 
     def write(self, path: Path) -> None:
         """Write a JSON file with one rung per line.
@@ -158,8 +163,12 @@ def read_rung_certificates(folder: Path) -> dict[str, RungCertificate]:
     for path in sorted(folder.glob("*.json")):
         certificate = RungCertificate.read(path)
         if certificate.task in found:
-            raise BimanualError(f"{path} is another certificate of {certificate.task}; a folder holds one per task")
+            raise BimanualError(
+                f"{path} is another certificate of {certificate.task}; a folder holds one per task"
+            )
         found[certificate.task] = certificate
     if not found:
-        raise BimanualError(f"{folder} holds no certificates of rungs; `lerobot-bimanual certify-rungs` writes them")
+        raise BimanualError(
+            f"{folder} holds no certificates of rungs; `lerobot-bimanual certify-rungs` writes them"
+        )
     return found

@@ -11,6 +11,7 @@ def rung(axis: str, level: int, outcomes: str, expert: str = "", blind: str = ""
     return Rung(
         axis,
         level,
+        world=f"{axis}{level}",
         expert=solved(expert or "x" * len(outcomes)),
         blind=solved(blind),
         certificate=certificate,
@@ -32,7 +33,6 @@ AXES = (
 LADDER = LadderResult(
     schema_version=1,
     task="lift_ball",
-    world="0123456789ab",
     policy="mine",
     checkpoint="outputs/mine",
     checkpoint_sha256="0f" * 32,

@@ -72,7 +72,7 @@ class PolicyPlayer:
         torch.backends.cuda.matmul.allow_tf32 = True
 
     def play(
-        self, perturb: str, records: Path, note: Callable[[int], None] = lambda _: None
+        self, perturb: str, records: Path, note: Callable[[int], object] = lambda _: None
     ) -> EvaluationRecord:
         """Play the seeds on one rung.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.ladder.result import AxisRecord
-from lerobot_env_bimanual.perturbation_choice import MAX_LEVEL, perturbation_text
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
 from lerobot_env_bimanual.perturbations.axis import Axis
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
@@ -85,4 +85,4 @@ def rungs_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = UPPER_
 
 def perturb_text(axis: str, level: int) -> str:
     """A rung as the option `perturb` takes it; empty at level 0."""
-    return perturbation_text({axis: level} if axis else {})
+    return levels_text({axis: level} if axis else {})
