@@ -191,6 +191,7 @@ class LadderResult:
             "must be 64 hexadecimal digits",
         )
         yield "batch_size", self.batch_size >= 1, "must be at least 1"
+        yield "options", {"split", "variation"} <= self.options.keys(), "must hold split and variation"
         names = [axis.name for axis in self.axes]
         yield "axes", names == sorted(set(names)), "must be sorted by name, each once"
         yield "not_applicable", not set(self.not_applicable) & set(names), "none of them can have rungs"

@@ -15,10 +15,7 @@ from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.statistics import SuccessRate
 
 CERTIFICATE_SCHEMA_VERSION = 1
-
-type SeedRange = tuple[int, int]
-"""First seed, and the one behind the last."""
-
+MOST_SEEDS = 10**9
 
 @dataclass(frozen=True)
 class CertifiedRung:
@@ -61,8 +58,8 @@ class RungCertificate:
         schema_version: version of this table of fields.
         task: name of the task.
         split: of the seeds.
-        expert_seeds: range of the expert's seeds.
-        blind_seeds: range of the blind control's.
+        expert_seeds: the expert's first seed, and the one behind its last.
+        blind_seeds: likewise of the blind control.
         versions: package -> version.
         axes: those of which there are rungs, by name.
         not_applicable: axes that find nothing to change in the task.
@@ -75,8 +72,8 @@ class RungCertificate:
     schema_version: int
     task: str
     split: str
-    expert_seeds: SeedRange
-    blind_seeds: SeedRange
+    expert_seeds: tuple[int, int]
+    blind_seeds: tuple[int, int]
     versions: dict[str, str]
     axes: tuple[AxisRecord, ...]
     not_applicable: tuple[str, ...]
@@ -91,8 +88,8 @@ class RungCertificate:
             yield f"schema_version is {self.schema_version}, but must be {CERTIFICATE_SCHEMA_VERSION}"
         for name in ("expert_seeds", "blind_seeds"):
             start, stop = getattr(self, name)
-            if not 0 <= start < stop:
-                yield f"{name} is {start}, {stop}, but must be a first seed and one behind it"
+            if not 0 <= start < stop <= MOST_SEEDS:
+                yield f"{name} is {start}, {stop}, but must be a first seed and one behind it, up to {MOST_SEEDS}"
         names, keys = [axis.name for axis in self.axes], [(rung.axis, rung.level) for rung in self.rungs]
         if names != sorted(set(names)) or keys != sorted(set(keys)) or keys[:1] != [("", 0)]:
             yield "axes and rungs must be sorted, each once, and begin with level 0"
@@ -103,7 +100,7 @@ class RungCertificate:
                 (rung.expert_failed, self.expert_seeds),
                 (rung.blind_solved, self.blind_seeds),
             ):
-                if list(seeds) != sorted(set(seeds)) or not set(seeds) <= set(range(*whole)):
+                if list(seeds) != sorted(set(seeds)) or not all(seed in range(*whole) for seed in seeds):
                     yield f"seeds of {rung.name} must rise and be among {whole[0]}:{whole[1]}"
 
     def rates(self, rung: CertifiedRung) -> dict[str, SuccessRate]:
