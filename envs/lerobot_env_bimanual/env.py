@@ -25,7 +25,7 @@ from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.perturbation_choice import parse_perturbations
+from lerobot_env_bimanual.perturbation_choice import chosen_levels
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.sight import Sight
@@ -68,6 +68,7 @@ class BimanualEnv(gym.Env):
 
     Attributes:
         options: what was chosen.
+        perturbations: what is different from the world as it is.
         tick_observers: called in turn before every control tick.
         step_observers: called in turn after every step of physics of the episode.
 
@@ -98,8 +99,8 @@ class BimanualEnv(gym.Env):
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
-        self._perturbations = Perturbations(
-            parse_perturbations(self.options.perturb), self.task_definition.spec, self.options.split
+        self.perturbations = Perturbations(
+            chosen_levels(self.options.perturb), self.task_definition.spec, self.options.split
         )
         self._scene: Scene | None = None
         self._planner: KeyposePlanner | None = None
@@ -116,15 +117,15 @@ class BimanualEnv(gym.Env):
             InvalidChoice: an axis of perturbation finds nothing to change in the task.
         """
         if self._scene is None:
-            self._scene = Scene(self.task_definition.spec.props, amend=self._perturbations.build)
+            self._scene = Scene(self.task_definition.spec.props, amend=self.perturbations.build)
             self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(self.task_definition, self._scene, self._perturbations.begin)
+            self._reset = EpisodeReset(self.task_definition, self._scene, self.perturbations.begin)
         return self._scene
 
     @property
     def _eyes(self) -> Sight:
         if self._sight is None:
-            self._sight = Sight(self.scene, self.options, self._perturbations)
+            self._sight = Sight(self.scene, self.options, self.perturbations)
         return self._sight
 
     @property
@@ -180,11 +181,9 @@ class BimanualEnv(gym.Env):
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         seed, chosen = checked_seed(seed), checked_reset_options(options)
-        variation = (
-            self.task_definition.spec.variation_index(chosen["variation"])
-            if "variation" in chosen
-            else self._variation
-        )
+        variation = self._variation
+        if "variation" in chosen:
+            variation = self.task_definition.spec.variation_index(chosen["variation"])
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene
@@ -216,7 +215,7 @@ class BimanualEnv(gym.Env):
         progress = self._running_episode()
         try:
             command = self._actions.read(action)
-            self._perturbations.disturb(self.scene, progress)
+            self.perturbations.disturb(self.scene, progress)
             if isinstance(command, BimanualKeypose):
                 self._execute(command)
             else:
@@ -250,15 +249,15 @@ class BimanualEnv(gym.Env):
     @property
     def _truncated(self) -> bool:
         progress = self.progress
-        horizon = self.task_definition.spec.horizon_ticks
-        return progress.ticks >= horizon or progress.keyposes >= self.options.max_keyposes
+        is_late = progress.ticks >= self.task_definition.spec.horizon_ticks
+        return is_late or progress.keyposes >= self.options.max_keyposes
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
         assert self._planner is not None  # made with the scene
         plan = self._planner.plan(keypose, progress.rng)
         progress.line_fallbacks += plan.line_fallbacks
-        for joint_action in (*plan.actions, *[plan.actions[-1]] * self._perturbations.late_ticks):
+        for joint_action in (*plan.actions, *[plan.actions[-1]] * self.perturbations.late_ticks):
             self._tick(joint_action)
             if progress.terminated or self._truncated:
                 break
@@ -270,7 +269,7 @@ class BimanualEnv(gym.Env):
         for observer in self.tick_observers:
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
-        scene.tick(self._perturbations.command(joint_action, progress), self.step_observers)
+        scene.tick(self.perturbations.command(joint_action, progress), self.step_observers)
         progress.ticks += 1
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:

@@ -11,7 +11,7 @@ from typing import Any, Literal, Self, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
-from lerobot_env_bimanual.perturbation_choice import parse_perturbations, perturbation_text
+from lerobot_env_bimanual.perturbation_choice import checked_perturbation
 
 ANY_VARIATION = "any"
 
@@ -73,7 +73,7 @@ class EnvOptions:
         """Bring every option into its one form, and refuse what is outside its choices."""
         check_variation(self.variation)
         self.cameras = ",".join(_camera_names(self.cameras))
-        self.perturb = perturbation_text(parse_perturbations(self.perturb))
+        self.perturb = checked_perturbation(self.perturb)
         height, width = _image_size(self.image_size)
         self.image_size = height if height == width else f"{height}x{width}"
         for name in ("video_dir", "results_dir"):

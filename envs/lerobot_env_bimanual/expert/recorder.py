@@ -32,6 +32,7 @@ class Recorder:
         cameras: cameras of the images.
         image_size: (height, width) in pixels.
         codec: round every keypose to its voxels and bins before it is executed and recorded.
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
     """
 
     def __init__(
@@ -41,9 +42,16 @@ class Recorder:
         cameras: tuple[str, ...],
         image_size: tuple[int, int],
         codec: KeyposeCodec | None = None,
+        perturb: str = "",
     ):
         self._env = BimanualEnv(
-            task, split=split, cameras=cameras, image_size=image_size, obs="state", control_mode="keypose"
+            task,
+            split=split,
+            cameras=cameras,
+            image_size=image_size,
+            obs="state",
+            control_mode="keypose",
+            perturb=perturb,
         )
         self._codec = codec
 

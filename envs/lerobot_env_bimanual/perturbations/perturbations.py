@@ -46,6 +46,11 @@ class Perturbations:
         self._seeing, self._commanding, self._disturbing = map(self._with, ("see", "command", "disturb"))
 
     @property
+    def magnitudes(self) -> dict[str, float]:
+        """Magnitude of each chosen axis."""
+        return {axis.name: magnitude for axis, magnitude in self._dials}
+
+    @property
     def late_ticks(self) -> int:
         """Ticks for which the end of a motion is waited for."""
         return max((axis.late_ticks(magnitude) for axis, magnitude in self._dials), default=0)

@@ -16,6 +16,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.world.alterations import Alterations
 from lerobot_env_bimanual.world.appearance import AS_IT_IS, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
 from lerobot_env_bimanual.world.contacts import solid_geom_counts
@@ -27,20 +28,6 @@ MAX_SETTLE_TICKS = 8
 
 RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 """Model fields that a task may change at reset: where static props stand, and colours."""
-
-ALTERABLE_FIELDS = (
-    "body_mass",
-    "body_inertia",
-    "geom_friction",
-    "jnt_stiffness",
-    "qpos_spring",
-    "dof_damping",
-    "dof_frictionloss",
-    "actuator_gainprm",
-    "actuator_biasprm",
-    "actuator_forcerange",
-)
-"""Model fields that may be altered for one episode: what bodies, joints and motors are like."""
 
 FULL_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -69,7 +56,7 @@ class SceneState:
         commanded: (16,) the joint action of the last tick.
         change: (16,) by how much it differed from the one of the tick before.
         model_fields: the values of `RESETTABLE_FIELDS`.
-        altered: those of `ALTERABLE_FIELDS`; empty where nothing is altered.
+        altered: those of altered fields; empty where nothing is altered.
         appearance: how the episode looks.
         ticks: control ticks since the episode started.
         unstable: whether MuJoCo has warned in this episode.
@@ -115,7 +102,7 @@ class Scene(SceneView):
         super().__init__(spec.compile(), arm_pair, self._home_action)
         self.ticks = 0
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
-        self._unaltered: dict[str, NDArray] = {}
+        self._alterations = Alterations(self.model)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
         self._tree_awake, self._prop_positions = (
@@ -135,7 +122,7 @@ class Scene(SceneView):
         """Back to the compiled model: arms at home with open hands, props at the origin, nothing moves."""
         for field, pristine in zip(RESETTABLE_FIELDS, self._pristine, strict=True):
             getattr(self.model, field)[:] = pristine
-        self._take_off()
+        self._alterations.take_off()
         self.appearance = AS_IT_IS
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
@@ -193,16 +180,12 @@ class Scene(SceneView):
         """Make bodies, joints or motors different until the next reset.
 
         Args:
-            fields: new values of some of `ALTERABLE_FIELDS`, each in the shape of the model's.
+            fields: new values of some of `lerobot_env_bimanual.world.alterations.FIELDS`, each in the shape of the model's.
 
         Raises:
             ValueError: a field that cannot be altered.
         """
-        if others := fields.keys() - set(ALTERABLE_FIELDS):
-            raise ValueError(
-                f"{', '.join(sorted(others))} cannot be altered, only {', '.join(ALTERABLE_FIELDS)}"
-            )
-        self._wear(fields)
+        self._alterations.put_on(fields)
         self._refresh()
 
     def settle(self, max_ticks: int = MAX_SETTLE_TICKS) -> None:
@@ -272,7 +255,7 @@ class Scene(SceneView):
         digest.update(self._servos.change.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
-        for field, values in sorted(self._altered().items()):
+        for field, values in sorted(self._alterations.values().items()):
             digest.update(field.encode() + values.tobytes())
         return digest.hexdigest()
 
@@ -284,7 +267,7 @@ class Scene(SceneView):
             commanded=self._commanded.copy(),
             change=self._servos.change.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
-            altered={field: values.copy() for field, values in self._altered().items()},
+            altered={field: values.copy() for field, values in self._alterations.values().items()},
             appearance=self.appearance,
             ticks=self.ticks,
             unstable=self.unstable,
@@ -294,8 +277,8 @@ class Scene(SceneView):
         """Continue from a state of this scene, or of another one with the same props and robots."""
         for field, values in zip(RESETTABLE_FIELDS, state.model_fields, strict=True):
             getattr(self.model, field)[:] = values
-        self._take_off()
-        self._wear(state.altered)
+        self._alterations.take_off()
+        self._alterations.put_on(state.altered)
         self.appearance = state.appearance
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
@@ -315,29 +298,6 @@ class Scene(SceneView):
         self.model.opt.enableflags &= ~SLEEP
 
     # -- internals ----------------------------------------------------------------------------------------
-
-    def _altered(self) -> dict[str, NDArray]:
-        """Values of the fields that may be altered, if some are."""
-        return {field: getattr(self.model, field) for field in self._unaltered}
-
-    def _wear(self, altered: Mapping[str, NDArray]) -> None:
-        """Give model fields other values than were compiled."""
-        if altered:
-            self._unaltered = self._unaltered or {
-                field: getattr(self.model, field).copy() for field in ALTERABLE_FIELDS
-            }
-            self._set_fields(altered)
-
-    def _take_off(self) -> None:
-        """Give all model fields the values that were compiled."""
-        if self._unaltered:
-            self._set_fields(self._unaltered)
-            self._unaltered = {}
-
-    def _set_fields(self, fields: Mapping[str, NDArray]) -> None:
-        for field, values in fields.items():
-            getattr(self.model, field)[:] = values
-        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))  # what follows from them
 
     def _refresh(self) -> None:
         """Recompute everything that follows from positions and velocities."""
