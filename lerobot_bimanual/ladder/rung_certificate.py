@@ -17,6 +17,7 @@ from lerobot_bimanual.statistics import SuccessRate
 CERTIFICATE_SCHEMA_VERSION = 1
 MOST_SEEDS = 10**9
 
+
 @dataclass(frozen=True)
 class CertifiedRung:
     """One rung of one task.
