@@ -123,8 +123,8 @@ class Climb:
         result, missing = self.played(), self.missing()
         if not missing:
             return
+        player = self._player()  # which may fail, before anything is played
         solved = self._play_controls(missing)
-        player = self._player()
         with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
             for key in missing:
                 perturb = perturb_text(*key)
@@ -145,11 +145,11 @@ class Climb:
         """
         missing, few = self.missing(), self.seeds[:FEW]
         as_played = {self.rungs.played_as(*key) for key in missing}
+        player = self._player(self.seeds[: self.batch_size])
         started = time.monotonic()
         with Campaign(self.workers) as campaign:
             self._controls(campaign).solved("expert", [("", 0)], few)
         expert_s = (time.monotonic() - started) / len(few)
-        player = self._player(self.seeds[: self.batch_size])
         player.play("", folder)  # whose first batch warms up
         started = time.monotonic()
         player.play("", folder)
