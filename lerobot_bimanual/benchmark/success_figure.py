@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.canvas import (
     BLUE,
@@ -100,8 +99,8 @@ def _lines(rows: Sequence[ResultRow]) -> dict[str, list[_Line]]:
     """By task; the trainings of a policy in the order of their seeds."""
     styles = dict(zip(sorted({row.policy for row in rows}), _in_turns(), strict=False))
     trained: defaultdict[str, defaultdict[str, list[ResultRow]]] = defaultdict(lambda: defaultdict(list))
-    for row in sorted(rows, key=lambda row: (place_name(row.task, row.variation), row.policy)):
-        trained[place_name(row.task, row.variation)][row.policy].append(row)
+    for row in sorted(rows, key=lambda row: (row.place, row.policy)):
+        trained[row.place][row.policy].append(row)
     lines: dict[str, list[_Line]] = {}
     for place, policies in trained.items():
         group = lines[place] = []

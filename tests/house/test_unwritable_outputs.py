@@ -28,6 +28,7 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "certify-rungs": lambda place: ["certify-rungs", "--task=lift_ball", f"--output={place / 'folder'}"],
     "robustness": lambda place: ["robustness", f"--output={place}"],
     "robustness's figure": lambda place: ["robustness", f"--figure={place}"],
+    "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
 }
 
