@@ -12,7 +12,8 @@ from typing import Literal
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.output_file import check_output_file, write_file
 
 type Color = tuple[int, int, int]
 type Mark = Literal["circle", "square", "diamond", "triangle", "cross"]
@@ -40,6 +41,18 @@ HATCHING = 5
 
 DESCRIPTION = "Description"
 """Key of the PNG's text that says in words what is drawn."""
+
+
+def check_figure_file(path: Path) -> None:
+    """As `check_output_file`, of a file that a canvas will be saved to.
+
+    Raises:
+        UnwritableOutput: it could not be written.
+        InvalidChoice: it has the name of another kind of file.
+    """
+    check_output_file(path)
+    if path.suffix.lower() != ".png":
+        raise InvalidChoice("figure", str(path), ["a path that ends in .png"])
 
 
 class Canvas:

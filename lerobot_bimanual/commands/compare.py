@@ -10,11 +10,11 @@ from rich.table import Table
 from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.ladder.comparison import LadderComparison
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.result import LadderResult, is_ladder
-from lerobot_bimanual.output_file import check_output_file
 from lerobot_bimanual.statistics import SuccessRate, holm
 
 type Rows = dict[str, tuple[ResultRow, ...]]
@@ -53,7 +53,7 @@ def compare(config: CompareConfig) -> None:
         lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
-        check_output_file(config.figure)
+        check_figure_file(config.figure)
     console = Console()
     if is_ladder(config.first) or is_ladder(config.second):
         ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.page import LEGEND, certificates_page, ladders_page
@@ -31,8 +32,10 @@ def robustness(config: RobustnessConfig) -> None:
         lerobot-bimanual robustness --ladders=outputs/ladder --figure=outputs/robustness.png
         lerobot-bimanual robustness --certificates=results/certificates/rungs --output=outputs/rungs.md
     """
-    for path in filter(None, (config.output, config.figure)):
-        check_output_file(path)
+    if config.output is not None:
+        check_output_file(config.output)
+    if config.figure is not None:
+        check_figure_file(config.figure)
     paths = [
         path
         for place in config.ladders

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -112,6 +113,8 @@ class MadeUpPlayer:
 def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(climb, "Campaign", MadeUpCampaign)
     monkeypatch.setattr(certification, "Campaign", MadeUpCampaign)
+    for room in (climb, certification):
+        monkeypatch.setattr(room, "OutcomeLog", MagicMock())
     monkeypatch.setattr(climb, "PolicyPlayer", MadeUpPlayer)
     monkeypatch.setattr(climb, "world_version", lambda task, perturb="": f"{task} {perturb}")
     monkeypatch.setattr(MadeUpCampaign, "jobs", [], raising=False)
