@@ -160,7 +160,7 @@ class _Stream:
         if self._codes is None:
             return av.VideoFrame.from_ndarray(image, format="rgb24")
         frame = av.VideoFrame(image.shape[1], image.shape[0], self._config.pix_fmt)
-        write_u16_plane(frame.planes[0], self._codes[image[..., 0]], fill_value=0)
+        write_u16_plane(frame.planes[0], self._codes.take(image[..., 0]), fill_value=0)
         return frame
 
 
