@@ -85,7 +85,7 @@ class ExpertHands:
             return self._act(batch["observation.keypose_step"].flatten().int().tolist())
 
         KeyposePolicy.select_action = select_action  # pyright: ignore[reportAttributeAccessIssue]
-        KeyposePolicy.reset = lambda _: self._next_batch()
+        KeyposePolicy.reset = lambda _: self._next_batch()  # pyright: ignore[reportAttributeAccessIssue]
 
     def learn(self, task: str, episodes: int, batch_size: int) -> None:
         """Play the episodes of an evaluation, once per task."""
@@ -120,8 +120,6 @@ class ExpertHands:
 def serve() -> None:
     """Answer every line, flags of `lerobot-eval` as JSON, with what the evaluation cost."""
     answers, sys.stdout = sys.stdout, sys.stderr
-    from lerobot.scripts import lerobot_eval
-
     hands, stages = ExpertHands(), Stages()
     hands.install()
     watch_rollouts(stages)
@@ -129,21 +127,29 @@ def serve() -> None:
     for line in sys.stdin:
         flags = json.loads(line)
         hands.learn(flags["env.task"], flags["eval.n_episodes"], flags["eval.batch_size"])
-        for _ in range(1 if is_warm else 2):  # libraries load much of themselves when they are first used
-            hands.start_over()
-            stages.seconds.clear()
-            stages.calls.clear()
-            with tempfile.TemporaryDirectory() as folder:
-                words = {**flags, "output_dir": f"{folder}/out"}
-                sys.argv = ["lerobot-eval", *(f"--{name}={value}" for name, value in words.items())]
-                start_s = cpu_s()
-                lerobot_eval.main()
-                total_s = cpu_s() - start_s
-                info = json.loads(Path(folder, "out/eval_info.json").read_text())
-        is_warm = True
-        seconds = {**stages.seconds, "rest": total_s - sum(stages.seconds.values())}
-        answer = {"cpu_s": total_s, "solved_percent": info["overall"]["pc_success"]}
-        print(json.dumps(answer | {"stages_s": seconds, "calls": stages.calls}), file=answers, flush=True)
+        if not is_warm:  # libraries load much of themselves when they are first used
+            evaluate(flags, hands, stages)
+            is_warm = True
+        print(json.dumps(evaluate(flags, hands, stages)), file=answers, flush=True)
+
+
+def evaluate(flags: dict[str, Any], hands: ExpertHands, stages: Stages) -> dict[str, Any]:
+    """Run `lerobot-eval` with some flags; returns what it cost."""
+    from lerobot.scripts import lerobot_eval
+
+    hands.start_over()
+    stages.seconds.clear()
+    stages.calls.clear()
+    with tempfile.TemporaryDirectory() as folder:
+        words = {**flags, "output_dir": f"{folder}/out"}
+        sys.argv = ["lerobot-eval", *(f"--{name}={value}" for name, value in words.items())]
+        start_s = cpu_s()
+        lerobot_eval.main()
+        total_s = cpu_s() - start_s
+        info = json.loads(Path(folder, "out/eval_info.json").read_text())
+    stages_s = {**stages.seconds, "rest": total_s - sum(stages.seconds.values())}
+    solved = info["overall"]["pc_success"]
+    return {"cpu_s": total_s, "solved_percent": solved, "stages_s": stages_s, "calls": stages.calls}
 
 
 def watch_rollouts(stages: Stages) -> None:
