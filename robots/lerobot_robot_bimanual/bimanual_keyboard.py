@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import sys
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +61,7 @@ class BimanualKeyboard(Teleoperator):
         self._hands: tuple[Arm, ...] = (Arm.LEFT,)
         self._keys: TerminalKeys | None = None
 
-    @cached_property
+    @property
     def action_features(self) -> dict[str, Any]:
         """The sixteen numbers of a joint action, by name."""
         return dict.fromkeys(schema.JOINT_NAMES, float)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,15 +61,15 @@ class BimanualSim(Robot):
         self._has_left_home = False
         self._began_s = 0.0
 
-    @cached_property
+    @property
     def observation_features(self) -> dict[str, Any]:
         """Joints as `float`, images as their shape (H, W, 3), depth as (H, W, 1)."""
-        images: dict[str, Any] = {camera: (*self._options.size, 3) for camera in self.cameras}
+        images: dict[str, Any] = dict.fromkeys(self.cameras, (*self._options.size, 3))
         if self._options.obs == "rgbd":
             images |= {f"{camera}_depth": (*self._options.size, 1) for camera in self.cameras}
         return self.action_features | images
 
-    @cached_property
+    @property
     def action_features(self) -> dict[str, Any]:
         """The sixteen numbers of a joint action, by name."""
         return dict.fromkeys(schema.JOINT_NAMES, float)

@@ -41,7 +41,7 @@ class BimanualSimConfig(RobotConfig):
     video_dir: str | None = None
 
     def __post_init__(self) -> None:
-        """Check everything; MuJoCo is loaded here, not with this module. (LeRobot's own check is of real cameras.)"""
+        """Check everything; LeRobot has a check of its own, but of real cameras. MuJoCo is loaded here."""
         from lerobot_env_bimanual.episode.reset_arguments import checked_seed
         from lerobot_env_bimanual.tasks.registry import get_task
 

@@ -7,16 +7,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_multiply
+from lerobot_bimanual.geometry.rotations import (
+    quat_wxyz_from_axis_angle,
+    quat_wxyz_multiply,
+    rotation_vector,
+)
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.kinematics import EXACT
 
 Array = NDArray[np.floating]
 
-MARGIN_WEIGHT = 1e-4
-"""Of closeness to joint limits against squared joint travel: enough to keep elbows from drifting into them."""
-LARGEST_JUMP_RAD = 0.5
+HOMEWARDS = 0.02
+"""Share of the way to the posture at home from which the joints of a step are sought, so that elbows do not drift."""
+LARGEST_STEP_RAD = 0.5
 """Of a joint in one step; beyond it the arm would have to change its posture."""
+MAX_NEWTON_STEPS = 10
+LEAST_SINGULAR = 1e-3
+"""Singular values smaller than this share of the largest count as zero."""
 
 
 class LeaderArms:
@@ -72,9 +80,19 @@ class LeaderArms:
         return by_arm(self.joint_action)[arm.ordinal, :JOINTS_PER_ARM].astype(np.float64)
 
     def _posture(self, arm: Arm, target: Pose) -> Array | None:
-        """The joints (7,) at a pose that are nearest to the present ones."""
+        """The joints (7,) at a pose, by Newton's method from the present ones.
+
+        A closed form would do as well, but its nearest solutions jump where a hand is moved sideways at arm's length.
+        """
         kinematics, start = self._arm_pair.kinematics[arm], self._joints(arm)
-        solutions = kinematics.ik(target.matrix, near_q7=start[-1])
-        near = solutions[np.abs(solutions - start).max(axis=1) < LARGEST_JUMP_RAD]
-        order = np.argsort(kinematics.posture_cost(near, start, MARGIN_WEIGHT), kind="stable")
-        return next((near[i] for i in order if kinematics.reaches(near[i], target.matrix)), None)
+        wanted = kinematics.in_base(target.matrix)
+        joints = start + HOMEWARDS * (self._arm_pair.home_joints - start)
+        for _ in range(MAX_NEWTON_STEPS):
+            poses, jacobians = kinematics.poses_and_jacobians(joints[None])
+            turn_rad = rotation_vector(wanted[:3, :3] @ poses[0, :3, :3].T)
+            error = np.concatenate([wanted[:3, 3] - poses[0, :3, 3], turn_rad])
+            if np.abs(error).max() < EXACT:
+                is_near = np.abs(joints - start).max() < LARGEST_STEP_RAD
+                return joints if is_near and kinematics.within_limits(joints) else None
+            joints = joints + np.linalg.pinv(jacobians[0], rcond=LEAST_SINGULAR) @ error
+        return None

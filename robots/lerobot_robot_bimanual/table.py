@@ -42,7 +42,11 @@ class Table(BimanualEnv):
             unmet = [name for name, met in conditions.items() if not met]
             verdict = progress.failure or f"not solved, unmet: {', '.join(unmet)}"
         logger.info(
-            "%s: %s after %d ticks, state %s", self.name_of_episode, verdict, progress.ticks, self.state_hash()
+            "%s: %s after %d ticks, state %s",
+            self.name_of_episode,
+            verdict,
+            progress.ticks,
+            self.state_hash(),
         )
 
     @property
