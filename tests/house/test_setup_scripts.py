@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 COPIED = [
     *("scripts/find_uv.sh", "scripts/setup.sh", ".python-version", "requirements.lock"),
-    *("pyproject.toml", "envs/pyproject.toml", "policies/pyproject.toml"),
+    *("pyproject.toml", "envs/pyproject.toml", "policies/pyproject.toml", "robots/pyproject.toml"),
 ]
 FAKE_UV = """#!/usr/bin/env bash
 echo "$*" >>"$HOME/uv.log"

@@ -104,7 +104,7 @@ def recorded(room, told) -> Path:
     """A dataset of two episodes, recorded by keys."""
     told.clear()
     pause = 15 * " "
-    keys = "3" + "c" * 12 + "1f" + "n" + pause + "h" + pause + "n" + pause + "2" + "cwdd" * 4 + "n" + pause
+    keys = "1f3" + "c" * 12 + "n" + pause + "h" + pause + "n" + pause + "2" + "cwdd" * 4 + "n" + pause
     with pytest.MonkeyPatch.context() as patch:
         Typist(patch, keys)
         call("lerobot-record", *SMALL, "--teleop.calibration_dir=calibration")
@@ -134,7 +134,7 @@ def test_teleoperation_moves_the_hands_until_it_is_interrupted(room, told):
     with pytest.MonkeyPatch.context() as patch:
         Typist(patch, "3cccc1d")
         call("lerobot-teleoperate", *SMALL, "--teleop.calibration_dir=calibration")
-    assert re.search(r"train seed 0: not solved, unmet: .* after 6 ticks", told[-1])
+    assert re.search(r"train seed 0: not solved, unmet: .* after 7 ticks", told[-1])
     assert len(list((room / "outputs/films").glob("*_unfinished.mp4"))) == 1
 
 
