@@ -19,6 +19,7 @@ from lerobot_env_bimanual.episode.observations import PIXELS, env_key
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 from lerobot_robot_bimanual.table import Table
+from lerobot_robot_bimanual.viewer import Viewer
 
 logger = logging.getLogger(__name__)
 
@@ -56,6 +57,7 @@ class BimanualSim(Robot):
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * 2, dtype=np.float32)
         self._table: Table | None = None
+        self._viewer: Viewer | None = None
         self._next_seed = config.seed
         self._command = self._home
         self._has_left_home = False
@@ -103,8 +105,15 @@ class BimanualSim(Robot):
 
     @check_if_already_connected
     def connect(self, calibrate: bool = True) -> None:
-        """Build the world and lay the first episode on the table."""
-        self._table = Table(self.config.task, options=self._options)
+        """Build the world and lay the first episode on the table.
+
+        Raises:
+            DeviceAlreadyConnectedError: there is a world already.
+            NoDisplay: a window was asked for, and there is no display.
+        """
+        table = Table(self.config.task, options=self._options)
+        self._viewer = Viewer(table.scene) if self.config.viewer else None
+        self._table = table
         self._next_seed = self.config.seed
         self._begin_episode()
 
@@ -151,6 +160,8 @@ class BimanualSim(Robot):
             self._has_left_home |= distance_rad > AWAY_RAD
             if not self.config.real_time:
                 table.tick(command)
+        if self._viewer is not None:
+            self._viewer.show()
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
     def disconnect(self) -> None:
@@ -162,6 +173,8 @@ class BimanualSim(Robot):
         table = self.table
         if table.progress.ticks and not table.progress.terminated:
             table.tell()
+        if self._viewer is not None:
+            self._viewer.close()
         table.close()
         self._table = None
 

@@ -37,6 +37,8 @@ class BimanualSimConfig(RobotConfig):
     # Off: an action is one tick of 50 ms, however long the caller takes, and the same actions lead to the same state,
     # bit for bit. On: the world does not wait, and goes on with the last action as fast as the clock.
     real_time: bool = False
+    # Whether a window shows the world; needs a display.
+    viewer: bool = False
     # Folder for a film of every episode.
     video_dir: str | None = None
 

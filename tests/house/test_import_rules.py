@@ -16,7 +16,7 @@ FORBIDDEN = [
     (CORE, {"lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual", "mujoco"}),
     (ENVS, {"lerobot_policy_bimanual", "lerobot_robot_bimanual"}),
     (POLICIES, {"lerobot_env_bimanual", "lerobot_robot_bimanual", "mujoco"}),
-    (ROBOTS, {"lerobot_policy_bimanual", "mujoco"}),
+    (ROBOTS, {"lerobot_policy_bimanual"}),
 ]
 # What worker processes of vector environments import; LeRobot or torch would cost each of them seconds.
 WORKER_MODULES = (

@@ -1,5 +1,9 @@
 """The simulated arms as a LeRobot robot."""
 
+import shutil
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
@@ -13,6 +17,7 @@ from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
+from lerobot_robot_bimanual.viewer import NoDisplay
 
 
 def action(values) -> dict[str, float]:
@@ -172,6 +177,39 @@ def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeyp
         patient.send_action(home(0.2))
     assert robot.table.progress.ticks == 5
     assert robot.table.state_hash() == patient.table.state_hash()
+
+
+def test_a_window_without_a_display_is_one_clear_error(make_robot, monkeypatch):
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(NoDisplay, match=r"--robot\.video_dir"):
+        make_robot(viewer=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt-get install xvfb")
+def test_a_window_shows_the_world_and_changes_nothing(make_robot, tmp_path):
+    program = (
+        "from pathlib import Path\n"
+        "from lerobot_robot_bimanual.bimanual_sim import BimanualSim\n"
+        "from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig\n"
+        f"options = {{'cameras': 'front', 'image_size': 32, 'calibration_dir': Path({str(tmp_path)!r})}}\n"
+        "config = BimanualSimConfig(viewer=True, **options)\n"
+        "robot = BimanualSim(config)\n"
+        "robot.connect()\n"
+        f"for offset_rad in {(0.2, 0.2, 0.0, 0.2)}:\n"
+        f"    robot.send_action({home()} | {{'right_joint1.pos': offset_rad}})\n"
+        "    robot.get_observation()\n"
+        "print(robot.table.state_hash())\n"
+        "robot.disconnect()\n"
+    )
+    command = ("xvfb-run", "--auto-servernum", sys.executable, "-c", program)
+    child = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr[-4000:]
+    robot = make_robot()
+    for offset_rad in (0.2, 0.2, 0.0, 0.2):
+        robot.send_action(home(offset_rad))
+    assert child.stdout.split()[-1] == robot.table.state_hash()
 
 
 def test_every_episode_is_filmed(make_robot, tmp_path):
