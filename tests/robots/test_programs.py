@@ -104,7 +104,8 @@ def recorded(room, told) -> Path:
     """A dataset of two episodes, recorded by keys."""
     told.clear()
     pause = 15 * " "
-    keys = "1f3" + "c" * 12 + "n" + pause + "h" + pause + "n" + pause + "2" + "cwdd" * 4 + "n" + pause
+    first, second = "1f3" + "c" * 12 + pause + "n", "2" + "cwdd" * 4 + pause + "n"
+    keys = first + pause + "h" + pause + "n" + pause + second + pause
     with pytest.MonkeyPatch.context() as patch:
         Typist(patch, keys)
         call("lerobot-record", *SMALL, "--teleop.calibration_dir=calibration")
