@@ -115,11 +115,20 @@ class BimanualKeyboard(Teleoperator):
             self._follow(key)
         return dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
 
+    @check_if_not_connected
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Move the leader arms to where the robot is; names that are no joints of it are left out."""
-        for index, name in enumerate(schema.JOINT_NAMES):
-            if name in feedback:
-                self._arms.joint_action[index] = feedback[name]
+        """Move the leader arms to where the robot is; keys that were struck until now are forgotten.
+
+        Args:
+            feedback: joint targets and openings by name, of which some may be missing.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._keys is not None
+        self._keys.struck()
+        present = dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+        self._arms.go_to([feedback.get(name, value) for name, value in present.items()])
 
     @check_if_not_connected
     def disconnect(self) -> None:

@@ -14,7 +14,7 @@ from lerobot_bimanual.geometry.rotations import (
 )
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
-from lerobot_env_bimanual.robots.kinematics import EXACT
+from lerobot_env_bimanual.robots.kinematics import EXACT, LIMIT_SAFETY_RAD
 
 Array = NDArray[np.floating]
 
@@ -45,6 +45,13 @@ class LeaderArms:
     def go_home(self) -> None:
         """Both arms home, hands open."""
         self.joint_action = np.array([*self._arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
+
+    def go_to(self, joint_action: ArrayLike) -> None:
+        """Both arms as a joint action (16,) has them, within the limits."""
+        pair = self._arm_pair
+        lower = [*(pair.joint_lower + LIMIT_SAFETY_RAD), 0.0] * len(ARMS)
+        upper = [*(pair.joint_upper - LIMIT_SAFETY_RAD), 1.0] * len(ARMS)
+        self.joint_action = np.clip(joint_action, lower, upper).astype(np.float32)
 
     def hand(self, arm: Arm) -> Pose:
         """World pose of a hand's tool centre point."""

@@ -112,9 +112,13 @@ def test_the_leader_arms_go_where_the_robot_is(typed, tmp_path):
     teleoperator = BimanualKeyboard(BimanualKeyboardConfig(calibration_dir=tmp_path))
     assert teleop_supports_feedback(teleoperator)
     _, elsewhere = typed("3ccww2dd")
+    teleoperator.connect()
     teleoperator.send_feedback(elsewhere)
-    teleoperator._keys = Script("")
     assert teleoperator.get_action() == elsewhere
+    teleoperator.send_feedback({"left_joint1.pos": 100.0})  # of a policy that has gone astray
+    limited = teleoperator.get_action()
+    assert limited == elsewhere | {"left_joint1.pos": limited["left_joint1.pos"]}
+    assert limited["left_joint1.pos"] < PANDA_PAIR.joint_upper[0]
 
 
 def test_keys_are_shared_with_lerobots_controls(keyboard, soon):

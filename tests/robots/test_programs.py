@@ -9,7 +9,7 @@ import runpy
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -80,34 +80,34 @@ def call(program: str, *more: str) -> None:
         runpy.run_module(module, run_name="__main__")
 
 
-class Typist:
-    """Types one key before each action of the keyboard teleoperator; a blank is a pause."""
+PAUSE = 15 * "."
 
-    def __init__(self, patch: pytest.MonkeyPatch, keys: str):
-        self._master, slave = pty.openpty()
-        patch.setattr(sys, "stdin", os.fdopen(slave))
-        remaining, get_action = iter(keys), BimanualKeyboard.get_action
 
-        def type_and_get(teleoperator: BimanualKeyboard):
-            key = next(remaining, None)
-            if key is None:
-                raise KeyboardInterrupt
-            if not key.isspace():
-                os.write(self._master, key.encode())
-            return get_action(teleoperator)
+def type_before(patch: pytest.MonkeyPatch, owner: type, name: str, keys: str) -> None:
+    """Have one key typed before each call of a method, and Ctrl-C in the end; a dot is a pause."""
+    master, slave = pty.openpty()
+    patch.setattr(sys, "stdin", os.fdopen(slave))
+    remaining, method = iter(keys), getattr(owner, name)
 
-        patch.setattr(BimanualKeyboard, "get_action", type_and_get)
+    def type_and_call(*arguments):
+        key = next(remaining, None)
+        if key is None:
+            raise KeyboardInterrupt
+        if key != ".":
+            os.write(master, key.encode())
+        return method(*arguments)
+
+    patch.setattr(owner, name, type_and_call)
 
 
 @pytest.fixture(scope="module")
 def recorded(room, told) -> Path:
     """A dataset of two episodes, recorded by keys."""
     told.clear()
-    pause = 15 * " "
-    first, second = "1f3" + "c" * 12 + pause + "n", "2" + "cwdd" * 4 + pause + "n"
-    keys = first + pause + "h" + pause + "n" + pause + second + pause
+    first, second = f"1f3{12 * 'c'}{PAUSE}n", f"2{4 * 'cwdd'}{PAUSE}n"
+    keys = f"{first}{PAUSE}h{PAUSE}n{PAUSE}{second}{PAUSE}"
     with pytest.MonkeyPatch.context() as patch:
-        Typist(patch, keys)
+        type_before(patch, BimanualKeyboard, "get_action", keys)
         call("lerobot-record", *SMALL, "--teleop.calibration_dir=calibration")
     return room / "outputs/by_hand"
 
@@ -133,7 +133,7 @@ def test_a_demonstration_replays_to_success_and_to_its_last_state(room, told):
 def test_teleoperation_moves_the_hands_until_it_is_interrupted(room, told):
     told.clear()
     with pytest.MonkeyPatch.context() as patch:
-        Typist(patch, "3cccc1d")
+        type_before(patch, BimanualKeyboard, "get_action", "3cccc1d")
         call("lerobot-teleoperate", *SMALL, "--teleop.calibration_dir=calibration")
     assert re.search(r"train seed 0: not solved, unmet: .* after 7 ticks", told[-1])
     assert len(list((room / "outputs/films").glob("*_unfinished.mp4"))) == 1
@@ -176,6 +176,30 @@ def test_an_episodic_rollout_records_an_episode_per_seed(trained, room, told):
     assert json.loads((room / "outputs/rollout_act/meta/info.json").read_text())["total_episodes"] == 2
 
 
+def test_somebody_takes_over_from_a_policy_where_the_robot_is(trained, room, told, monkeypatch):
+    told.clear()
+    pause_policy, correct = " ", "\t"
+    keys = f"{PAUSE}{pause_policy}{PAUSE}{correct}{PAUSE}3cccc{PAUSE}{correct}{PAUSE}"
+    type_before(monkeypatch, BimanualSim, "send_action", keys)
+    dataset = (
+        "--dataset.repo_id=local/rollout_corrected --dataset.root=outputs/corrected --dataset.num_episodes=1 "
+        "--dataset.fps=20 --dataset.push_to_hub=false"
+    )
+    flags = (
+        "--strategy.type=dagger",
+        "--teleop.type=bimanual_keyboard",
+        "--teleop.calibration_dir=calibration",
+    )
+    quiet = ("--play_sounds=false", "--device=cpu", "--return_to_initial_position=false", "--duration=60")
+    call("lerobot-rollout", *SMALL, *flags, *dataset.split(), *quiet)
+    dataset = LeRobotDataset("local/rollout_corrected", root=room / "outputs/corrected")
+    rows = dataset.hf_dataset.with_format("numpy")[:]
+    assert dataset.num_episodes == 1
+    assert rows["intervention"].all()
+    assert abs(rows[schema.ACTION][0] - rows[schema.STATE][0]).max() < 0.2  # no jump to the keyboard's home
+    assert abs(rows[schema.ACTION][-1] - rows[schema.ACTION][0]).max() > 0.01
+
+
 def test_act_is_served_asynchronously(trained, told, monkeypatch):
     from lerobot.async_inference.configs import PolicyServerConfig
     from lerobot.async_inference.policy_server import PolicyServer
@@ -189,7 +213,7 @@ def test_act_is_served_asynchronously(trained, told, monkeypatch):
     services_pb2_grpc.add_AsyncInferenceServicer_to_server(PolicyServer(config), server)
     port = server.add_insecure_port(f"{config.host}:0")
     server.start()
-    enough(monkeypatch, BimanualSim, "send_action", 12)
+    type_before(monkeypatch, BimanualSim, "send_action", PAUSE)
     with pytest.raises(KeyboardInterrupt):
         call(
             "python -m lerobot.async_inference.robot_client",
@@ -199,16 +223,3 @@ def test_act_is_served_asynchronously(trained, told, monkeypatch):
         )
     server.stop(None).wait()
     assert "test seed 0: not solved" in told[-1]
-
-
-def enough(patch: pytest.MonkeyPatch, owner: type, name: str, calls: int) -> None:
-    """Interrupt the program, as Ctrl-C would, after some calls of a method."""
-    method: Callable = getattr(owner, name)
-    remaining = iter(range(calls))
-
-    def limited(*arguments):
-        if next(remaining, None) is None:
-            raise KeyboardInterrupt
-        return method(*arguments)
-
-    patch.setattr(owner, name, limited)
