@@ -10,7 +10,7 @@ import numpy as np
 from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
-from lerobot_bimanual.arms import JOINTS_PER_ARM
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
@@ -55,7 +55,7 @@ class BimanualSim(Robot):
         self._options = config.env_options()
         self.cameras = () if self._options.obs == "state" else self._options.camera_names
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
-        self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * 2, dtype=np.float32)
+        self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
         self._table: Table | None = None
         self._viewer: Viewer | None = None
         self._next_seed = config.seed

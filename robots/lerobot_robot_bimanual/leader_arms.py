@@ -89,7 +89,7 @@ class LeaderArms:
     def _posture(self, arm: Arm, target: Pose) -> Array | None:
         """The joints (7,) at a pose, by Newton's method from the present ones.
 
-        A closed form would do as well, but its nearest solutions jump where a hand is moved sideways at arm's length.
+        The nearest solutions of the closed form jump, and then end, where a hand is moved far to the side.
         """
         kinematics, start = self._arm_pair.kinematics[arm], self._joints(arm)
         wanted = kinematics.in_base(target.matrix)
