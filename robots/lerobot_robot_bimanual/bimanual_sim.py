@@ -116,6 +116,7 @@ class BimanualSim(Robot):
         self._table = table
         self._next_seed = self.config.seed
         self._begin_episode()
+        self._show()
 
     def get_observation(self) -> dict[str, Any]:
         """Joints in rad, openings 0..1, images uint8 (H, W, 3), depth uint16 (H, W, 1) in millimetres.
@@ -160,8 +161,7 @@ class BimanualSim(Robot):
             self._has_left_home |= distance_rad > AWAY_RAD
             if not self.config.real_time:
                 table.tick(command)
-        if self._viewer is not None:
-            self._viewer.show()
+        self._show()
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
     def disconnect(self) -> None:
@@ -185,6 +185,10 @@ class BimanualSim(Robot):
         self._command, self._has_left_home = self._home, False
         self._began_s = time.perf_counter()
         logger.info('%s: "%s"', table.name_of_episode, table.task_description)
+
+    def _show(self) -> None:
+        if self._viewer is not None:
+            self._viewer.show()
 
     def _keep_up(self, table: Table) -> None:
         """In real time, go on with the last action for all the ticks that have passed."""

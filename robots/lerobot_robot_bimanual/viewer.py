@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import threading
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
@@ -36,9 +38,12 @@ class Viewer:
 
         self._scene = scene
         self._shown = mujoco.MjData(scene.model)
+        others = threading.enumerate()
         self._window = viewer.launch_passive(
             scene.model, self._shown, show_left_ui=False, show_right_ui=False
         )
+        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        atexit.register(self.close)
         self.show()
 
     def show(self) -> None:
@@ -49,5 +54,8 @@ class Viewer:
             self._window.sync()
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the window, and wait for its thread: one that outlives the interpreter crashes it."""
+        atexit.unregister(self.close)
         self._window.close()
+        for thread in self._threads:
+            thread.join()

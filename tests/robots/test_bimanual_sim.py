@@ -27,7 +27,7 @@ def action(values) -> dict[str, float]:
 
 def home(offset_rad: float = 0.0) -> dict[str, float]:
     """Home, with one joint off by so much."""
-    at_home = action([*PANDA_PAIR.home_joints, 1.0] * 2)
+    at_home = action([*PANDA_PAIR.home_joints.tolist(), 1.0] * 2)
     at_home["right_joint1.pos"] += offset_rad
     return at_home
 
