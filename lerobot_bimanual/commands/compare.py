@@ -7,9 +7,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from lerobot_bimanual.benchmark.names import place_name
+from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.statistics import SuccessRate, holm
 
@@ -25,6 +26,7 @@ class CompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
+    figure: Path | None = None  # PNG: the difference on each task, with both errors and the p-values
 
 
 def compare(config: CompareConfig) -> None:
@@ -40,7 +42,10 @@ def compare(config: CompareConfig) -> None:
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
+    if config.figure is not None:
+        check_figure_file(config.figure)
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
@@ -61,6 +66,8 @@ def compare(config: CompareConfig) -> None:
     console.print(_table(comparisons))
     for line in _remarks(comparisons):
         console.print(line, soft_wrap=True, highlight=False)
+    if config.figure is not None:
+        difference_figure(comparisons).save(config.figure)
 
 
 def _rows(path: Path, policy: str | None, flag: str) -> Rows:
@@ -79,7 +86,7 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     found: defaultdict[str, list[ResultRow]] = defaultdict(list)
     for row in rows:
         if policy in (None, row.policy):
-            found[place_name(row.task, row.variation)].append(row)
+            found[row.place].append(row)
     return {
         place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()
     }

@@ -39,6 +39,7 @@ class Certificate:
         split: split of the seeds.
         seeds: the range a:b.
         outcomes: of all episodes.
+        perturb: what was different from the world as it is, `AXIS:LEVEL,...`.
     """
 
     control: str
@@ -47,6 +48,7 @@ class Certificate:
     split: str
     seeds: str
     outcomes: tuple[Outcome, ...]
+    perturb: str = ""
 
     @cached_property
     def complaints(self) -> list[str]:
@@ -71,9 +73,11 @@ class Certificate:
             "replay": self.replay,
             "split": self.split,
             "seeds": self.seeds,
+            "perturb": self.perturb,
             "versions": versions(),
             "worlds": {
-                task: world_version(task) for task in sorted({outcome.task for outcome in self.outcomes})
+                task: world_version(task, self.perturb)
+                for task in sorted({outcome.task for outcome in self.outcomes})
             },
             "complaints": self.complaints,
             "rates": [row | self._measured(row["task"], row["variation"]) for row in self.rate_rows()],
@@ -121,7 +125,8 @@ class Certificate:
         if not console.is_terminal:
             console.width = LOG_WIDTH
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
-        table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
+        perturbed = f", {self.perturb}" if self.perturb else ""
+        table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}{perturbed}")
         for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):
             is_name = heading == "task"
             table.add_column(
