@@ -110,12 +110,14 @@ class BimanualSim(Robot):
         Raises:
             DeviceAlreadyConnectedError: there is a world already.
             NoDisplay: a window was asked for, and there is no display.
+            InvalidChoice: a perturbation finds nothing to change in the task.
+            PlacementFailure: no placement of the props was found that both arms can serve.
         """
         table = Table(self.config.task, options=self._options)
         self._viewer = Viewer(table.scene) if self.config.viewer else None
-        self._table = table
         self._next_seed = self.config.seed
-        self._begin_episode()
+        self._begin_episode(table)
+        self._table = table
         self._show()
 
     def get_observation(self) -> dict[str, Any]:
@@ -156,7 +158,7 @@ class BimanualSim(Robot):
         if self._has_left_home and distance_rad < AT_HOME_RAD:
             if not table.progress.terminated:
                 table.tell()
-            self._begin_episode()
+            self._begin_episode(table)
         else:
             self._has_left_home |= distance_rad > AWAY_RAD
             if not self.config.real_time:
@@ -178,8 +180,7 @@ class BimanualSim(Robot):
         table.close()
         self._table = None
 
-    def _begin_episode(self) -> None:
-        table = self.table
+    def _begin_episode(self, table: Table) -> None:
         table.reset(seed=self._next_seed)
         self._next_seed += 1
         self._command, self._has_left_home = self._home, False

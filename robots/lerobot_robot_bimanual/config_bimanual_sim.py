@@ -28,6 +28,8 @@ class BimanualSimConfig(RobotConfig):
     split: str = "train"
     # Seed of the first episode; every further one has the next.
     seed: int = 0
+    # What is different from the world as it is, as `AXIS:LEVEL`, several separated by commas.
+    perturb: str = EnvOptions.perturb
     # Cameras of the observation, separated by commas. (Not LeRobot's cameras: these need no address.)
     cameras: str = EnvOptions.cameras
     # Side of the images in pixels, or height and width as in `480x640`.
@@ -56,6 +58,7 @@ class BimanualSimConfig(RobotConfig):
         return EnvOptions(
             variation=self.variation,
             split=self.split,
+            perturb=self.perturb,
             cameras=self.cameras,
             image_size=self.image_size,
             obs=self.obs,

@@ -51,5 +51,6 @@ class Table(BimanualEnv):
 
     @property
     def name_of_episode(self) -> str:
-        """Task, variation, split and seed: what determines the episode."""
-        return f"{self.task}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"
+        """What determines the episode: task, perturbation, variation, split and seed."""
+        world = f"{self.task} with {self.options.perturb}" if self.options.perturb else self.task
+        return f"{world}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"

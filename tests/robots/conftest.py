@@ -14,13 +14,14 @@ from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 
 @pytest.fixture
 def make_robot(tmp_path) -> Iterator[Callable[..., BimanualSim]]:
-    """Makes connected robots, without cameras if none are asked for."""
+    """Makes robots, connected if nothing else is asked for, and without cameras."""
     robots: list[BimanualSim] = []
 
-    def make(**options) -> BimanualSim:
+    def make(connected: bool = True, **options) -> BimanualSim:
         config = BimanualSimConfig(**{"obs": "state", "calibration_dir": tmp_path} | options)
         robots.append(BimanualSim(config))
-        robots[-1].connect()
+        if connected:
+            robots[-1].connect()
         return robots[-1]
 
     yield make

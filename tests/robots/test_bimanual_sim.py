@@ -11,9 +11,10 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_features
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import BimanualError, InvalidAction
+from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.perturbation_choice import axis_modules
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
@@ -94,6 +95,29 @@ def test_the_actions_of_an_expert_lead_to_its_state(task, make_robot):
     assert robot.table.progress.seed == 0  # no expert comes home on its way
 
 
+def test_a_perturbed_robot_is_the_perturbed_environment(make_robot):
+    (axis, *_) = sorted(axis_modules())
+    env = BimanualEnv("push_box", split="train", obs="state", perturb=f"{axis}:3")
+    env.reset(seed=0)
+    robot = make_robot(perturb=f"{axis}:3")
+    for offset_rad in (0.0, 0.2):
+        robot.send_action(home(offset_rad))
+        env.step(np.array([*home(offset_rad).values()]))
+    assert robot.table.state_hash() == env.state_hash()
+    env.close()
+
+
+def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monkeypatch):
+    def fail(*_):
+        raise PlacementFailure("nowhere")
+
+    monkeypatch.setattr("lerobot_env_bimanual.episode.reset.EpisodeReset.start", fail)
+    robot = make_robot(connected=False)
+    with pytest.raises(PlacementFailure):
+        robot.connect()
+    assert not robot.is_connected
+
+
 def test_sending_both_hands_home_begins_the_next_episode(make_robot):
     robot = make_robot(seed=7, variation=0)
     beginning = robot.table.state_hash()
@@ -172,6 +196,7 @@ def test_nothing_goes_before_it_is_connected(make_robot):
         ("split", "exam", "test"),
         ("seed", -1, "2\\*\\*63"),
         ("cameras", "rear", "left_wrist"),
+        ("perturb", "earthquake:1", "mass"),
         ("obs", "lidar", "rgbd"),
         ("image_size", 3, "256"),
     ],
