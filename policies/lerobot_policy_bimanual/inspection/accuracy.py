@@ -47,7 +47,7 @@ class Accuracy:
         """
         headings = ("after", "arm", "rows", "cm", "median", "90 %", "worst", "deg", "gripper", "flag")
         rows = [
-            (f"{step}", arm, *self._cells(self.keypose_step == step, arm))
+            (str(step), str(arm), *self._cells(self.keypose_step == step, arm))
             for step in np.unique(self.keypose_step)
             for arm in ARMS
         ]
