@@ -156,9 +156,7 @@ def _facts(spec: TaskSpec) -> str:
 
 
 def _instructions(spec: TaskSpec) -> str:
-    rows = [
-        (variation.index, "; ".join(spec.instructions_for(variation))) for variation in spec.variations
-    ]
+    rows = [(variation.index, "; ".join(spec.instructions_for(variation))) for variation in spec.variations]
     return markdown_table(("variation", "sentences"), rows)
 
 
