@@ -53,7 +53,7 @@ bench: setup  ## Run the benchmarks; one JSON line each
 docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
 	"$$(scripts/find_uv.sh)" pip install --quiet --python $(BIN)/python --requirements requirements-docs.lock
 	$(BIN)/python scripts/site_films.py
-	$(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	@echo "open build/site/index.html"
 
 lock:  ## Rewrite the two lock files from the pyprojects (rm uv.lock first to take newer versions)

@@ -8,9 +8,9 @@ from pathlib import Path
 from lerobot_bimanual.output_file import write_file
 
 
-def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table; the first column is aligned left, the others right."""
-    lines = [headings, ["---", *("---:" for _ in headings[1:])], *rows]
+def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]], of_words: bool = False) -> str:
+    """A Markdown table; the first column is aligned left, the others right, or left in a table of words."""
+    lines = [headings, ["---", *("---" if of_words else "---:" for _ in headings[1:])], *rows]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
@@ -39,7 +39,7 @@ class MarkdownTable:
         by_name = {str(row[0]): row for row in self.rows}
         shown = [name for name in names if name in by_name]
         lines = zip(self.headings[1:], *(by_name[name][1:] for name in shown), strict=True)
-        return markdown_table(("", "", *shown[1:]), lines)
+        return markdown_table(("figure", "value", *shown[1:]), lines)
 
 
 def write_page(page: str, output: Path | None) -> None:

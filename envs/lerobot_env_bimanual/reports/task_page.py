@@ -152,16 +152,16 @@ def _facts(spec: TaskSpec) -> str:
         "ends after": f"{spec.horizon_ticks} ticks, {spec.horizon_ticks * TICK_S:g} s",
         "one arm alone": "cannot do it, the paper says" if spec.needs_both_arms else "may do it",
     }
-    return markdown_table(("", ""), list(facts.items()))
+    return markdown_table(("fact", "value"), list(facts.items()), of_words=True)
 
 
 def _instructions(spec: TaskSpec) -> str:
     rows = [(variation.index, "; ".join(spec.instructions_for(variation))) for variation in spec.variations]
-    return markdown_table(("variation", "sentences"), rows)
+    return markdown_table(("variation", "sentences"), rows, of_words=True)
 
 
 def _success(task: str) -> str:
     """Each condition's name, and what its class says of itself."""
     conditions = get_task(task).conditions(get_task(task).spec.variations[0])
     rows = [(f"`{each.name}`", (inspect.getdoc(type(each)) or "").partition("\n")[0]) for each in conditions]
-    return markdown_table(("condition", "holds if"), rows)
+    return markdown_table(("condition", "holds if"), rows, of_words=True)
