@@ -51,16 +51,13 @@ bench: setup  ## Run the benchmarks; one JSON line each
 	@for script in benchmarks/*.py; do $(BIN)/python "$$script" || exit; done
 
 docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
-	"$$(scripts/find_uv.sh)" pip install --quiet --python $(BIN)/python --requirements requirements-docs.lock
 	$(BIN)/python scripts/site_films.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	@echo "open build/site/index.html"
 
-lock:  ## Rewrite the two lock files from the pyprojects (rm uv.lock first to take newer versions)
-	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages \
+lock:  ## Rewrite requirements.lock from the pyprojects (rm uv.lock first to take newer versions)
+	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages --group docs \
 	    --no-annotate --no-header --output-file requirements.lock
-	"$$(scripts/find_uv.sh)" pip compile --quiet --group docs --constraint requirements.lock --python $(BIN)/python \
-	    --no-annotate --no-header --output-file requirements-docs.lock
 
 build: setup  ## Build the wheels and source archives of the three packages into dist/
 	@for package in . envs policies; do \

@@ -14,10 +14,7 @@ ROOT = Path(__file__).parents[2]
 MKDOCS = Path(sys.executable).with_name("mkdocs")
 LOADED = re.compile(r"""<(?:script|img|link|source|iframe)[^>]*?(?:src|href)=["']?(https?:[^"'\s>]+)""")
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not MKDOCS.is_file(), reason="make docs installs what builds the site"),
-]
+pytestmark = pytest.mark.slow
 
 
 def build(folder: Path, *flags: str) -> subprocess.CompletedProcess[str]:
