@@ -19,22 +19,21 @@ from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.episode.membership import joined
-from lerobot_env_bimanual.episode.observations import observation_space, observe_images, observe_vectors
+from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.perturbation_choice import chosen_levels
+from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.sight import Sight
 from lerobot_env_bimanual.tasks.registry import get_task
-from lerobot_env_bimanual.world.cameras import calibration
-from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
 
 SIMULATION_UNSTABLE = "simulation_unstable"
-RENDER_CAMERA = "front"
-RENDER_SIZE = (480, 640)
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 
@@ -57,7 +56,7 @@ class BimanualEnv(gym.Env):
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
     joint-space motions because an arm could not follow them) and the episode's `seed`.
 
-    An episode is determined by task, split, seed and variation, bit for bit. Building the environment is cheap:
+    An episode is determined by task, split, seed, variation and perturbations, bit for bit. Building the environment is cheap:
     the world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
     A copy or a pickle is another environment in the same state, without observers and films.
 
@@ -69,6 +68,7 @@ class BimanualEnv(gym.Env):
 
     Attributes:
         options: what was chosen.
+        perturbations: what is different from the world as it is.
         tick_observers: called in turn before every control tick.
         step_observers: called in turn after every step of physics of the episode.
 
@@ -99,22 +99,34 @@ class BimanualEnv(gym.Env):
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
+        self.perturbations = Perturbations(
+            chosen_levels(self.options.perturb), self.task_definition.spec, self.options.split
+        )
         self._scene: Scene | None = None
         self._planner: KeyposePlanner | None = None
         self._reset: EpisodeReset | None = None
-        self._observation_renderer: Renderer | None = None
-        self._frame_renderer: Renderer | None = None
+        self._sight: Sight | None = None
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
 
     @property
     def scene(self) -> Scene:
-        """The world; compiled on first use."""
+        """The world; compiled on first use.
+
+        Raises:
+            InvalidChoice: an axis of perturbation finds nothing to change in the task.
+        """
         if self._scene is None:
-            self._scene = Scene(self.task_definition.spec.props)
+            self._scene = Scene(self.task_definition.spec.props, amend=self.perturbations.build)
             self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(self.task_definition, self._scene)
+            self._reset = EpisodeReset(self.task_definition, self._scene, self.perturbations.begin)
         return self._scene
+
+    @property
+    def _eyes(self) -> Sight:
+        if self._sight is None:
+            self._sight = Sight(self.scene, self.options, self.perturbations)
+        return self._sight
 
     @property
     def progress(self) -> EpisodeProgress:
@@ -169,11 +181,9 @@ class BimanualEnv(gym.Env):
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         seed, chosen = checked_seed(seed), checked_reset_options(options)
-        variation = (
-            self.task_definition.spec.variation_index(chosen["variation"])
-            if "variation" in chosen
-            else self._variation
-        )
+        variation = self._variation
+        if "variation" in chosen:
+            variation = self.task_definition.spec.variation_index(chosen["variation"])
         super().reset(seed=seed)
         self._finish_video()
         _ = self.scene
@@ -182,7 +192,7 @@ class BimanualEnv(gym.Env):
         progress = draw_episode(self.task_definition.spec, self.options.split, seed, variation)
         self._progress = progress
         try:
-            progress.draws = self._reset.start(progress.variation, progress.rng)
+            progress.draws = self._reset.start(progress)
         except PlacementFailure as failure:
             progress.failure = str(failure)  # nothing can be played from here
             raise
@@ -205,6 +215,7 @@ class BimanualEnv(gym.Env):
         progress = self._running_episode()
         try:
             command = self._actions.read(action)
+            self.perturbations.disturb(self.scene, progress)
             if isinstance(command, BimanualKeypose):
                 self._execute(command)
             else:
@@ -238,15 +249,15 @@ class BimanualEnv(gym.Env):
     @property
     def _truncated(self) -> bool:
         progress = self.progress
-        horizon = self.task_definition.spec.horizon_ticks
-        return progress.ticks >= horizon or progress.keyposes >= self.options.max_keyposes
+        is_late = progress.ticks >= self.task_definition.spec.horizon_ticks
+        return is_late or progress.keyposes >= self.options.max_keyposes
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
         assert self._planner is not None  # made with the scene
         plan = self._planner.plan(keypose, progress.rng)
         progress.line_fallbacks += plan.line_fallbacks
-        for joint_action in plan.actions:
+        for joint_action in (*plan.actions, *[plan.actions[-1]] * self.perturbations.late_ticks):
             self._tick(joint_action)
             if progress.terminated or self._truncated:
                 break
@@ -258,7 +269,7 @@ class BimanualEnv(gym.Env):
         for observer in self.tick_observers:
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
-        scene.tick(joint_action, self.step_observers)
+        scene.tick(self.perturbations.command(joint_action, progress), self.step_observers)
         progress.ticks += 1
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:
@@ -272,30 +283,21 @@ class BimanualEnv(gym.Env):
 
     def observe(self) -> dict[str, Any]:
         """The observation of the present state; see `lerobot_env_bimanual.episode.observations` for its arrays."""
-        options = self.options
-        observation: dict[str, Any] = {}
-        if options.obs != "state":
-            if self._observation_renderer is None:
-                self._observation_renderer = Renderer(self.scene, options.camera_names, *options.size)
-            observation |= observe_images(options, self._observation_renderer.render())
-        views = calibration(self.scene, *options.size)
-        return observation | observe_vectors(self.scene, self.progress.keyposes, views)
+        return self._eyes.observe(self.progress)
+
+    def images(self) -> dict[str, Any]:
+        """The images of an observation, with depth, whatever the option `obs` says."""
+        return self._eyes.images(self.progress, depth=True)
 
     def render(self) -> NDArray[np.uint8] | None:
         """The front camera at 480x640, uint8 RGB."""
-        return None if self.render_mode is None else self._render_frame()
-
-    def _render_frame(self) -> NDArray[np.uint8]:
-        if self._frame_renderer is None:
-            quality = self.options.render_quality
-            self._frame_renderer = Renderer(self.scene, (RENDER_CAMERA,), *RENDER_SIZE, quality=quality)
-        return self._frame_renderer.render()[RENDER_CAMERA][0]
+        return None if self.render_mode is None else self._eyes.frame()
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
             episode = f"v{self.variation}_{self.options.split}_seed{self.progress.seed}"
             self._video = VideoWriter(folder, f"{self.task}_{episode}")
-        self._video.add(self._render_frame())
+        self._video.add(self._eyes.frame())
 
     def _finish_video(self) -> None:
         if self._video is not None:
@@ -334,11 +336,9 @@ class BimanualEnv(gym.Env):
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
-        for renderer in (self._observation_renderer, self._frame_renderer):
-            if renderer is not None:
-                renderer.close()
-        self._observation_renderer = self._frame_renderer = None
-        self._scene = self._planner = self._reset = self._progress = None
+        if self._sight is not None:
+            self._sight.close()
+        self._sight = self._scene = self._planner = self._reset = self._progress = None
 
 
 def _restored(

@@ -15,7 +15,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from lerobot_bimanual.benchmark.names import place_name
+from lerobot_bimanual.benchmark.names import perturbed, place_name
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord, result_versions
@@ -26,7 +26,16 @@ from lerobot_env_bimanual.options import EnvOptions
 
 MOST_REASONS = 5
 """In the last line, which has to stay readable."""
-RECORDED_OPTIONS = ("variation", "split", "cameras", "image_size", "obs", "control_mode", "max_keyposes")
+RECORDED_OPTIONS = (
+    "variation",
+    "split",
+    "cameras",
+    "image_size",
+    "obs",
+    "control_mode",
+    "max_keyposes",
+    "perturb",
+)
 """That decide what is played and seen."""
 
 logger = logging.getLogger(__name__)
@@ -142,7 +151,7 @@ class EpisodeLog:
         record = EvaluationRecord(
             schema_version=RECORD_SCHEMA_VERSION,
             task=self._task,
-            world=world_version(self._task),
+            world=world_version(self._task, self._options.perturb),
             options={name: str(getattr(self._options, name)) for name in RECORDED_OPTIONS},
             batch_size=self._environments,
             versions=result_versions(),
@@ -162,4 +171,6 @@ class EpisodeLog:
 
 def record_name(task: str, options: EnvOptions) -> str:
     """What the record of an evaluation is called."""
-    return f"{place_name(task, str(options.variation))}_{options.split}_record.json"
+    return (
+        f"{perturbed(place_name(task, str(options.variation)), options.perturb)}_{options.split}_record.json"
+    )

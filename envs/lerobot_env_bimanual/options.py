@@ -11,6 +11,7 @@ from typing import Any, Literal, Self, get_args
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
+from lerobot_env_bimanual.perturbation_choice import checked_perturbation
 
 ANY_VARIATION = "any"
 
@@ -52,6 +53,9 @@ class EnvOptions:
     # actions and keyposes alike, told apart by their length: LeRobot sizes a policy's output by the declared action,
     # and this way ACT and keypose policies run with the same command.
     control_mode: str = "auto"
+    # What is different from the world as it is, as `AXIS:LEVEL` with levels 1 to 3, several separated by commas. The seed
+    # means the same episode at every level; docs/robustness.md lists the axes.
+    perturb: str = ""
     # Folder for a film of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
     # per keypose.)
     video_dir: str | None = None
@@ -69,6 +73,7 @@ class EnvOptions:
         """Bring every option into its one form, and refuse what is outside its choices."""
         check_variation(self.variation)
         self.cameras = ",".join(_camera_names(self.cameras))
+        self.perturb = checked_perturbation(self.perturb)
         height, width = _image_size(self.image_size)
         self.image_size = height if height == width else f"{height}x{width}"
         for name in ("video_dir", "results_dir"):

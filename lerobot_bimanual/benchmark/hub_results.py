@@ -6,7 +6,6 @@ import yaml
 from huggingface_hub import EvalResultEntry, eval_result_entries_to_yaml
 
 from lerobot_bimanual.benchmark.leaderboard import read_rows
-from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.output_file import write_file
 
@@ -41,7 +40,7 @@ def entry_of(row: ResultRow, benchmark: str) -> EvalResultEntry:
     low, high = rate.interval
     return EvalResultEntry(
         dataset_id=benchmark,
-        task_id=place_name(row.task, row.variation),
+        task_id=row.place,
         value=round(100 * rate.rate, 1),
         date=row.date,
         notes=(

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import read_worlds
-from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig
 from lerobot_bimanual.benchmark.recipe import GROUP as RECIPE_GROUP
 from lerobot_bimanual.benchmark.reproduction import beyond_recipe, command, config_of
@@ -213,7 +212,7 @@ def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig | None]]) -> st
 
 
 def _place(row: ResultRow) -> str:
-    return place_name(row.task, row.variation)
+    return row.place
 
 
 def _score(rate: SuccessRate) -> str:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Self
 
-from lerobot_bimanual.benchmark.names import place_name, result_name, run_name
+from lerobot_bimanual.benchmark.names import perturbed, place_name, result_name, run_name
 from lerobot_bimanual.benchmark.pipeline import Command, flag_words
 from lerobot_bimanual.benchmark.protocol import INTERMEDIATE, PROTOCOLS, Protocol, ScoredSplit
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 
 OWN_TRAINING_FLAGS = (
     "dataset.repo_id",
@@ -32,6 +33,7 @@ OWN_EVALUATION_FLAGS = (
     "env.task",
     "env.variation",
     "env.split",
+    "env.perturb",
     "env.image_size",
     "env.results_dir",
     "eval.n_episodes",
@@ -40,6 +42,8 @@ OWN_EVALUATION_FLAGS = (
     "config_path",
 )
 """Flags that the benchmark sets from its own, which `--train_flags` and `--eval_flags` therefore cannot hold."""
+
+PERTURBATIONS = ("perturb", "demos_perturb")
 
 
 @dataclass
@@ -61,6 +65,9 @@ class BenchmarkConfig:
     # Result of another policy on the same task: the test ends as soon as it is sure which of the two is better.
     stop_when_sure: Path | None = None
     seed: int = 1000  # of the training
+    # What is different in the test and its controls, and in nothing else: AXIS:LEVEL, several separated by commas.
+    perturb: str = ""
+    demos_perturb: str = ""  # what is different in the demonstrations, likewise
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
     # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
@@ -101,6 +108,8 @@ class Plan:
             raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
         if config.variation != "any" and not config.variation.isdecimal():
             raise BimanualError(f"variation is {config.variation!r}, but must be an index or any")
+        levels = {name: levels_text(parse_levels(getattr(config, name))) for name in PERTURBATIONS}
+        config = replace(config, **levels)
         recipe = Recipe.find(config.policy, config.recipe)
         if config.recipe not in PROTOCOLS:
             raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
@@ -132,23 +141,30 @@ class Plan:
     @property
     def dataset(self) -> Path:
         """The demonstrations."""
-        return self.folder / f"{self.recipe.view}_{self.protocol.image_size}_{self.protocol.demos}"
+        name = f"{self.recipe.view}_{self.protocol.image_size}_{self.protocol.demos}"
+        return self.folder / perturbed(name, self.config.demos_perturb)
 
     @property
     def run_folder(self) -> Path:
         """Training and evaluations."""
-        return self.folder / run_name(self.config.policy, self.config.recipe, self.config.seed)
+        return self.folder / self._run_name
 
     @property
     def result(self) -> Path:
         """The result's file."""
         config = self.config
-        name = result_name(config.task, config.variation, config.policy, config.recipe, config.seed)
-        return self.folder.parent / "results" / name
+        place = perturbed(place_name(config.task, config.variation), config.perturb)
+        return self.folder.parent / "results" / result_name(place, self._run_name)
+
+    @property
+    def _run_name(self) -> str:
+        config = self.config
+        return perturbed(run_name(config.policy, config.recipe, config.seed), config.demos_perturb)
 
     def certificate(self, control: str) -> Path:
         """The result of the expert or a control on the test seeds."""
-        return self.folder / f"{control}_{self._test_seeds.replace(':', '_')}.json"
+        name = f"{control}_{self._test_seeds.replace(':', '_')}"
+        return self.folder / f"{perturbed(name, self.config.perturb)}.json"
 
     def checkpoint(self, step: int) -> Path:
         """The policy after so many steps."""
@@ -162,11 +178,12 @@ class Plan:
     def evaluation_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
         """What `lerobot-eval` finds out about a checkpoint, on all seeds or some of them."""
         part = "" if seeds is None else f"_{seeds.start}_{seeds.stop}"
-        return self.run_folder / f"{split}_{self.checkpoint(step).parent.name}{part}" / "eval_info.json"
+        name = f"{split}_{self.checkpoint(step).parent.name}{part}"
+        return self.run_folder / perturbed(name, self._perturb(split)) / "eval_info.json"
 
     def record_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
         """What the environment keeps of that evaluation: every action, to be played again."""
-        place = place_name(self.config.task, self.config.variation)
+        place = perturbed(place_name(self.config.task, self.config.variation), self._perturb(split))
         return self.evaluation_file(split, step, seeds).with_name(f"{place}_{split}_record.json")
 
     def generation(self) -> Command:
@@ -182,6 +199,7 @@ class Plan:
             **({"intermediate": INTERMEDIATE} if self.recipe.view == "keyframes" else {}),
             "root": self.dataset,
             "repo_id": self._repo_id,
+            **_unless_empty("perturb", self.config.demos_perturb),
             "workers": self.config.workers,
         }
         words = ["lerobot-bimanual", "generate", *flag_words(flags)]
@@ -196,6 +214,7 @@ class Plan:
             "split": "test",
             "seeds": self._test_seeds,
             "control": control,
+            **_unless_empty("perturb", self.config.perturb),
             "workers": self.config.workers,
             "output": output,
         }
@@ -243,6 +262,7 @@ class Plan:
             "env.task": self.config.task,
             "env.variation": self.config.variation,
             "env.split": split,
+            **_unless_empty("env.perturb", self._perturb(split)),
             "env.image_size": self.protocol.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
             "env.results_dir": evaluation.parent,
@@ -266,6 +286,9 @@ class Plan:
         certifications = [self.certification(control) for control in ("expert", "blind")]
         return [self.generation(), *certifications, self.training(), *self.evaluations(step)]
 
+    def _perturb(self, split: ScoredSplit) -> str:
+        return self.config.perturb if split == "test" else ""
+
     @property
     def _resident(self) -> bool:
         """Whether the dataset fits into memory: keyframes do, all frames do not."""
@@ -287,6 +310,10 @@ class Plan:
     @property
     def _test_seeds(self) -> str:
         return f"{self.seeds('test').start}:{self.seeds('test').stop}"
+
+
+def _unless_empty(flag: str, value: str) -> dict[str, str]:
+    return {flag: value} if value else {}
 
 
 def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:

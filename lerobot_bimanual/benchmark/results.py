@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
-from lerobot_bimanual.benchmark.names import place_name, result_name
+from lerobot_bimanual.benchmark.names import perturbed, place_name, result_name, run_name
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -250,9 +250,15 @@ class ResultRow:
         )
 
     @property
+    def place(self) -> str:
+        """What the line of the row's task, variation and perturbation is called."""
+        return perturbed(place_name(self.task, self.variation), self.options.get("perturb", ""))
+
+    @property
     def file_name(self) -> str:
         """What a benchmark calls the row's file."""
-        return result_name(self.task, self.variation, self.policy, self.recipe, int(self.flags["seed"]))
+        run = run_name(self.policy, self.recipe, int(self.flags["seed"]))
+        return result_name(self.place, perturbed(run, command_flags(self.dataset.command).get("perturb", "")))
 
     @property
     def rates(self) -> dict[str, SuccessRate]:

@@ -4,7 +4,6 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.names import place_name
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
@@ -74,7 +73,7 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     found: defaultdict[str, list[ResultRow]] = defaultdict(list)
     for row in rows:
         if policy in (None, row.policy):
-            found[place_name(row.task, row.variation)].append(row)
+            found[row.place].append(row)
     return {
         place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()
     }

@@ -31,7 +31,8 @@ def demonstrated_placements(row: ResultRow) -> dict[str, int]:
     spec = get_task(row.task).spec
     # Of several variations seeds take turns, as `generate` has it.
     indices = range(len(spec.variations)) if variation == ANY_VARIATION else [int(variation)]
-    env, found = BimanualEnv(row.task, split="train", obs="state"), {}
+    env = BimanualEnv(row.task, split="train", obs="state", perturb=flags.get("perturb", ""))
+    found: dict[str, int] = {}
     for seed in tqdm(row.dataset.seeds, f"{row.task}: starts of demonstrations", unit="reset"):
         try:
             env.reset(seed=seed, options={"variation": indices[(seed - first) % len(indices)]})
@@ -59,7 +60,7 @@ def control_problems(
         "blind": [episode for episode in row.blind if episode.seed in seeds],
     }
     for control, episodes in claims.items():
-        yield from _control_problems(campaign, row.task, control, episodes)
+        yield from _control_problems(campaign, row.task, control, episodes, row.options.get("perturb", ""))
     for control in SOLO:
         path = None if certificates is None else certificates / f"{control}.json"
         if path is None or not path.is_file():
@@ -77,14 +78,14 @@ def control_problems(
 
 
 def _control_problems(
-    campaign: Campaign, task: str, control: ControlName, episodes: list[EpisodeResult]
+    campaign: Campaign, task: str, control: ControlName, episodes: list[EpisodeResult], perturb: str = ""
 ) -> Iterator[str]:
     by_variation: Mapping[str, list[EpisodeResult]] = {}
     for episode in episodes:
         by_variation.setdefault(str(episode.variation), []).append(episode)
     for variation, claimed in by_variation.items():
         keyposes = campaign.blind_keyposes(task, variation) if control == "blind" else ()
-        job = Job(task, variation, "test", 0, control, blind_keyposes=keyposes)
+        job = Job(task, variation, "test", 0, control, blind_keyposes=keyposes, perturb=perturb)
         outcomes = campaign.play(
             [replace(job, seed=episode.seed) for episode in claimed], f"{task}: {control}"
         )

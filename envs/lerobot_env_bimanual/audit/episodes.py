@@ -19,7 +19,7 @@ from lerobot_env_bimanual.freezing import INVALID_ACTION, FreezeWhenOver
 
 PROOFS = ("start", "actions", "links", "end")
 """Fields of an episode that are compared step by step; the others are claims, compared one by one."""
-PLAYED_OPTIONS = {"split": str, "control_mode": str, "max_keyposes": int}
+PLAYED_OPTIONS = {"split": str, "control_mode": str, "max_keyposes": int, "perturb": str}
 """Options that decide what happens; the others decide what a policy sees, and nobody looks here."""
 
 

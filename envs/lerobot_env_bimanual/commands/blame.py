@@ -78,7 +78,7 @@ def _record(path: Path) -> EvaluationRecord:
     content = read_json(path)
     is_row = isinstance(content, dict) and "policy" in content
     record = ResultRow.read(path).evaluation if is_row else EvaluationRecord.read(path)
-    if record.world != (here := world_version(record.task)):
+    if record.world != (here := world_version(record.task, record.options.get("perturb", ""))):
         raise BimanualError(
             f"{path}: world of {record.task} is {record.world}, but {here} here: "
             f"play it with the versions {record.versions}"

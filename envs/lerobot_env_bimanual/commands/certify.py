@@ -32,6 +32,8 @@ class CertifyConfig:
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
     # Play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
+    # What is different from the world as it is: AXIS:LEVEL, several separated by commas.
+    perturb: str = ""
     workers: int = 0  # processes; 0 takes one per core
     # Certificate, a JSON file; an interrupted run goes on from what lies beside it. Without it nothing is kept.
     output: Path | None = None
@@ -57,15 +59,18 @@ def certify(config: CertifyConfig) -> int:
         lerobot-bimanual certify --discretise=100
         lerobot-bimanual certify --control=blind --seeds=0:40
         lerobot-bimanual certify --control=solo_right --task=lift_tray --seeds=0:20
+        lerobot-bimanual certify --task=lift_ball --perturb=mass:2
     """
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.expert.campaign import Campaign
     from lerobot_env_bimanual.expert.certificate import Certificate
     from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
     from lerobot_env_bimanual.expert.seed_range import parse_seeds
+    from lerobot_env_bimanual.perturbation_choice import checked_perturbation
     from lerobot_env_bimanual.solo.ways import find_ways
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
+    config = replace(config, perturb=checked_perturbation(config.perturb))
     names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
     if config.variation != EACH_VARIATION:
         for name in names:
@@ -87,7 +92,13 @@ def certify(config: CertifyConfig) -> int:
         kept = "the same command goes on where it stopped" if log else "nothing is kept without --output"
         raise KeyboardInterrupt(kept) from None
     certificate = Certificate(
-        config.control, config.discretise, config.replay, config.split, config.seeds, tuple(outcomes)
+        config.control,
+        config.discretise,
+        config.replay,
+        config.split,
+        config.seeds,
+        tuple(outcomes),
+        config.perturb,
     )
     if config.output is not None and log is not None:
         certificate.write(config.output)
@@ -108,6 +119,14 @@ def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[
     for variation in indices if apart else (config.variation,):
         keyposes = campaign.blind_keyposes(task, variation) if blind else ()
         job = Job(
-            task, variation, config.split, 0, config.control, config.discretise, keyposes, config.replay
+            task,
+            variation,
+            config.split,
+            0,
+            config.control,
+            config.discretise,
+            keyposes,
+            config.replay,
+            config.perturb,
         )
         yield from (replace(job, seed=seed) for seed in seeds)

@@ -42,6 +42,8 @@ class GenerateConfig:
     intermediate: tuple[str, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
     discretise: int = 0
+    # What is different from the world as it is: AXIS:LEVEL, several separated by commas.
+    perturb: str = ""
     # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
     # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
     executor: Literal["processes", "ray"] = "processes"
@@ -93,7 +95,9 @@ def settings_of(config: GenerateConfig) -> GenerationSettings:
 
     if config.view not in (*VIEWS, BOTH_VIEWS):
         raise InvalidChoice("view", config.view, (*VIEWS, BOTH_VIEWS))
-    images = EnvOptions(cameras=",".join(config.cameras), image_size=config.image_size)
+    options = EnvOptions(
+        cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
+    )
     return GenerationSettings(
         tasks=resolve_tasks(config.task),
         variation=config.variation,
@@ -101,12 +105,13 @@ def settings_of(config: GenerateConfig) -> GenerationSettings:
         split=config.split,
         first_seed=config.first_seed,
         views=VIEWS if config.view == BOTH_VIEWS else (config.view,),
-        cameras=images.camera_names,
-        height=images.size[0],
-        width=images.size[1],
+        cameras=options.camera_names,
+        height=options.size[0],
+        width=options.size[1],
         depth=config.depth,
         intermediate=tuple(map(_fraction, config.intermediate)),
         discretise=config.discretise,
+        perturb=options.perturb,
         episodes_per_shard=config.episodes_per_shard,
         repo_id=config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
     )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lerobot_env_bimanual.pictures.shooting import Order, Shot
 
 FRAME_MS, PAUSE_MS = 90, 1500
-WEBP_QUALITY = 60
+WEBP_QUALITY = 50
 
 
 @dataclass
@@ -115,5 +115,5 @@ def _write_galleries(shots: Sequence[Shot], folder: Path) -> None:
             duration=durations_ms,
             loop=0,
             quality=WEBP_QUALITY,
-            method=6,
+            method=4,
         )

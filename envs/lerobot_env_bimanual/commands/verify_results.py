@@ -96,7 +96,7 @@ def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> It
 def _other_world(record: EvaluationRecord) -> Iterator[str]:
     from lerobot_env_bimanual.expert.world_version import world_version
 
-    if record.world != (here := world_version(record.task)):
+    if record.world != (here := world_version(record.task, record.options.get("perturb", ""))):
         yield f"world of {record.task} is {record.world}, but {here} here: play it with the versions {record.versions}"
 
 

@@ -7,7 +7,7 @@ dataset's without its prefix `observation.`. All arrays are fresh copies.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,8 +46,7 @@ def observation_space(options: EnvOptions) -> spaces.Dict:
         image = spaces.Box(0, 255, (*size, 3), np.uint8)
         space[PIXELS] = spaces.Dict(dict.fromkeys(options.camera_names, image))
     if options.obs == "rgbd":
-        near, far = schema.DEPTH_MIN_M * schema.MM_PER_M, schema.DEPTH_MAX_M * schema.MM_PER_M
-        depth = spaces.Box(near, far, (1, *size), np.float32)
+        depth = spaces.Box(0, schema.DEPTH_MAX_M * schema.MM_PER_M, (1, *size), np.float32)
         space |= {env_key(schema.depth_key(camera)): depth for camera in options.camera_names}
     for key, (low, high) in _BOUNDS.items():
         space[env_key(key)] = spaces.Box(low, high, (len(schema.VECTORS[key]),), np.float32)
@@ -55,24 +54,28 @@ def observation_space(options: EnvOptions) -> spaces.Dict:
 
 
 def observe_images(
-    options: EnvOptions, images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
+    cameras: Sequence[str], images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]], depth: bool
 ) -> dict[str, Any]:
     """Image part of an observation.
 
     Args:
-        options: which images; not called in mode "state".
-        images: per camera RGB uint8 (H, W, 3) and depth float32 (H, W) in metres along the optical axis.
+        cameras: names of those whose images are taken.
+        images: per camera RGB uint8 (H, W, 3) and depth float32 (H, W) in metres along the optical axis, 0 where none was
+            measured.
+        depth: with depth, or colours only.
 
     Returns:
-        `pixels`, and in mode "rgbd" `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit,
-        clipped to the range that datasets store.
+        `pixels`, and with depth `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit, clipped to the
+        range that datasets store, and 0 where none was measured.
     """
-    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in options.camera_names}}
-    if options.obs == "rgbd":
-        for camera in options.camera_names:
-            depth = np.clip(images[camera][1], schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
-            depth *= schema.MM_PER_M
-            observation[env_key(schema.depth_key(camera))] = depth[None]
+    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in cameras}}
+    if depth:
+        for camera in cameras:
+            depth_m = images[camera][1]
+            depth_mm = np.clip(depth_m, schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
+            depth_mm *= schema.MM_PER_M
+            depth_mm[depth_m == 0] = 0
+            observation[env_key(schema.depth_key(camera))] = depth_mm[None]
     return observation
 
 

@@ -31,6 +31,7 @@ class EpisodeProgress:
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         failure: what ended the episode, empty while nothing has.
+        memory: what axes of perturbation remember of the episode, by their name.
     """
 
     seed: int
@@ -45,6 +46,7 @@ class EpisodeProgress:
     first_met_tick: int | None = None
     line_fallbacks: int = 0
     failure: str = ""
+    memory: dict[str, Any] = field(default_factory=dict)
 
     @property
     def succeeded(self) -> bool:

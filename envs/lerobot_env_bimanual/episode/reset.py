@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import PlacementFailure
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.world.scene import Scene
 
 MAX_DRAWS = 200
+
+
+@dataclass(frozen=True)
+class EpisodeStart:
+    """An episode whose props have been placed and have not yet come to rest.
+
+    Attributes:
+        task: its task.
+        scene: its world.
+        progress: the episode itself.
+        is_feasible: rehearses the task's script in the scene as it stands now, and says whether both arms can do it.
+    """
+
+    task: Task
+    scene: Scene
+    progress: EpisodeProgress
+    is_feasible: Callable[[], bool]
 
 
 class EpisodeReset:
@@ -21,22 +42,23 @@ class EpisodeReset:
     Args:
         task: whose props are placed, and whose script is rehearsed.
         scene: its world.
+        perturb: changes an episode that can be done as it is, before things come to rest.
     """
 
-    def __init__(self, task: Task, scene: Scene):
+    def __init__(self, task: Task, scene: Scene, perturb: Callable[[EpisodeStart], None]):
         self._task = task
         self._scene = scene
+        self._perturb = perturb
         self._rehearsal = Rehearsal(scene, codecs=(None, KeyposeCodec()))
 
-    def start(self, variation: Variation, rng: np.random.Generator) -> int:
+    def start(self, progress: EpisodeProgress) -> int:
         """Reset the scene, place the props where the script can be rehearsed, and let them settle.
 
         A placement counts only if the rehearsal succeeds with the exact keyposes and with those rounded to
         the voxels and bins of keypose policies, so that every episode is solvable by such a policy.
 
         Args:
-            variation: what to colour or to choose.
-            rng: the episode's generator.
+            progress: the episode: its variation says what to colour or to choose, its generator is drawn from.
 
         Returns:
             Number of placements drawn.
@@ -47,8 +69,10 @@ class EpisodeReset:
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
             self._scene.reset()
-            reason = self._place(variation, rng)
+            reason = self._place(progress.variation, progress.rng)
             if reason is None:
+                is_feasible = partial(self._is_feasible, progress.variation)
+                self._perturb(EpisodeStart(self._task, self._scene, progress, is_feasible))
                 self._scene.settle()
                 return draw
             reasons[reason] += 1
@@ -62,4 +86,11 @@ class EpisodeReset:
         """Draw one placement; returns why it will not do, or None."""
         if not self._task.place(self._scene, variation, rng):
             return "illegal placement"
+        return self._infeasibility(variation)
+
+    def _infeasibility(self, variation: Variation) -> str | None:
+        """Why both arms cannot go through the script from where everything stands, or None."""
         return self._rehearsal.infeasibility(lambda view: self._task.script(view, variation))
+
+    def _is_feasible(self, variation: Variation) -> bool:
+        return self._infeasibility(variation) is None

@@ -87,17 +87,19 @@ def not_played(job: Job, reason: str) -> Outcome:
     )
 
 
-_environments: dict[tuple[str, str, str], BimanualEnv] = {}
+_environments: dict[tuple[str, str, str, str], BimanualEnv] = {}
 
 
 def play(job: Job) -> Outcome:
     """Play one job in this process, in an environment that is kept for the next one of its kind."""
-    key = (job.task, job.variation, job.split)
+    key = (job.task, job.variation, job.split, job.perturb)
     if key not in _environments:
         for env in _environments.values():
             env.close()
         _environments.clear()
-        _environments[key] = BimanualEnv(job.task, variation=job.variation, split=job.split, obs="state")
+        _environments[key] = BimanualEnv(
+            job.task, variation=job.variation, split=job.split, obs="state", perturb=job.perturb
+        )
     env = _environments[key]
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)

@@ -36,6 +36,7 @@ class Certificate:
         split: split of the seeds.
         seeds: the range a:b.
         outcomes: of all episodes.
+        perturb: what was different from the world as it is, `AXIS:LEVEL,...`.
     """
 
     control: str
@@ -44,6 +45,7 @@ class Certificate:
     split: str
     seeds: str
     outcomes: tuple[Outcome, ...]
+    perturb: str = ""
 
     @cached_property
     def complaints(self) -> list[str]:
@@ -68,9 +70,11 @@ class Certificate:
             "replay": self.replay,
             "split": self.split,
             "seeds": self.seeds,
+            "perturb": self.perturb,
             "versions": versions(),
             "worlds": {
-                task: world_version(task) for task in sorted({outcome.task for outcome in self.outcomes})
+                task: world_version(task, self.perturb)
+                for task in sorted({outcome.task for outcome in self.outcomes})
             },
             "complaints": self.complaints,
             "rates": [row | self._measured(row["task"], row["variation"]) for row in self.rate_rows()],
@@ -117,6 +121,7 @@ class Certificate:
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
         headings = ("task", "variation", "successes", "95 % interval", "median time", "worst tip error")
         rows, console = [], Console()
+        perturbed = f", {self.perturb}" if self.perturb else ""
         for (task, variation), rate in rates(self.outcomes).items():
             outcomes = self.of(task, variation)
             low, high = rate.interval
@@ -130,7 +135,7 @@ class Certificate:
                     f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control == "expert" else "",
                 )
             )
-        print_table(headings, rows, f"{self.control} on {self.split} seeds {self.seeds}{rounding}")
+        print_table(headings, rows, f"{self.control} on {self.split} seeds {self.seeds}{rounding}{perturbed}")
         for outcome in self.outcomes:
             if self.control == "expert" and not outcome.success:
                 console.print(_failure(outcome), highlight=False, soft_wrap=True)

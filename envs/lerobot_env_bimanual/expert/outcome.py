@@ -28,6 +28,7 @@ class Job:
         discretise: voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact.
         blind_keyposes: (18,) each, what the control `blind` plays.
         replay: how the expert's episode is replayed afterwards, "none", "joint" or "keypose".
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
     """
 
     task: str
@@ -38,6 +39,7 @@ class Job:
     discretise: int = 0
     blind_keyposes: Keyposes = ()
     replay: ReplayMode | Literal["none"] = "none"
+    perturb: str = ""
 
 
 @dataclass(frozen=True)

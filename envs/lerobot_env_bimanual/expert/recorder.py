@@ -8,7 +8,6 @@ memory.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +17,9 @@ from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.observations import env_key, observe_images
+from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.runner import Move, run_expert
-from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import SceneState
 
 
@@ -34,6 +32,7 @@ class Recorder:
         cameras: cameras of the images.
         image_size: (height, width) in pixels.
         codec: round every keypose to its voxels and bins before it is executed and recorded.
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
     """
 
     def __init__(
@@ -43,12 +42,18 @@ class Recorder:
         cameras: tuple[str, ...],
         image_size: tuple[int, int],
         codec: KeyposeCodec | None = None,
+        perturb: str = "",
     ):
         self._env = BimanualEnv(
-            task, split=split, cameras=cameras, image_size=image_size, obs="state", control_mode="keypose"
+            task,
+            split=split,
+            cameras=cameras,
+            image_size=image_size,
+            obs="state",
+            control_mode="keypose",
+            perturb=perturb,
         )
         self._codec = codec
-        self._renderer: Renderer | None = None
 
     def record(self, seed: int, variation: int) -> tuple[Outcome, Episode | None]:
         """Play one episode.
@@ -76,19 +81,11 @@ class Recorder:
 
     def close(self) -> None:
         """Free the simulation and the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-        self._renderer = None
         self._env.close()
 
     def _render(self, state: SceneState) -> dict[str, NDArray]:
-        env = self._env
-        if self._renderer is None:
-            options = env.options
-            self._renderer = Renderer(env.scene, options.camera_names, *options.size)
-        env.scene.restore_state(state)
-        images = observe_images(replace(env.options, obs="rgbd"), self._renderer.render())
-        return _camera_images(images, env.options.camera_names)
+        self._env.scene.restore_state(state)
+        return _camera_images(self._env.images(), self._env.options.camera_names)
 
 
 class _Tape:

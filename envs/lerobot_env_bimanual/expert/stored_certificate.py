@@ -26,6 +26,7 @@ from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, excesses
 from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS
+from lerobot_env_bimanual.perturbation_choice import chosen_levels
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 NAN = float("nan")
@@ -97,6 +98,7 @@ class _Content:
     replay: Literal["none", "joint", "keypose"]
     split: Literal["train", "val", "test"]
     seeds: str
+    perturb: str
     versions: dict[str, str]
     worlds: dict[str, str]
     complaints: tuple[str, ...]
@@ -167,7 +169,9 @@ def _decoded(path: Path, content: Any) -> StoredCertificate:
                 f"episodes[{index}] must have {', '.join(EVIDENCE)} just if an expert solved it"
             )
     outcomes = tuple(episode.outcome(head.split) for episode in episodes)
-    campaign = Certificate(head.control, head.discretise, head.replay, head.split, head.seeds, outcomes)
+    campaign = Certificate(
+        head.control, head.discretise, head.replay, head.split, head.seeds, outcomes, head.perturb
+    )
     return StoredCertificate(
         path, campaign, head.versions, head.worlds, head.complaints, head.rates, episodes
     )
@@ -191,6 +195,7 @@ def _faults_of_head(stored: StoredCertificate) -> Iterator[str]:
     campaign = stored.campaign
     if not 0 <= campaign.discretise < 2**16:
         yield f"discretise is {shown(campaign.discretise)}, but must be voxels per axis, or 0"
+    chosen_levels(campaign.perturb)
     wanted = {*SIMULATION_PACKAGES, "python"}
     if set(stored.versions) != wanted:
         yield f"versions is of {shown(sorted(stored.versions))}, but must be of {', '.join(sorted(wanted))}"

@@ -54,15 +54,21 @@ OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity", "density", "
 
 
 @functools.cache
-def world_version(task: str) -> str:
+def world_version(task: str, perturb: str = "") -> str:
     """Version of a task's world; plays one episode of its expert, half a second or two.
+
+    Args:
+        task: its name.
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`. Of what is only seen, the magnitudes count.
 
     Raises:
         UnknownTask: there is no such task.
+        InvalidChoice: there is no such axis or level.
     """
-    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state")
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb)
     digest = hashlib.sha256()
-    for fact in (*_task_facts(env.task_definition), *_model_facts(env), *_episode_facts(env)):
+    perturbed = (f"{axis} {magnitude}" for axis, magnitude in env.perturbations.magnitudes.items())
+    for fact in (*_task_facts(env.task_definition), *_model_facts(env), *_episode_facts(env), *perturbed):
         digest.update(fact.encode() + b"\n")
     env.close()
     return digest.hexdigest()[:VERSION_DIGITS]

@@ -33,7 +33,7 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
     finished = _record(settings, staging, executor)
     folders = [(staging.shard_folder(shard.name), report) for shard, report in finished]
     command = settings.command(staging.root.name)
-    worlds = {task: world_version(task) for task in settings.tasks}
+    worlds = {task: world_version(task, settings.perturb) for task in settings.tasks}
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
         jobs = [MergeJob(settings, view, command, worlds, folders, merged) for view in settings.views]

@@ -12,6 +12,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE, SPLITS
+from lerobot_env_bimanual.perturbation_choice import checked_perturbation
 from lerobot_env_bimanual.tasks.registry import get_task
 
 LIMITS = {
@@ -45,6 +46,7 @@ class GenerationSettings:
         discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         episodes_per_shard: episodes per file of the dataset.
         repo_id: LeRobot's name of the dataset.
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
 
     Raises:
         BimanualError: an option is outside its choices; the message lists them.
@@ -64,6 +66,7 @@ class GenerationSettings:
     discretise: int
     episodes_per_shard: int
     repo_id: str
+    perturb: str = ""
 
     def __post_init__(self) -> None:
         """Refuse what is outside its choices."""
@@ -94,6 +97,8 @@ class GenerationSettings:
             raise InvalidChoice(
                 "intermediate", self.intermediate, ["fractions between 0 and 1, such as 0.35,0.7"]
             )
+        if self.perturb != (canonical := checked_perturbation(self.perturb)):
+            raise InvalidChoice("perturb", self.perturb, [canonical])
         if not (isinstance(self.repo_id, str) and REPO_ID.fullmatch(self.repo_id)):
             raise InvalidChoice("repo_id", self.repo_id, ["OWNER/NAME of letters, digits, '_', '-' and '.'"])
 
@@ -140,6 +145,7 @@ class GenerationSettings:
             "depth": str(self.depth).lower(),
             "intermediate": ",".join(map(str, self.intermediate)),
             "discretise": self.discretise,
+            "perturb": self.perturb,
             "episodes_per_shard": self.episodes_per_shard,
             "root": root,
             "repo_id": self.repo_id,

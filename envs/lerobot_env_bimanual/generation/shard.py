@@ -97,7 +97,7 @@ class ShardRecorder:
             self.close()
             codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
             size = settings.height, settings.width
-            self._recorder = Recorder(task, settings.split, settings.cameras, size, codec)
+            self._recorder = Recorder(task, settings.split, settings.cameras, size, codec, settings.perturb)
             self._key = settings, task
         return self._recorder
 

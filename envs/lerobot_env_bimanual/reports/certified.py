@@ -79,6 +79,7 @@ class Certified:
                 bool(campaign.discretise) == (name == ROUNDED),
                 "at least 1" if name == ROUNDED else "0",
             ),
+            ("perturb", campaign.perturb, not campaign.perturb, "empty"),
             ("replay", campaign.replay, name != EXACT or campaign.replay == "joint", "joint"),
             ("split", campaign.split, campaign.split == beside.split, beside.split),
             ("seeds", campaign.seeds, in_seeds, f"{beside.seeds}, or for controls the first of them"),

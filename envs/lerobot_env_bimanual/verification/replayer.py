@@ -12,6 +12,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.replay import ReplayMode, ReplayResult, Visitor, replay
+from lerobot_env_bimanual.verification.simulation import setting
 
 
 class Replayer:
@@ -49,7 +50,12 @@ class Replayer:
             if env is not None:
                 env.close()
             env = BimanualEnv(
-                meta.task, split=meta.split, image_size=self._image_size, obs="state", control_mode=self._mode
+                meta.task,
+                split=meta.split,
+                image_size=self._image_size,
+                obs="state",
+                control_mode=self._mode,
+                perturb=setting(self._dataset, "perturb", ""),
             )
         self._env = env
         return env

@@ -67,8 +67,8 @@ class Player:
         Raises:
             BimanualError: it cannot be played, or is not solved.
         """
-        voxels = _setting(dataset, "discretise", 0)
-        world = meta.task, meta.split, dataset.cameras, image_size, voxels
+        voxels, perturb = setting(dataset, "discretise", 0), setting(dataset, "perturb", "")
+        world = meta.task, meta.split, dataset.cameras, image_size, voxels, perturb
         which = *world, meta.variation, meta.seed
         if self._last is None or self._last[0] != which:
             outcome, episode = self._recorder_of(world).record(meta.seed, meta.variation)
@@ -88,9 +88,9 @@ class Player:
     def _recorder_of(self, world: tuple[Any, ...]) -> Recorder:
         if self._recorder is None or self._world != world:
             self.close()
-            task, split, cameras, image_size, voxels = world
+            task, split, cameras, image_size, voxels, perturb = world
             codec = KeyposeCodec(voxels=voxels) if voxels else None
-            self._recorder = Recorder(task, split, cameras, image_size, codec)
+            self._recorder = Recorder(task, split, cameras, image_size, codec, perturb)
             self._world = world
         self._last = None  # its images are lost now
         return self._recorder
@@ -112,7 +112,7 @@ def compare_columns(
             Fault(f"is told {stored.meta.instruction!r}, but its seed says {played.meta.instruction!r}")
         )
     ticks = stored.columns[schema.TICK]
-    intermediate = tuple(_setting(dataset, "intermediate", ()))
+    intermediate = tuple(setting(dataset, "intermediate", ()))
     expected = np.array(rows_of_view(played, dataset.view, intermediate))
     if not np.array_equal(ticks, expected):
         found[REPLAY].append(Fault(f"holds the ticks {_short(ticks)}, but the replay {_short(expected)}"))
@@ -123,7 +123,8 @@ def compare_columns(
     return {check: tuple(faults) for check, faults in found.items()}
 
 
-def _setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:
+def setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:
+    """What a dataset says that it was made with, or something else where it says nothing."""
     return otherwise if dataset.provenance is None else dataset.provenance.settings.get(name, otherwise)
 
 

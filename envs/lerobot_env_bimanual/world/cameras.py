@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.world.appearance import lent
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
@@ -57,7 +58,7 @@ FIXED_CAMERAS = (
 
 
 def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where the five cameras are now, and how they project.
+    """Where the five cameras are now, as far as one knows, and how they project.
 
     Args:
         view: the scene.
@@ -70,10 +71,11 @@ def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.fl
     """
     extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
     intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
-    for index, name in enumerate(CAMERA_NAMES):
-        camera = view.model.camera(name).id
-        extrinsics[index, :3, :3] = view.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
-        extrinsics[index, :3, 3] = view.data.cam_xpos[camera]
-        extrinsics[index, 3, 3] = 1
-        intrinsics[index] = intrinsics_from_fovy(np.deg2rad(view.model.cam_fovy[camera]), height, width)
+    with lent(view.model, view.data, view.appearance.calibration):
+        for index, name in enumerate(CAMERA_NAMES):
+            camera = view.model.camera(name).id
+            extrinsics[index, :3, :3] = view.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL
+            extrinsics[index, :3, 3] = view.data.cam_xpos[camera]
+            extrinsics[index, 3, 3] = 1
+            intrinsics[index] = intrinsics_from_fovy(np.deg2rad(view.model.cam_fovy[camera]), height, width)
     return extrinsics.astype(np.float32).ravel(), intrinsics.astype(np.float32).ravel()

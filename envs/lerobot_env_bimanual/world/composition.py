@@ -55,10 +55,14 @@ class Composition:
         self._rooms: dict[int, Backdrop] = {}
         self._backdrops: dict[int, Backdrop | None] = {}
 
-    def begin(self) -> None:
-        """Take over where everything is; images of several cameras may follow."""
+    def begin(self, appearance: bytes = b"") -> None:
+        """Take over where everything is; images of several cameras may follow.
+
+        Args:
+            appearance: fingerprint of what the model wears, but for what stands in `_looks`.
+        """
         self._offscreen.make_current()
-        looks_of_room = self._looks(self._room)
+        looks_of_room = appearance + self._looks(self._room)
         has_new_room = looks_of_room != self._looks_of_room
         if has_new_room:
             self._looks_of_room = looks_of_room

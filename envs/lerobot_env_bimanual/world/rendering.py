@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.gl import release_gl
+from lerobot_env_bimanual.world.appearance import lent
 from lerobot_env_bimanual.world.composition import Composition
 from lerobot_env_bimanual.world.offscreen import Offscreen, Quality
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -51,8 +52,7 @@ class Renderer:
         self.height = height
         self.width = width
         self._quality = QUALITIES[quality]
-        self._model = scene.model
-        self._data = scene.data
+        self._scene = scene
         self._offscreen: Offscreen | None = None
         self._composition: Composition | None = None
 
@@ -89,13 +89,15 @@ class Renderer:
 
     def _each_camera[Seen](self, take: Callable[[Composition, int], Seen]) -> dict[str, Seen]:
         """What each camera sees; the context is made if there is none."""
+        model, data, appearance = self._scene.model, self._scene.data, self._scene.appearance
         try:
             if self._composition is None:
-                self._offscreen = Offscreen(self._model, self.height, self.width, self._quality)
-                self._composition = Composition(self._model, self._data, self._offscreen)
+                self._offscreen = Offscreen(model, self.height, self.width, self._quality)
+                self._composition = Composition(model, data, self._offscreen)
             composition = self._composition
-            composition.begin()
-            return {camera: take(composition, self._model.camera(camera).id) for camera in self.cameras}
+            with lent(model, data, appearance.fields):
+                composition.begin(appearance.fingerprint)
+                return {camera: take(composition, model.camera(camera).id) for camera in self.cameras}
         finally:
             release_gl()
 

@@ -2,7 +2,7 @@
 
 import copy
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 
@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM
+from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.world.alterations import Alterations
+from lerobot_env_bimanual.world.appearance import AS_IT_IS, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
 from lerobot_env_bimanual.world.contacts import solid_geom_counts
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -54,6 +56,8 @@ class SceneState:
         commanded: (16,) the joint action of the last tick.
         change: (16,) by how much it differed from the one of the tick before.
         model_fields: the values of `RESETTABLE_FIELDS`.
+        altered: those of altered fields; empty where nothing is altered.
+        appearance: how the episode looks.
         ticks: control ticks since the episode started.
         unstable: whether MuJoCo has warned in this episode.
     """
@@ -63,6 +67,8 @@ class SceneState:
     commanded: NDArray[np.float32]
     change: NDArray[np.float64]
     model_fields: tuple[NDArray, ...]
+    altered: Mapping[str, NDArray]
+    appearance: Appearance
     ticks: int
     unstable: bool
 
@@ -77,16 +83,26 @@ class Scene(SceneView):
     Args:
         props: the things besides robots and room, in the order in which they are compiled.
         arm_pair: the robots.
+        amend: changes the model before it is compiled.
 
     Attributes:
         ticks: control ticks since the episode started (settling not counted).
     """
 
-    def __init__(self, props: Sequence[Prop] = (), arm_pair: ArmPair = PANDA_PAIR):
+    def __init__(
+        self,
+        props: Sequence[Prop] = (),
+        arm_pair: ArmPair = PANDA_PAIR,
+        amend: Callable[[mujoco.MjSpec], None] | None = None,
+    ):
         self._home_action = np.array([*arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
-        super().__init__(build_spec(props, arm_pair).compile(), arm_pair, self._home_action)
+        spec = build_spec(props, arm_pair)
+        if amend is not None:
+            amend(spec)
+        super().__init__(spec.compile(), arm_pair, self._home_action)
         self.ticks = 0
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
+        self._alterations = Alterations(self.model)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
         self._tree_awake, self._prop_positions = (
@@ -106,6 +122,8 @@ class Scene(SceneView):
         """Back to the compiled model: arms at home with open hands, props at the origin, nothing moves."""
         for field, pristine in zip(RESETTABLE_FIELDS, self._pristine, strict=True):
             getattr(self.model, field)[:] = pristine
+        self._alterations.take_off()
+        self.appearance = AS_IT_IS
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
@@ -144,6 +162,31 @@ class Scene(SceneView):
     def set_color(self, geom: str, rgba: ArrayLike) -> None:
         """Colour a geom until the next reset."""
         self.model.geom(geom).rgba = rgba
+
+    def pose_arms(self, joints: ArrayLike) -> None:
+        """Have the arms start elsewhere than at home; only between `reset` and `settle`.
+
+        Args:
+            joints: (2, 7) rad, left before right.
+        """
+        arms = by_arm(commanded := self._home_action.copy())
+        arms[:, :-1] = joints
+        for arm in ARMS:
+            self.data.qpos[self._joint_qpos[arm.ordinal]] = arms[arm.ordinal, :-1]
+        self._commanded = commanded
+        self._refresh()
+
+    def alter(self, **fields: NDArray) -> None:
+        """Make bodies, joints or motors different until the next reset.
+
+        Args:
+            fields: new values of some of `lerobot_env_bimanual.world.alterations.FIELDS`, each in the shape of the model's.
+
+        Raises:
+            ValueError: a field that cannot be altered.
+        """
+        self._alterations.put_on(fields)
+        self._refresh()
 
     def settle(self, max_ticks: int = MAX_SETTLE_TICKS) -> None:
         """Let the props come to rest while the arms hold still, and start the episode's clock.
@@ -212,6 +255,8 @@ class Scene(SceneView):
         digest.update(self._servos.change.tobytes())
         for field in RESETTABLE_FIELDS:
             digest.update(getattr(self.model, field).tobytes())
+        for field, values in sorted(self._alterations.values().items()):
+            digest.update(field.encode() + values.tobytes())
         return digest.hexdigest()
 
     def save_state(self) -> SceneState:
@@ -222,6 +267,8 @@ class Scene(SceneView):
             commanded=self._commanded.copy(),
             change=self._servos.change.copy(),
             model_fields=tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS),
+            altered={field: values.copy() for field, values in self._alterations.values().items()},
+            appearance=self.appearance,
             ticks=self.ticks,
             unstable=self.unstable,
         )
@@ -230,6 +277,9 @@ class Scene(SceneView):
         """Continue from a state of this scene, or of another one with the same props and robots."""
         for field, values in zip(RESETTABLE_FIELDS, state.model_fields, strict=True):
             getattr(self.model, field)[:] = values
+        self._alterations.take_off()
+        self._alterations.put_on(state.altered)
+        self.appearance = state.appearance
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)
         self._commanded = state.commanded.copy()

@@ -8,6 +8,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.world.appearance import AS_IT_IS
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
 LEAST_SQUEEZE_N = 2.0
@@ -31,12 +32,14 @@ class SceneView:
         model: as given.
         data: its state; read it freely, change it only through the methods of a subclass.
         arm_pair: as given.
+        appearance: how it looks where that differs from the model, and where its cameras are.
     """
 
     def __init__(self, model: mujoco.MjModel, arm_pair: ArmPair, commanded: NDArray[np.float32]):
         self.model = model
         self.data = mujoco.MjData(model)
         self.arm_pair = arm_pair
+        self.appearance = AS_IT_IS
         self._commanded = commanded
         self._contacts = ContactQueries(self.model, self.data)
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]

@@ -1,0 +1,1 @@
+"""One file per axis, found by walking this folder."""

@@ -1,0 +1,63 @@
+"""Bodies, joints and motors that are different in one episode from what was compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from numpy.typing import NDArray
+
+from lerobot_env_bimanual.gl import mujoco
+
+FIELDS = (
+    "body_mass",
+    "body_inertia",
+    "geom_friction",
+    "jnt_stiffness",
+    "qpos_spring",
+    "dof_damping",
+    "dof_frictionloss",
+    "actuator_gainprm",
+    "actuator_biasprm",
+    "actuator_forcerange",
+)
+"""Fields of the model that may be altered; others follow from them."""
+
+
+class Alterations:
+    """What a model wears over the values with which it was compiled.
+
+    Args:
+        model: of the scene.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self._model = model
+        self._compiled: dict[str, NDArray] = {}
+
+    def values(self) -> dict[str, NDArray]:
+        """The model's present values of `FIELDS`, if any is altered; they are views, to be read only."""
+        return {field: getattr(self._model, field) for field in self._compiled}
+
+    def put_on(self, fields: Mapping[str, NDArray]) -> None:
+        """Give some fields other values.
+
+        Raises:
+            ValueError: a field is none of `FIELDS`.
+        """
+        if others := fields.keys() - set(FIELDS):
+            raise ValueError(f"{', '.join(sorted(others))} cannot be altered, only {', '.join(FIELDS)}")
+        if fields and not self._compiled:
+            self._compiled = {field: getattr(self._model, field).copy() for field in FIELDS}
+        if fields:
+            self._set(fields)
+
+    def take_off(self) -> None:
+        """Give all fields the values that were compiled."""
+        if self._compiled:
+            self._set(self._compiled)
+            self._compiled = {}
+
+    def _set(self, fields: Mapping[str, NDArray]) -> None:
+        for field, values in fields.items():
+            getattr(self._model, field)[:] = values
+        mujoco.mj_setConst(self._model, mujoco.MjData(self._model))  # what follows from them

@@ -1,0 +1,75 @@
+"""How a scene looks in one episode where that differs from its model, and where its cameras really are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from numpy.typing import NDArray
+
+from lerobot_env_bimanual.gl import mujoco
+
+FOLLOWING = ("cam_xpos", "cam_xmat", "light_xpos", "light_xdir")
+"""Data fields that follow from where cameras and lights are fixed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """Values of a model's fields that only the eye is shown.
+
+    The model lends itself: while images are made it wears these values, at all other times its own. So nothing that moves
+    can depend on them, and no state hash either.
+
+    Attributes:
+        fields: name of a model's field -> all its values.
+        calibration: those of the cameras that the calibration knows of; of all other fields it says what the model says.
+        casts_shadows: whether lights cast shadows.
+    """
+
+    fields: Mapping[str, NDArray] = field(default_factory=dict)
+    calibration: Mapping[str, NDArray] = field(default_factory=dict)
+    casts_shadows: bool = False
+
+    def wearing(self, **fields: NDArray) -> Appearance:
+        """This appearance with other values of some fields, each in the model's shape."""
+        return replace(self, fields={**self.fields, **fields})
+
+    def calibrated(self, **fields: NDArray) -> Appearance:
+        """This appearance with cameras that the calibration takes to be elsewhere."""
+        return replace(self, calibration={**self.calibration, **fields})
+
+    @cached_property
+    def fingerprint(self) -> bytes:
+        """Equal for appearances whose images are equal, so that what has been drawn can be kept."""
+        return b"".join(name.encode() + values.tobytes() for name, values in sorted(self.fields.items()))
+
+
+AS_IT_IS = Appearance()
+
+
+@contextmanager
+def lent(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDArray]) -> Iterator[None]:
+    """Have a model wear other values while the `with` block runs.
+
+    Args:
+        model: of the scene.
+        data: its state, in which cameras and lights are moved along.
+        fields: name of a field -> all its values.
+    """
+    if not fields:
+        yield
+        return
+    kept = {name: getattr(model, name).copy() for name in fields}
+    followed = {name: getattr(data, name).copy() for name in FOLLOWING}
+    for name, values in fields.items():
+        getattr(model, name)[:] = values
+    mujoco.mj_camlight(model, data)
+    try:
+        yield
+    finally:
+        for name, values in kept.items():
+            getattr(model, name)[:] = values
+        for name, values in followed.items():
+            getattr(data, name)[:] = values

@@ -1,0 +1,36 @@
+"""How far a world is from the one that is certified, as text: `camera_moved:2,mass:1`, empty for the world as it is."""
+
+from collections.abc import Mapping
+
+from lerobot_bimanual.errors import InvalidChoice
+
+MAX_LEVEL = 3
+"""Level 0 is the world as it is."""
+
+
+def parse_levels(text: object) -> dict[str, int]:
+    """Level of each axis, by name in alphabetical order; axes at level 0 are left out.
+
+    Args:
+        text: `AXIS:LEVEL`, several separated by commas; may be empty.
+
+    Raises:
+        InvalidChoice: it has another form, a level that there is not, or an axis twice.
+    """
+    form = [
+        f"empty, or AXIS:LEVEL with levels 0 to {MAX_LEVEL} and each axis once, as in 'camera_moved:2,mass:1'"
+    ]
+    if not isinstance(text, str):
+        raise InvalidChoice("perturb", text, form)
+    levels: dict[str, int] = {}
+    for part in filter(None, map(str.strip, text.split(","))):
+        name, colon, level = part.partition(":")
+        if not (name.isidentifier() and colon and level in map(str, range(MAX_LEVEL + 1))) or name in levels:
+            raise InvalidChoice("perturb", text, form)
+        levels[name] = int(level)
+    return {name: levels[name] for name in sorted(levels) if levels[name]}
+
+
+def levels_text(levels: Mapping[str, int]) -> str:
+    """The one text for these levels."""
+    return ",".join(f"{name}:{levels[name]}" for name in sorted(levels) if levels[name])
