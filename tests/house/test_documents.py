@@ -43,6 +43,8 @@ def commands(program: str) -> Iterator[tuple[str, list[str]]]:
         command: list[str] = []
         for token in [*lexer, "\n"]:
             if set(token) <= set("\n;&|"):
+                if command[:1] == ["torchrun"]:  # several processes of the program that a later word names
+                    command = [program, *command[3:]] if program in command[2] else []
                 if command and command[0] == program:
                     yield path.name, command[1:]
                 command = []
@@ -69,6 +71,20 @@ def test_flags_of_our_verbs_parse() -> None:
         assert verb in cli.find_verbs(), place
         config_type = cli.config_type_of(cli.find_verbs()[verb].load())
         parse_flags(config_type, flags)
+
+
+def test_every_page_is_in_the_navigation_of_the_site() -> None:
+    import yaml
+
+    def pages(entry: Any) -> Iterator[str]:
+        if isinstance(entry, str):
+            yield entry
+        else:
+            for part in entry.values() if isinstance(entry, dict) else entry:
+                yield from pages(part)
+
+    named = set(pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
+    assert {path.name for path in ROOT.glob("docs/*.md")} <= named
 
 
 def test_make_knows_every_target_that_is_named() -> None:
