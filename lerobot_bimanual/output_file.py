@@ -39,12 +39,12 @@ def check_output_folder(folder: Path) -> None:
         raise UnwritableOutput(folder, error.strerror or str(error)) from error
 
 
-def write_file(path: Path, text: str) -> None:
+def write_file(path: Path, content: str | bytes) -> None:
     """Replace a file in one move, so that an interruption leaves the old one or the new one.
 
     Args:
         path: the file; its folder is made.
-        text: its content, written as UTF-8.
+        content: what it holds; a text is written as UTF-8.
 
     Raises:
         UnwritableOutput: it cannot be written; the old file is still there.
@@ -52,7 +52,7 @@ def write_file(path: Path, text: str) -> None:
     check_output_file(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
         move_durably(partial, path)
     except OSError as error:
         raise UnwritableOutput(path, error.strerror or str(error)) from error

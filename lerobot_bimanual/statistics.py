@@ -38,13 +38,13 @@ class SuccessRate:
         return f"{self.successes}/{self.trials} ({lower:.1%} to {upper:.1%})"
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     """Wilson score interval of a proportion at 95 % confidence (Wilson 1927).
 
     Unlike the normal approximation it keeps its coverage near 0 and 1, where certified experts live.
 
     Args:
-        successes: number of successes, 0 to `trials`.
+        successes: number of successes, 0 to `trials`; may be the mean of several trainings on the same episodes.
         trials: number of independent episodes.
 
     Returns:

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.measurements import read_worlds
@@ -28,7 +29,7 @@ the split `val`. The expert acts on the same episodes, and so does the blind con
 training episodes whatever the scene; of a task with variations it plays each, on all seeds.
 
 {success}
-
+{figure}
 What each was trained on, for how long by the clock on the machine named in its row, and with which flags of
 `lerobot-bimanual benchmark` beyond those of the recipe as it is today:
 
@@ -43,26 +44,30 @@ AGAIN = """ One cell trained and tested again, that of the last line of a policy
 ```bash
 {command}
 ```"""
+FIGURE = """
+![Success of each policy, the expert and the blind control on each task, with 95 % Wilson intervals]({link})
+"""
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
 EXPERT_CERTIFICATE = "expert.json"
 """Among certificates, the one that covers every task."""
 
 
-def render(folder: Path, certificates: Path | None = None) -> str:
+def render(folder: Path, certificates: Path | None = None, figure: str | None = None) -> str:
     """The page of the results in a folder.
 
     Args:
         folder: of the rows.
         certificates: folder of the certificates, of whose worlds the rows must be; by default the folder
             `certificates` beside that of the rows, if there is one.
+        figure: where the figure of these results lies, seen from the page; None for a page without.
 
     Raises:
         BimanualError: there are no rows, one contradicts itself, its file's name, the others or the certificates, or its
             recipe is installed and yet no command trains it again. The message names the file.
     """
     rows = read_rows(folder)
-    _check_likeness(rows)
+    check_likeness(rows)
     _check_trainings(rows)
     _check_worlds(rows, folder, certificates)
     lines = [
@@ -74,6 +79,7 @@ def render(folder: Path, certificates: Path | None = None) -> str:
         recipe=lines[0][0].recipe,
         folder=folder.as_posix(),
         success=success_table(list(rows.values())),
+        figure="" if figure is None else FIGURE.format(link=quote(figure)),
         training=_training(lines),
         again=AGAIN.format(command=command(configs[-1])) if configs else "",
     )
@@ -99,8 +105,12 @@ def read_rows(folder: Path) -> dict[Path, ResultRow]:
     return rows
 
 
-def _check_likeness(rows: Mapping[Path, ResultRow]) -> None:
-    """Rows of one table share recipe and simulation; those of one line the world, and who played beside the policy."""
+def check_likeness(rows: Mapping[Path, ResultRow]) -> None:
+    """Rows of one table share recipe and simulation; those of one line the world, and who played beside the policy.
+
+    Raises:
+        BimanualError: they do not; the message names both files.
+    """
     first: dict[str, tuple[Path, object]] = {}
     for path, row in rows.items():
         place = _place(row)

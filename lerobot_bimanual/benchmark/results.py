@@ -252,7 +252,7 @@ class ResultRow:
     @property
     def place(self) -> str:
         """What the line of the row's task, variation and perturbation is called."""
-        return perturbed(place_name(self.task, self.variation), self.options.get("perturb", ""))
+        return perturbed(place_name(self.task, self.variation), self.evaluation.perturb)
 
     @property
     def file_name(self) -> str:

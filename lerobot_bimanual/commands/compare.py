@@ -4,9 +4,11 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.output_file import check_output_file
 from lerobot_bimanual.statistics import SuccessRate, holm
 from lerobot_bimanual.terminal_table import print_table
 
@@ -22,6 +24,7 @@ class CompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
+    figure: Path | None = None  # PNG: the difference on each task, with both errors and the p-values
 
 
 def compare(config: CompareConfig) -> None:
@@ -37,7 +40,10 @@ def compare(config: CompareConfig) -> None:
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
+    if config.figure is not None:
+        check_output_file(config.figure)
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
@@ -55,6 +61,8 @@ def compare(config: CompareConfig) -> None:
     _print(comparisons)
     for line in _remarks(comparisons):
         print(line)
+    if config.figure is not None:
+        difference_figure(comparisons).save(config.figure)
 
 
 def _rows(path: Path, policy: str | None, flag: str) -> Rows:

@@ -52,6 +52,11 @@ class EvaluationRecord:
         if not seeds or seeds != sorted(set(seeds)):
             raise ValueError("episodes must be there, and their seeds rise")
 
+    @property
+    def perturb(self) -> str:
+        """What was different from the world as it is, `AXIS:LEVEL,...`."""
+        return self.options.get("perturb", "")
+
     def write(self, path: Path) -> None:
         """Write a JSON file with one episode per line.
 

@@ -38,8 +38,8 @@ def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -
     return np.array(keyposes)
 
 
-def shifted(index: int, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
-    """An error: one number of one keypose is off."""
+def shifted(index: int | slice, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
+    """An error: one number of one keypose is off, or of several."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()

@@ -58,9 +58,12 @@ def test_an_arms_planted_error_is_blamed_on_it(task, change, index, loser):
     assert (found.last_recoverable, found.loser) == (index, loser), found
 
 
-def test_of_joint_actions_only_the_class_is_told():
+@pytest.mark.parametrize("control_mode", ["auto", "joint"])
+def test_of_joint_actions_only_the_class_is_told(control_mode):
     episode = played("lift_ball", [np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], 2)])
-    found = blamed("lift_ball", episode)
+    blamer = Blamer("lift_ball", OPTIONS | {"control_mode": control_mode})
+    found = blamer.blame(episode)
+    blamer.close()
     assert found.loser == Loser.NOT_KEYPOSES
     assert found.last_recoverable is None
     assert found.failure_class in FailureClass

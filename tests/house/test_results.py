@@ -1,16 +1,20 @@
 """What is committed of results: the page is that of the rows, and every trained policy belongs to a row."""
 
 import json
+import re
 import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_of, flag_value
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.benchmark.success_figure import success_figure
+from lerobot_bimanual.canvas import DESCRIPTION
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
@@ -20,9 +24,25 @@ ROWS = sorted((ROOT / "results" / "leaderboard").glob("*.json"))
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
-def test_the_page_of_results_is_that_of_the_rows(monkeypatch: pytest.MonkeyPatch):
+def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
-    assert (ROOT / "docs" / "results.md").read_text() == render(Path("results/leaderboard"))
+    page = render(Path("results/leaderboard"), figure="results.png")
+    assert (ROOT / "docs" / "results.md").read_text() == page
+    assert described("results.png") == success_figure([*map(ResultRow.read, ROWS)]).description
+
+
+def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_the_rows():
+    failed = {
+        row.task: sum(not episode.success for episode in row.episodes) for row in map(ResultRow.read, ROWS)
+    }
+    sentences = dict(re.findall(r"(\w+): (\d+) failed", described("blame.png")))
+    assert {task: int(count) for task, count in sentences.items()} == failed
+
+
+def described(picture: str) -> str:
+    """What a picture says of itself; its pixels depend on the version of the font."""
+    with Image.open(ROOT / "docs" / picture) as image:
+        return image.info[DESCRIPTION]
 
 
 def test_every_row_is_of_the_world_that_is_certified():

@@ -16,6 +16,10 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "render": lambda place: ["render", "--task=lift_ball", f"--output={place / 'folder'}"],
     "report": lambda place: ["report", f"--certificates={CERTIFICATES}", f"--output={place}"],
     "leaderboard": lambda place: ["leaderboard", f"--results={ROWS}", f"--output={place}"],
+    "leaderboard's figure": lambda place: ["leaderboard", f"--results={ROWS}", f"--figure={place}"],
+    "compare's figure": lambda place: ["compare", f"--first={ROWS}", f"--second={ROWS}", f"--figure={place}"],
+    "blame's figure": lambda place: ["blame", f"--results={ROWS}", f"--figure={place}"],
+    "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
 }
 
@@ -28,6 +32,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lerobot_env_bimanual.workers.WorkerPool.__init__", refuse)
     monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.leaderboard.render", refuse)
+    monkeypatch.setattr("lerobot_bimanual.commands.compare.ResultRow.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)
 

@@ -20,9 +20,10 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import played_env
+from lerobot_env_bimanual.audit.episodes import expert_env, played_env
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.freezing import INVALID_ACTION
 
@@ -81,6 +82,8 @@ class Blamer:
 
     def __init__(self, task: str, options: Mapping[str, str]):
         self._env = played_env(task, options)
+        refuses_keyposes = options.get("control_mode") == "joint"
+        self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
         self._expert: list[NDArray[np.float32]] = []
         self._takeovers = 0
 
@@ -91,9 +94,9 @@ class Blamer:
             BimanualError: it does not come out as recorded.
         """
         self._takeovers = 0
-        self._start(played)
+        self._start(played, self._expert_env)
         expert_facts, expert_solves = self._play_expert()
-        self._start(played)
+        self._start(played, self._env)
         actions = _readable(played)
         states, facts = self._play(actions, played.failure)
         if self._env.progress.ticks != played.ticks or self._env.progress.succeeded:
@@ -121,16 +124,17 @@ class Blamer:
     def close(self) -> None:
         """Free the world."""
         self._env.close()
+        self._expert_env.close()
 
-    def _start(self, played: PlayedEpisode) -> None:
-        self._env.reset(seed=played.seed, options={"variation": played.variation})
-        if self._env.state_hash() != played.start:
+    def _start(self, played: PlayedEpisode, env: BimanualEnv) -> None:
+        env.reset(seed=played.seed, options={"variation": played.variation})
+        if env.state_hash() != played.start:
             raise BimanualError(
                 f"seed {played.seed} starts in another state here; `verify-results` says more"
             )
 
     def _play_expert(self) -> tuple[EpisodeFacts, bool]:
-        env, self._expert = self._env, []
+        env, self._expert = self._expert_env, []
         witness = EpisodeWitness(env)
         with env.observed_by(witness.note, witness.note_step):
             for move in expert()(env):

@@ -60,7 +60,7 @@ def control_problems(
         "blind": [episode for episode in row.blind if episode.seed in seeds],
     }
     for control, episodes in claims.items():
-        yield from _control_problems(campaign, row.task, control, episodes, row.options.get("perturb", ""))
+        yield from _control_problems(campaign, row.task, control, episodes, row.evaluation.perturb)
     for control in SOLO:
         path = None if certificates is None else certificates / f"{control}.json"
         if path is None or not path.is_file():

@@ -44,11 +44,14 @@ class EpisodeAuditor:
     Args:
         task: name of the task.
         options: of the evaluation, by name.
+
+    Attributes:
+        env: in which it plays; it may be observed.
     """
 
     def __init__(self, task: str, options: Mapping[str, str]):
-        self._env = played_env(task, options)
-        self._player = FreezeWhenOver(EpisodeRecorder(self._env))
+        self.env = played_env(task, options)
+        self._player = FreezeWhenOver(EpisodeRecorder(self.env))
 
     def audit(self, played: PlayedEpisode) -> EpisodeAudit:
         """Play an episode again and compare everything."""
@@ -56,8 +59,8 @@ class EpisodeAuditor:
             self._player.reset(seed=played.seed, options={"variation": played.variation})
         except BimanualError as error:
             return EpisodeAudit(played.seed, (f"cannot be started: {error}",), "")
-        placement = placement_hash(self._env)
-        if self._env.state_hash() != played.start:
+        placement = placement_hash(self.env)
+        if self.env.state_hash() != played.start:
             return EpisodeAudit(played.seed, ("another state at the start",), placement)
         try:
             actions = played.action_list()
@@ -67,7 +70,7 @@ class EpisodeAuditor:
         for action in actions:
             unreadable = InvalidAction(played.failure.removeprefix(INVALID_ACTION))
             info = self._player.step(action if action.size else unreadable)[4]
-            ticks.append(self._env.progress.ticks)
+            ticks.append(self.env.progress.ticks)
             if self._player.is_frozen:
                 break
         if PLAYED not in info:
@@ -79,13 +82,18 @@ class EpisodeAuditor:
 
     def close(self) -> None:
         """Free the world."""
-        self._env.close()
+        self.env.close()
 
 
 def played_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
     """An environment in which an evaluation is played again, given its options by name."""
     keywords = {name: kind(options[name]) for name, kind in PLAYED_OPTIONS.items() if name in options}
     return BimanualEnv(task, obs="state", **keywords)
+
+
+def expert_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
+    """An environment in which the expert plays the same episodes, whichever actions the policy was allowed."""
+    return played_env(task, dict(options) | {"control_mode": "auto"})
 
 
 def placement_hash(env: BimanualEnv) -> str:

@@ -2,12 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.json_file import read_json
+from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.tasks.registry import get_task
+
+
+@dataclass(frozen=True)
+class Result:
+    """One file of results.
+
+    Attributes:
+        path: the file.
+        record: the episodes that were played.
+        row: what `benchmark` says beside them; None for a record that `lerobot-eval` has left.
+    """
+
+    path: Path
+    record: EvaluationRecord
+    row: ResultRow | None
+
+    @classmethod
+    def read(cls, path: Path) -> Result:
+        """The result in a file.
+
+        Raises:
+            BimanualError: the file is no result, or of a task that is not installed.
+        """
+        content = read_json(path)
+        is_row = isinstance(content, dict) and "policy" in content
+        row = ResultRow.read(path) if is_row else None
+        record = EvaluationRecord.read(path) if row is None else row.evaluation
+        get_task(record.task)
+        return cls(path, record, row)
+
+    @property
+    def problem_of_world(self) -> str | None:
+        """In which other world it was played; None if it is this one."""
+        record = self.record
+        if record.world == (here := world_version(record.task, record.perturb)):
+            return None
+        return f"world of {record.task} is {record.world}, but {here} here: play it with the versions {record.versions}"
+
+    def check_world(self) -> None:
+        """Make sure that episodes come out here as they did there.
+
+        Raises:
+            BimanualError: it was played in another world.
+        """
+        if self.problem_of_world is not None:
+            raise BimanualError(f"{self.path}: {self.problem_of_world}")
 
 
 def result_files(results: Path) -> list[Path]:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-    from lerobot_bimanual.evaluation.record import EvaluationRecord
-    from lerobot_env_bimanual.audit.blame import Blame, Blamer
-    from lerobot_env_bimanual.workers import WorkerPool
-
-type Options = tuple[tuple[str, str], ...]
+    from lerobot_env_bimanual.audit.blame import Blame
 
 
 @dataclass
@@ -48,7 +42,8 @@ def blame(config: BlameConfig) -> int:
     import numpy as np
 
     from lerobot_bimanual.output_file import check_output_file
-    from lerobot_env_bimanual.audit.result_files import drawn, result_files
+    from lerobot_env_bimanual.audit.blaming import blames_of
+    from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
     from lerobot_env_bimanual.workers import WorkerPool
 
     if config.sample < 0:
@@ -58,42 +53,18 @@ def blame(config: BlameConfig) -> int:
     found: dict[str, list[Blame]] = {}
     with WorkerPool(config.workers) as pool:
         for path in result_files(config.results):
-            record = _record(path)
+            result = Result.read(path)
+            result.check_world()
+            record = result.record
             failed = tuple(episode for episode in record.episodes if not episode.success)
             rng = np.random.default_rng(config.seed)
-            blames = list(_blames(record, drawn(failed, config.sample, rng), pool))
+            blames = blames_of(record, drawn(failed, config.sample, rng), pool)
             found.setdefault(record.task, []).extend(blames)
             print(f"{path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
             _print_table(blames)
     _print_sums(found)
     _write(found, config)
     return 0
-
-
-def _record(path: Path) -> EvaluationRecord:
-    from lerobot_bimanual.benchmark.results import ResultRow
-    from lerobot_bimanual.evaluation.record import EvaluationRecord
-    from lerobot_env_bimanual.expert.world_version import world_version
-
-    content = read_json(path)
-    is_row = isinstance(content, dict) and "policy" in content
-    record = ResultRow.read(path).evaluation if is_row else EvaluationRecord.read(path)
-    if record.world != (here := world_version(record.task, record.options.get("perturb", ""))):
-        raise BimanualError(
-            f"{path}: world of {record.task} is {record.world}, but {here} here: "
-            f"play it with the versions {record.versions}"
-        )
-    return record
-
-
-def _blames(record: EvaluationRecord, episodes: Sequence[PlayedEpisode], pool: WorkerPool) -> Iterator[Blame]:
-    options = tuple(sorted(record.options.items()))
-    jobs = [(record.task, options, episode) for episode in episodes]
-    return pool.map(_blame, jobs, f"{record.task}: why it failed", "episode", name=_name)
-
-
-def _name(job: tuple[str, Options, PlayedEpisode]) -> str:
-    return f"{job[0]}, seed {job[2].seed}"
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
@@ -140,20 +111,4 @@ def _write(found: dict[str, list[Blame]], config: BlameConfig) -> None:
         content = {task: [asdict(blame) for blame in blames] for task, blames in found.items()}
         write_file(config.output, json.dumps(content, indent=1) + "\n")
     if config.figure is not None:
-        blame_bars(found).save(config.figure, format="png")
-
-
-_blamers: dict[tuple[str, Options], Blamer] = {}
-
-
-def _blame(job: tuple[str, Options, PlayedEpisode]) -> Blame:
-    """Look at one episode in this process, in an environment that is kept for the next one of its kind."""
-    from lerobot_env_bimanual.audit.blame import Blamer
-
-    task, options, episode = job
-    if (task, options) not in _blamers:
-        for blamer in _blamers.values():
-            blamer.close()
-        _blamers.clear()
-        _blamers[task, options] = Blamer(task, dict(options))
-    return _blamers[task, options].blame(episode)
+        blame_bars(found).save(config.figure)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.json_file import read_json
 
 if TYPE_CHECKING:
     from lerobot_bimanual.benchmark.results import ResultRow
@@ -68,18 +67,13 @@ def verify_results(config: VerifyResultsConfig) -> int:
 def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> Iterator[str]:
     import numpy as np
 
-    from lerobot_bimanual.benchmark.results import ResultRow
-    from lerobot_bimanual.evaluation.record import EvaluationRecord
     from lerobot_env_bimanual.audit.controls import control_problems
-    from lerobot_env_bimanual.audit.result_files import drawn
-    from lerobot_env_bimanual.tasks.registry import get_task
+    from lerobot_env_bimanual.audit.result_files import Result, drawn
 
-    content = read_json(path)
-    is_row = isinstance(content, dict) and "policy" in content
-    row = ResultRow.read(path) if is_row else None
-    record = EvaluationRecord.read(path) if row is None else row.evaluation
-    get_task(record.task)
-    yield from _other_world(record)
+    result = Result.read(path)
+    record, row = result.record, result.row
+    if result.problem_of_world is not None:
+        yield result.problem_of_world
     rng = np.random.default_rng(config.seed)
     episodes = drawn(record.episodes, config.sample, rng)
     audits = _audits(record, episodes, campaign)
@@ -91,13 +85,6 @@ def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> It
         certificates = config.certificates or path.parent.parent / "certificates"
         if config.controls:
             yield from control_problems(row, campaign, seeds, certificates)
-
-
-def _other_world(record: EvaluationRecord) -> Iterator[str]:
-    from lerobot_env_bimanual.expert.world_version import world_version
-
-    if record.world != (here := world_version(record.task, record.options.get("perturb", ""))):
-        yield f"world of {record.task} is {record.world}, but {here} here: play it with the versions {record.versions}"
 
 
 def _audits(

@@ -1,0 +1,68 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.perturbation_choice import axis_modules
+from lerobot_env_bimanual.perturbations.axis import HOOKS, Axis, Group
+from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes, register
+
+
+@pytest.mark.parametrize("name", list_axes())
+def test_every_axis_says_what_it_does_how_far_and_why(name):
+    axis = get_axis(name)
+    assert axis.name == name
+    assert axis_modules()[name].endswith(f".{name}")
+    assert axis.group in Group
+    assert len(axis.levels) == 3
+    assert axis.unit
+    assert axis.summary
+    assert axis.source
+    differences = np.diff([1.0 if axis.unit.startswith("times") else 0.0, *axis.levels])
+    assert (differences > 0).all() or (differences < 0).all(), "level 0 comes before level 1 on the same dial"
+    assert axis.touches
+    assert set(axis.touches) <= set(HOOKS)
+
+
+def test_options_hold_perturbations_in_their_one_form():
+    assert EnvOptions(perturb="mass:1, arm_late:2").perturb == "arm_late:2,mass:1"
+    assert EnvOptions(perturb="mass:0").perturb == EnvOptions().perturb == ""
+
+
+def test_an_axis_that_does_not_exist_is_refused_with_those_that_do():
+    with pytest.raises(InvalidChoice, match=r"'masss', but must be one of: .*mass"):
+        BimanualEnv("lift_ball", perturb="masss:1")
+
+
+def test_an_axis_without_anything_to_change_is_refused_with_those_that_have():
+    env = BimanualEnv("dual_push_buttons", obs="state", perturb="mass:1")
+    with pytest.raises(
+        InvalidChoice, match=r"for 'dual_push_buttons' is 'mass', but must be one of: .*arm_late"
+    ):
+        env.reset(seed=0)
+
+
+def test_names_of_axes_are_known_without_mujoco():
+    script = (
+        "import sys; from lerobot_env_bimanual.options import EnvOptions; EnvOptions(perturb='mass:1'); "
+        "assert 'mujoco' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
+def test_two_axes_of_one_name_are_refused():
+    get_axis("mass")
+    with pytest.raises(ValueError, match="another axis called 'mass'"):
+        register(type("Mass", (Axis,), {"name": "mass"}))
+
+
+def test_a_perturbed_world_has_a_version_of_its_own_even_if_it_only_looks_different():
+    versions = [
+        world_version("lift_ball", perturb) for perturb in ("", "mass:1", "camera_moved:1", "camera_moved:2")
+    ]
+    assert len(set(versions)) == len(versions)
