@@ -4,6 +4,7 @@ Pillow draws it, as it does all our pictures: LeRobot brings it along, while a p
 for three figures.
 """
 
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
@@ -11,7 +12,8 @@ from typing import Literal
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.output_file import check_output_file, write_file
 
 type Color = tuple[int, int, int]
 type Mark = Literal["circle", "square", "diamond", "triangle", "cross"]
@@ -34,8 +36,23 @@ PIXELS = 2
 SMOOTHING = 2
 """Lines are drawn so many times larger and scaled down, since Pillow draws them with hard edges."""
 
+HATCHING = 5
+"""Between the lines of a hatching, along an edge."""
+
 DESCRIPTION = "Description"
 """Key of the PNG's text that says in words what is drawn."""
+
+
+def check_figure_file(path: Path) -> None:
+    """As `check_output_file`, of a file that a canvas will be saved to.
+
+    Raises:
+        UnwritableOutput: it could not be written.
+        InvalidChoice: it has the name of another kind of file.
+    """
+    check_output_file(path)
+    if path.suffix.lower() != ".png":
+        raise InvalidChoice("figure", str(path), ["a path that ends in .png"])
 
 
 class Canvas:
@@ -97,6 +114,18 @@ class Canvas:
         """A filled rectangle."""
         corners = (*self._at(left, top), *self._at(right, bottom))
         self._draw.rectangle(corners, fill, outline, width=self._scale)
+
+    def area(self, corners: Sequence[tuple[float, float]], fill: Color) -> None:
+        """A filled polygon."""
+        self._draw.polygon([self._at(*corner) for corner in corners], fill)
+
+    def hatching(self, left: float, top: float, right: float, bottom: float, color: Color = PALE) -> None:
+        """Diagonal lines over a rectangle."""
+        width, height = right - left, bottom - top
+        for offset in range(HATCHING, int(width + height), HATCHING):
+            start = (left + max(0, offset - height), top + min(offset, height))
+            end = (left + min(offset, width), top + max(0, offset - width))
+            self.line(start, end, color)
 
     def mark(
         self, kind: Mark, x: float, y: float, color: Color, radius: float = 5, hollow: bool = False

@@ -36,7 +36,6 @@ from lerobot_env_bimanual.world.video import VideoWriter
 SIMULATION_UNSTABLE = "simulation_unstable"
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
-
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 """Sees the environment and the joint action (16,) before every control tick."""
 type StepObserver = Callable[[], None]
@@ -117,9 +116,10 @@ class BimanualEnv(gym.Env):
             InvalidChoice: an axis of perturbation finds nothing to change in the task.
         """
         if self._scene is None:
-            self._scene = Scene(self.task_definition.spec.props, amend=self.perturbations.build)
+            changes = self.perturbations
+            self._scene = Scene(self.task_definition.spec.props, amend=changes.build)
             self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(self.task_definition, self._scene, self.perturbations.begin)
+            self._reset = EpisodeReset(self.task_definition, self._scene, changes.begin, changes.amends)
         return self._scene
 
     @property
@@ -215,7 +215,6 @@ class BimanualEnv(gym.Env):
         progress = self._running_episode()
         try:
             command = self._actions.read(action)
-            self.perturbations.disturb(self.scene, progress)
             if isinstance(command, BimanualKeypose):
                 self._execute(command)
             else:
@@ -274,6 +273,7 @@ class BimanualEnv(gym.Env):
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:
             progress.failure = SIMULATION_UNSTABLE
+        self.perturbations.disturb(scene, progress)
         if self.options.video_dir is not None:
             self._film(Path(self.options.video_dir))
 

@@ -7,8 +7,11 @@ from pathlib import Path
 from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.output_file import check_output_file
+from lerobot_bimanual.ladder.comparison import LadderComparison
+from lerobot_bimanual.ladder.heat_map import heat_map
+from lerobot_bimanual.ladder.result import LadderResult, is_ladder
 from lerobot_bimanual.statistics import SuccessRate, holm
 from lerobot_bimanual.terminal_table import print_table
 
@@ -24,7 +27,9 @@ class CompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
-    figure: Path | None = None  # PNG: the difference on each task, with both errors and the p-values
+    figure: Path | None = (
+        None  # PNG: the difference on each task, with its errors; of ladders, both rung by rung
+    )
 
 
 def compare(config: CompareConfig) -> None:
@@ -37,13 +42,25 @@ def compare(config: CompareConfig) -> None:
     difference is told apart by where it comes from: the episodes that were drawn, and the trainings. The test is about
     these trainings; whether others would differ likewise, the second error says.
 
+    Two results of `ladder` on one task are paired on every rung that both have.
+
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual compare --first=outputs/ladder/peract2.json --second=outputs/ladder/act.json
         lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
-        check_output_file(config.figure)
+        check_figure_file(config.figure)
+    console = Console()
+    if is_ladder(config.first) or is_ladder(config.second):
+        ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
+        console.print(ladders.table())
+        for line in ladders.remarks():
+            console.print(line, soft_wrap=True, highlight=False)
+        if config.figure is not None:
+            heat_map([ladders.first, ladders.second]).save(config.figure)
+        return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())

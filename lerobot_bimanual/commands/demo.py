@@ -17,9 +17,8 @@ from lerobot_bimanual.benchmark.task_check import check_task
 class DemoConfig:
     """Flags of the verb `demo`."""
 
-    task: str = (
-        "lift_ball"  # one registered task, with all its variations; `lerobot-bimanual tasks` lists them
-    )
+    # One registered task, with all its variations; `lerobot-bimanual tasks` lists them.
+    task: str = "lift_ball"
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
     episodes: int = 100  # expert demonstrations to generate
     steps: int = 1000  # optimiser steps

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from lerobot_bimanual.benchmark.leaderboard import read_rows, render
 from lerobot_bimanual.benchmark.success_figure import success_figure
+from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import write_page
 from lerobot_bimanual.output_file import check_output_file, check_output_folder
@@ -36,8 +37,10 @@ def leaderboard(config: LeaderboardConfig) -> None:
         lerobot-bimanual leaderboard --results=results/leaderboard --hub_results=outputs/eval_results \
             --benchmark_repo=me/bimanual
     """
-    for path in filter(None, (config.output, config.figure)):
-        check_output_file(path)
+    if config.output is not None:
+        check_output_file(config.output)
+    if config.figure is not None:
+        check_figure_file(config.figure)
     if config.hub_results is not None:
         if config.benchmark_repo is None or config.benchmark_repo.count("/") != 1:
             raise BimanualError(

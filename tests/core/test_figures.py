@@ -16,6 +16,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.canvas import BLUE, DESCRIPTION, ORANGE, PAPER, PIXELS, WIDTH, Canvas, Color
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.statistics import wilson_interval
 
 
@@ -112,6 +113,13 @@ def test_the_verbs_write_figures_that_describe_themselves(tmp_path: Path, instal
         with Image.open(figures / name) as picture:
             assert words in picture.info[DESCRIPTION]
             assert picture.width == WIDTH * PIXELS
+
+
+def test_a_figure_under_the_name_of_another_kind_of_file_is_refused(tmp_path: Path):
+    with pytest.raises(
+        InvalidChoice, match=r"figure is '.*all\.pdf', but must be one of: a path that ends in \.png"
+    ):
+        leaderboard(LeaderboardConfig(results=tmp_path, figure=tmp_path / "all.pdf"))
 
 
 def test_a_text_that_is_too_long_ends_where_its_room_does():

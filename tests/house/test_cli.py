@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.cli.flag_help import field_comments
+from lerobot_bimanual.cli.flags import flags_of
 from lerobot_bimanual.errors import BimanualError
 
 VERB = '''
@@ -162,3 +164,13 @@ print(json.dumps([summaries, loads]))
     assert set(summaries) >= {"certify", "demo", "doctor", "generate", "replay", "tasks"}
     assert all(summaries.values()), summaries
     assert not any(loads.values()), loads
+
+
+def test_every_flag_of_every_installed_verb_is_explained() -> None:
+    unexplained = {
+        (name, flag.name)
+        for name, verb in cli.find_verbs().items()
+        for flag in flags_of(cli.config_type_of(verb.load()))
+        if not field_comments(flag.owner).get(flag.name.rpartition(".")[2])
+    }
+    assert not unexplained

@@ -41,6 +41,7 @@ def blame(config: BlameConfig) -> int:
     """
     import numpy as np
 
+    from lerobot_bimanual.canvas import check_figure_file
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
@@ -48,8 +49,10 @@ def blame(config: BlameConfig) -> int:
 
     if config.sample < 0:
         raise InvalidChoice("sample", config.sample, ["a number of episodes from 0 on"])
-    for path in filter(None, (config.output, config.figure)):
-        check_output_file(path)
+    if config.output is not None:
+        check_output_file(config.output)
+    if config.figure is not None:
+        check_figure_file(config.figure)
     found: dict[str, list[Blame]] = {}
     with WorkerPool(config.workers) as pool:
         for path in result_files(config.results):

@@ -27,7 +27,8 @@ class CertifyConfig:
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
     # Who plays: the expert; `noop` holds still; `random` plays keyposes from the whole workspace; `blind` plays the mean
     # keyposes of training episodes; `solo_left` and `solo_right` are one arm alone, as well as we know how;
-    # `language_blind` does what one of the instructions that the scene allows asks for, at random.
+    # `language_blind` does what one of the instructions that the scene allows asks for, at random; `rereading` is an expert
+    # that begins again when a thing was moved and not by a hand, `planned_at_reset` one that never looks at what is different.
     control: ControlName = "expert"
     discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
     # Play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.

@@ -27,9 +27,8 @@ class ReportResultsConfig:
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
     output: Path = Path("outputs/results.html")  # the page, one file that opens without network
-    films: int = (
-        3  # failed episodes filmed of each result, of different kinds first, and one success; 0 films none
-    )
+    # Failed episodes filmed of each result, of different kinds first, and beside them one success; 0 films none.
+    films: int = 3
     max_mb: float = 10.0  # films that would make the page larger are left out
     workers: int = 0  # processes; 0 takes one per core
 

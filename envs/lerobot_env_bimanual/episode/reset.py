@@ -17,6 +17,7 @@ from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.world.scene import Scene
 
 MAX_DRAWS = 200
+CODECS = (None, KeyposeCodec())
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,22 @@ class EpisodeReset:
         task: whose props are placed, and whose script is rehearsed.
         scene: its world.
         perturb: changes an episode that can be done as it is, before things come to rest.
+        is_amended: whether the model of `scene` is not quite the task's: placements are then drawn in one that is.
     """
 
-    def __init__(self, task: Task, scene: Scene, perturb: Callable[[EpisodeStart], None]):
+    def __init__(
+        self,
+        task: Task,
+        scene: Scene,
+        perturb: Callable[[EpisodeStart], None],
+        is_amended: bool = False,
+    ):
         self._task = task
         self._scene = scene
         self._perturb = perturb
-        self._rehearsal = Rehearsal(scene, codecs=(None, KeyposeCodec()))
+        self._rehearsal = Rehearsal(scene, CODECS)
+        self._drawn_in = Scene(task.spec.props) if is_amended else scene
+        self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_amended else self._rehearsal
 
     def start(self, progress: EpisodeProgress) -> int:
         """Reset the scene, place the props where the script can be rehearsed, and let them settle.
@@ -68,9 +78,12 @@ class EpisodeReset:
         """
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
-            self._scene.reset()
+            self._drawn_in.reset()
             reason = self._place(progress.variation, progress.rng)
             if reason is None:
+                if self._drawn_in is not self._scene:
+                    self._scene.reset()
+                    self._scene.place_like(self._drawn_in)
                 is_feasible = partial(self._is_feasible, progress.variation)
                 self._perturb(EpisodeStart(self._task, self._scene, progress, is_feasible))
                 self._scene.settle()
@@ -84,13 +97,9 @@ class EpisodeReset:
 
     def _place(self, variation: Variation, rng: np.random.Generator) -> str | None:
         """Draw one placement; returns why it will not do, or None."""
-        if not self._task.place(self._scene, variation, rng):
+        if not self._task.place(self._drawn_in, variation, rng):
             return "illegal placement"
-        return self._infeasibility(variation)
-
-    def _infeasibility(self, variation: Variation) -> str | None:
-        """Why both arms cannot go through the script from where everything stands, or None."""
-        return self._rehearsal.infeasibility(lambda view: self._task.script(view, variation))
+        return self._first_rehearsal.infeasibility(partial(self._task.script, variation=variation))
 
     def _is_feasible(self, variation: Variation) -> bool:
-        return self._infeasibility(variation) is None
+        return self._rehearsal.infeasibility(partial(self._task.script, variation=variation)) is None

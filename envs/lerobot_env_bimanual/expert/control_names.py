@@ -2,5 +2,15 @@
 
 from typing import Literal, get_args
 
-ControlName = Literal["expert", "blind", "random", "noop", "solo_left", "solo_right", "language_blind"]
+ControlName = Literal[
+    "expert",
+    "rereading",
+    "planned_at_reset",
+    "blind",
+    "random",
+    "noop",
+    "solo_left",
+    "solo_right",
+    "language_blind",
+]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)

@@ -30,6 +30,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.reading import Script, readings
+from lerobot_env_bimanual.expert.rereading import planned_at_reset, rereading
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.solo.ways import Way, find_ways
@@ -47,11 +48,13 @@ def make_control(
     Args:
         name: who plays.
         seed: seeds the generators of `random` and `language_blind`; the episode's own stays untouched.
-        codec: rounds the keyposes of the expert.
+        codec: rounds the keyposes of the experts, those that look again or never.
         blind_keyposes: (18,) each, what `blind` plays in every scene; see `mean_keyposes`.
     """
     players: dict[ControlName, Player] = {
         "expert": expert(codec),
+        "rereading": rereading(codec),
+        "planned_at_reset": planned_at_reset(codec),
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
         "solo_left": solo(Arm.LEFT),

@@ -15,6 +15,8 @@ MAX_RATES = {
     "noop": 0.0,
     "random": 0.0,
     "blind": 0.20,
+    "rereading": 1.0,
+    "planned_at_reset": 1.0,
     "solo_left": 1.0,
     "solo_right": 1.0,
     "language_blind": 1.0,

@@ -35,6 +35,9 @@ class Perturbations:
         task: whose episodes they are.
         split: of their seeds.
 
+    Attributes:
+        amends: whether the world is compiled otherwise than the task has it.
+
     Raises:
         BimanualError: an axis that is not there, or cannot be loaded.
     """
@@ -44,6 +47,7 @@ class Perturbations:
         axes = {name: get_axis(name) for name in sorted(levels)}
         self._dials = [(axis, axis.levels[levels[name] - 1]) for name, axis in axes.items() if levels[name]]
         self._seeing, self._commanding, self._disturbing = map(self._with, ("see", "command", "disturb"))
+        self.amends = bool(self._with("build"))
 
     @property
     def magnitudes(self) -> dict[str, float]:
@@ -75,22 +79,22 @@ class Perturbations:
             axis.begin(start, magnitude, self._rng(axis, "begin", seed))
         appearance = AS_IT_IS
         for axis, magnitude in self._dials:
-            appearance = axis.look(scene.model, appearance, magnitude, self._rng(axis, "look", seed))
+            appearance = axis.look(start, appearance, magnitude, self._rng(axis, "look", seed))
         scene.appearance = appearance
 
-    def see(self, images: Mapping[str, Image], seed: int, tick: int) -> dict[str, Image]:
+    def see(self, images: Mapping[str, Image], progress: EpisodeProgress, tick: int) -> dict[str, Image]:
         """What cameras hand out of what they see.
 
         Args:
             images: camera -> what it sees.
-            seed: of the episode.
-            tick: of the episode.
+            progress: the episode.
+            tick: at which they see it.
         """
         handed_out = dict(images)
         for axis, magnitude in self._seeing:
             for camera in images:
-                rng = self._rng(axis, "see", seed, tick, CAMERA_NAMES.index(camera))
-                handed_out[camera] = axis.see(camera, handed_out[camera], magnitude, rng)
+                rng = self._rng(axis, "see", progress.seed, tick, CAMERA_NAMES.index(camera))
+                handed_out[camera] = axis.see(camera, handed_out[camera], progress, magnitude, rng)
         return handed_out
 
     def command(self, action: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
@@ -101,7 +105,7 @@ class Perturbations:
         return action
 
     def disturb(self, scene: Scene, progress: EpisodeProgress) -> None:
-        """Change the world before the next action."""
+        """Change the world after a tick, before it is looked at again."""
         for axis, magnitude in self._disturbing:
             axis.disturb(scene, progress, magnitude, self._rng(axis, "disturb", progress.seed))
 

@@ -11,7 +11,7 @@ from functools import cached_property
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from lerobot_bimanual.benchmark.episode_result import success_rate
-from lerobot_bimanual.benchmark.names import place_name
+from lerobot_bimanual.benchmark.names import perturbed, place_name
 from lerobot_bimanual.benchmark.success_figure import success_figure
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -49,9 +49,9 @@ class Section:
 
     @property
     def place(self) -> str:
-        """The task, or one of its variations."""
+        """The task, or one of its variations, or the task in a perturbed world."""
         record = self.result.record
-        return place_name(record.task, record.options.get("variation", "any"))
+        return perturbed(place_name(record.task, record.options.get("variation", "any")), record.perturb)
 
     @cached_property
     def rates(self) -> dict[str, SuccessRate]:
@@ -103,7 +103,7 @@ def results_page(sections: Sequence[Section]) -> str:
     rows = [section.result.row for section in sections if section.result.row is not None]
     blames: dict[str, list[Blame]] = {}
     for section in sections:
-        blames.setdefault(section.result.record.task, []).extend(section.blames.values())
+        blames.setdefault(section.place, []).extend(section.blames.values())
     figures = [
         *([success_figure(rows)] if rows else []),
         *([blame_bars(blames)] if any(blames.values()) else []),

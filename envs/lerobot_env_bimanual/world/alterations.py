@@ -1,4 +1,4 @@
-"""Bodies, joints and motors that are different in one episode from what was compiled."""
+"""Bodies, contacts, joints and motors that are different in one episode from what was compiled."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ FIELDS = (
     "body_mass",
     "body_inertia",
     "geom_friction",
+    "pair_friction",
     "jnt_stiffness",
     "qpos_spring",
     "dof_damping",

@@ -137,7 +137,7 @@ class Scene(SceneView):
         self._refresh()
 
     def place(self, body: str, pose: Pose) -> None:
-        """Put a prop somewhere; only between `reset` and `settle`.
+        """Put a prop somewhere: between `reset` and `settle`, or at any time if nothing holds it.
 
         Args:
             body: root body of a prop, free or static.
@@ -162,6 +162,19 @@ class Scene(SceneView):
     def set_color(self, geom: str, rgba: ArrayLike) -> None:
         """Colour a geom until the next reset."""
         self.model.geom(geom).rgba = rgba
+
+    def place_like(self, other: "Scene") -> None:
+        """Place and colour things as they are in another scene, right after `reset`.
+
+        Args:
+            other: a scene of the same props, from which this one may differ in shapes, and by what comes after them.
+        """
+        self.data.qpos[: other.model.nq] = other.data.qpos
+        for field, pristine in zip(RESETTABLE_FIELDS, other._pristine, strict=True):
+            values = getattr(other.model, field)
+            changed = np.flatnonzero((values != pristine).any(axis=1))
+            getattr(self.model, field)[changed] = values[changed]
+        self._refresh()
 
     def pose_arms(self, joints: ArrayLike) -> None:
         """Have the arms start elsewhere than at home; only between `reset` and `settle`.

@@ -6,17 +6,28 @@ from numpy.typing import NDArray
 from lerobot_env_bimanual.gl import mujoco
 
 FREE = mujoco.mjtJoint.mjJNT_FREE
+DISTRACTOR = "distractor"
+"""Begins the names of bodies that nobody handles."""
+
+
+def free_roots_of(model: mujoco.MjSpec) -> list[mujoco.MjsBody]:
+    """Bodies with a free joint in a world that is not compiled yet."""
+    bodies = (joint.parent for joint in model.joints if joint.type == FREE)
+    return [body for body in bodies if not body.name.startswith(DISTRACTOR)]
 
 
 def has_free_bodies(model: mujoco.MjSpec) -> bool:
     """Whether a world that is not compiled yet has one."""
-    return any(joint.type == FREE for joint in model.joints)
+    return bool(free_roots_of(model))
+
+
+def free_roots(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Indices of the bodies with a free joint."""
+    roots = model.jnt_bodyid[model.jnt_type == FREE]
+    is_handled = [not model.body(root).name.startswith(DISTRACTOR) for root in roots]
+    return roots[np.array(is_handled, dtype=bool)].astype(np.intp)
 
 
 def free_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """(nbody,) bodies with a free joint, and those below them."""
-    is_free = np.zeros(model.nbody, dtype=bool)
-    is_free[model.jnt_bodyid[model.jnt_type == FREE]] = True
-    for body in range(1, model.nbody):  # parents come first
-        is_free[body] |= is_free[model.body_parentid[body]]
-    return is_free
+    return np.isin(model.body_rootid, free_roots(model))

@@ -1,0 +1,232 @@
+"""Axes that change more than what is seen: the same episodes, changed by one dial, wherever and whenever they are played."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.controls import make_control
+from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR
+from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.vector import LazyVectorEnv
+from lerobot_env_bimanual.world.arena import build_spec
+
+AXES = [name for name in list_axes() if not get_axis(name).is_seen_only]
+LEVELS = range(1, MAX_LEVEL + 1)
+TICKS = 20
+"""Enough for whatever happens once, and for commands that are late."""
+FEW_TASKS = ("handover_item_easy", "put_item_in_drawer")
+"""One of them has what an axis changes: things that move freely, joints."""
+MOST_SHIFTED_M = 0.05
+
+
+def applies(axis: str, task: str) -> bool:
+    spec = get_task(task).spec
+    return get_axis(axis).applies_to(spec, build_spec(spec.props, PANDA_PAIR))
+
+
+def make(task: str, axis: str = "", level: int = 3) -> BimanualEnv:
+    perturb = f"{axis}:{level}" if axis else ""
+    return BimanualEnv(task, obs="state", split="val", perturb=perturb)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Callable[..., BimanualEnv]]:
+    """Environments that several tests play in, one after the other."""
+    envs: dict[tuple, BimanualEnv] = {}
+
+    def share(*key) -> BimanualEnv:
+        if key not in envs:
+            envs[key] = make(*key)
+        return envs[key]
+
+    yield share
+    for env in envs.values():
+        env.close()
+
+
+def wiggle(seed: int, ticks: int = TICKS) -> np.ndarray:
+    """Joint actions (ticks, 16) relative to where the arms stand."""
+    rng = np.random.default_rng(seed)
+    return np.cumsum(rng.uniform(-0.01, 0.01, (ticks, 16)), axis=0).astype(np.float32)
+
+
+def hashes(env: BimanualEnv, moves: np.ndarray, start: np.ndarray) -> list[str]:
+    """The state after each tick."""
+    found = []
+    for move in moves:
+        env.step(start + move)
+        found.append(env.state_hash())
+    return found
+
+
+def task_of(axis: str) -> str:
+    return next(task for task in FEW_TASKS if applies(axis, task))
+
+
+def episode_of(env: BimanualEnv) -> tuple:
+    """What a seed draws, and where it puts what the task has, by name."""
+    progress, scene = env.progress, env.scene
+    props = env.task_definition.spec.props
+    return (
+        progress.variation,
+        progress.instruction,
+        progress.draws,
+        progress.rng.bit_generator.state,
+        {prop.name: scene.pose(prop.name).position for prop in props},
+    )
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_a_seed_means_the_same_episode_at_every_level_and_every_level_is_another_world(axis, shared):
+    task, worlds = task_of(axis), []
+    for level in (0, *LEVELS):
+        env = shared(task, axis, level) if level else shared(task)
+        env.reset(seed=5)
+        worlds.append((episode_of(env), hashes(env, wiggle(1), env.scene.commanded)[-1]))
+    (*plain, places), _ = worlds[0]
+    for (*drawn, placed), _ in worlds[1:]:
+        assert drawn == plain
+        for name, place in places.items():
+            assert np.linalg.norm(placed[name] - place) < MOST_SHIFTED_M, name
+    assert len({last for _, last in worlds}) == len(worlds)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, shared):
+    fresh, env, moves = make(task_of(axis), axis), shared(task_of(axis), axis, 3), wiggle(2)
+    fresh.reset(seed=3)
+    start = fresh.scene.commanded
+    before, copied = hashes(fresh, moves[:7], start), pickle.loads(pickle.dumps(fresh))
+    fresh.close()
+    after = hashes(copied, moves[7:], start)  # with late commands pending, and before what happens once
+    copied.close()
+
+    env.reset(seed=4)  # another episode, left in the middle
+    hashes(env, moves[:7], start)
+    env.reset(seed=3)
+    assert hashes(env, moves[:7], start) == before
+    half = env.save_state()
+    assert hashes(env, moves[7:], start) == after
+    env.reset(seed=4)
+    env.restore_state(half)
+    assert env.state_hash() == before[-1]
+    assert hashes(env, moves[7:], start) == after
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_what_an_axis_does_to_one_environment_is_nothing_to_another(axis, shared):
+    task, moves = task_of(axis), wiggle(3)[:3]
+    plain, perturbed, found = shared(task), shared(task, axis, 3), []
+    for _ in range(2):
+        plain.reset(seed=6)
+        found.append(hashes(plain, moves, plain.scene.commanded))
+        perturbed.reset(seed=6)
+        perturbed.step(moves[0])
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("asynchronous", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_vector_environments_play_perturbed_episodes_alike(asynchronous):
+    axes = ",".join(f"{axis}:2" for axis in AXES if applies(axis, FEW_TASKS[0]))
+    one = partial(BimanualEnv, FEW_TASKS[0], obs="state", split="val", perturb=axes)
+    alone = one()
+    alone.reset(seed=7)
+    moves = alone.scene.commanded + wiggle(4)[:12]
+    for action in moves:
+        alone.step(action)
+    envs = LazyVectorEnv([one] * 2, asynchronous=asynchronous)
+    envs.reset(seed=[8, 7])
+    for action in moves:
+        envs.step(np.stack([action, action]))
+    assert envs.call("state_hash")[1] == alone.state_hash()
+    envs.close()
+    alone.close()
+
+
+def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():
+    env, told = make("lift_ball", "nudge"), []
+    with env.observed_by(lambda _, action: told.append(action.copy())):
+        outcome = run_episode(env, 0, expert())
+    env.reset(seed=0)
+    for action in told:
+        env.step(action)
+    assert env.state_hash() == outcome.state_hash
+    env.close()
+
+
+def test_whoever_rereads_answers_a_nudge_and_whoever_planned_at_reset_does_not(shared):
+    env = shared("handover_item_easy", "nudge", 3)
+    assert [
+        run_episode(env, 1, make_control(name, 1)).success for name in ("rereading", "planned_at_reset")
+    ] == [
+        True,
+        False,
+    ]
+
+
+def test_where_nothing_is_nudged_both_do_what_the_expert_does(shared):
+    env = shared("handover_item_easy")
+    outcomes = [
+        run_episode(env, 2, make_control(name, 2)) for name in ("expert", "rereading", "planned_at_reset")
+    ]
+    assert outcomes[0].success
+    assert outcomes[1:] == outcomes[:1] * 2
+
+
+@pytest.mark.parametrize("seed", [0])
+def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands_way(seed, shared):
+    env = shared("handover_item", "clutter")
+    env.reset(seed=seed)
+    scene = env.scene
+    names = [
+        name
+        for body in range(scene.model.nbody)
+        if (name := scene.model.body(body).name).startswith(DISTRACTOR)
+    ]
+    lying = {
+        name: scene.pose(name).position for name in names if scene.pose(name).position[2] > TABLE_HEIGHT_M
+    }
+    assert lying
+    assert not any(
+        scene.contacts(name, prop.name) for name in lying for prop in env.task_definition.spec.props
+    )
+    assert run_expert(env, seed).success
+    for name, position in lying.items():
+        assert np.linalg.norm(scene.pose(name).position - position) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_every_task_is_another_world_on_each_axis_that_applies_and_begins_where_it_began(task):
+    env = make(task)
+    plain = run_expert(env, 0)
+    env.reset(seed=0)
+    (*drawn, places) = episode_of(env)
+    env.close()
+    for axis in AXES:
+        perturbed = make(task, axis)
+        if not applies(axis, task):
+            with pytest.raises(InvalidChoice, match=axis):
+                perturbed.reset(seed=0)
+            continue
+        outcome = run_expert(perturbed, 0)
+        assert outcome.state_hash != plain.state_hash
+        assert not outcome.unstable
+        perturbed.reset(seed=0)
+        (*drawn_there, places_there) = episode_of(perturbed)
+        assert drawn_there == drawn
+        for name, place in places.items():
+            assert np.linalg.norm(places_there[name] - place) < MOST_SHIFTED_M, (axis, name)
+        perturbed.close()
