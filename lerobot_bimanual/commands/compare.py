@@ -52,12 +52,11 @@ def compare(config: CompareConfig) -> None:
     """
     if config.figure is not None:
         check_figure_file(config.figure)
-    console = Console()
     if is_ladder(config.first) or is_ladder(config.second):
         ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
-        console.print(ladders.table())
+        ladders.print()
         for line in ladders.remarks():
-            console.print(line, soft_wrap=True, highlight=False)
+            print(line)
         if config.figure is not None:
             heat_map([ladders.first, ladders.second]).save(config.figure)
         return
