@@ -4,6 +4,7 @@ Pillow draws it, as it does all our pictures: LeRobot brings it along, while a p
 for three figures.
 """
 
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
@@ -34,6 +35,9 @@ WIDTH = 800
 PIXELS = 2
 SMOOTHING = 2
 """Lines are drawn so many times larger and scaled down, since Pillow draws them with hard edges."""
+
+HATCHING = 5
+"""Between the lines of a hatching, along an edge."""
 
 DESCRIPTION = "Description"
 """Key of the PNG's text that says in words what is drawn."""
@@ -110,6 +114,18 @@ class Canvas:
         """A filled rectangle."""
         corners = (*self._at(left, top), *self._at(right, bottom))
         self._draw.rectangle(corners, fill, outline, width=self._scale)
+
+    def area(self, corners: Sequence[tuple[float, float]], fill: Color) -> None:
+        """A filled polygon."""
+        self._draw.polygon([self._at(*corner) for corner in corners], fill)
+
+    def hatching(self, left: float, top: float, right: float, bottom: float, color: Color = PALE) -> None:
+        """Diagonal lines over a rectangle."""
+        width, height = right - left, bottom - top
+        for offset in range(HATCHING, int(width + height), HATCHING):
+            start = (left + max(0, offset - height), top + min(offset, height))
+            end = (left + min(offset, width), top + max(0, offset - width))
+            self.line(start, end, color)
 
     def mark(
         self, kind: Mark, x: float, y: float, color: Color, radius: float = 5, hollow: bool = False

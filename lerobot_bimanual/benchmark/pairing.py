@@ -27,6 +27,17 @@ class Pairing:
     only_second: int
     neither: int
 
+    @classmethod
+    def of(cls, first: Sequence[bool], second: Sequence[bool]) -> "Pairing":
+        """The pairing of two lists of success, one entry per episode."""
+        outcomes = list(zip(first, second, strict=True))
+        return cls(
+            both=outcomes.count((True, True)),
+            only_first=outcomes.count((True, False)),
+            only_second=outcomes.count((False, True)),
+            neither=outcomes.count((False, False)),
+        )
+
     def __add__(self, other: "Pairing") -> "Pairing":
         return Pairing(
             self.both + other.both,
@@ -74,7 +85,7 @@ class Comparison:
     def pairing(self) -> Pairing:
         """Outcomes on the same episodes, of the trainings in turn as far as both have as many."""
         pairs = zip(*self._outcomes, strict=False)
-        return sum((_pair(one, other) for one, other in pairs), Pairing(0, 0, 0, 0))
+        return sum((Pairing.of(one, other) for one, other in pairs), Pairing(0, 0, 0, 0))
 
     @property
     def was_stopped(self) -> bool:
@@ -126,16 +137,6 @@ class Comparison:
     def _solved(self, row: ResultRow) -> list[bool]:
         success = {episode.seed: episode.success for episode in row.episodes}
         return [success[seed] for seed in self.seeds]
-
-
-def _pair(first: Sequence[bool], second: Sequence[bool]) -> Pairing:
-    outcomes = list(zip(first, second, strict=True))
-    return Pairing(
-        both=outcomes.count((True, True)),
-        only_first=outcomes.count((True, False)),
-        only_second=outcomes.count((False, True)),
-        neither=outcomes.count((False, False)),
-    )
 
 
 def _rate(solved: Sequence[bool]) -> SuccessRate:

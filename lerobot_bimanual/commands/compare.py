@@ -12,6 +12,9 @@ from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.ladder.comparison import LadderComparison
+from lerobot_bimanual.ladder.heat_map import heat_map
+from lerobot_bimanual.ladder.result import LadderResult, is_ladder
 from lerobot_bimanual.statistics import SuccessRate, holm
 
 type Rows = dict[str, tuple[ResultRow, ...]]
@@ -26,7 +29,9 @@ class CompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
-    figure: Path | None = None  # PNG: the difference on each task, with both errors and the p-values
+    figure: Path | None = (
+        None  # PNG: the difference on each task, with its errors; of ladders, both rung by rung
+    )
 
 
 def compare(config: CompareConfig) -> None:
@@ -39,13 +44,25 @@ def compare(config: CompareConfig) -> None:
     difference is told apart by where it comes from: the episodes that were drawn, and the trainings. The test is about
     these trainings; whether others would differ likewise, the second error says.
 
+    Two results of `ladder` on one task are paired on every rung that both have.
+
     Examples:
         lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual compare --first=outputs/ladder/peract2.json --second=outputs/ladder/act.json
         lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
         check_figure_file(config.figure)
+    console = Console()
+    if is_ladder(config.first) or is_ladder(config.second):
+        ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
+        console.print(ladders.table())
+        for line in ladders.remarks():
+            console.print(line, soft_wrap=True, highlight=False)
+        if config.figure is not None:
+            heat_map([ladders.first, ladders.second]).save(config.figure)
+        return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
@@ -57,7 +74,6 @@ def compare(config: CompareConfig) -> None:
             f"{config.second}"
         )
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
-    console = Console()
     for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
         row = rows[shared[0]][0]
         console.print(

@@ -162,8 +162,8 @@ def _conventions(info: dict) -> Iterable[str]:
     )
     yield (
         f"Depth is read as float32 millimetres (1, H, W), clipped to {schema.DEPTH_MIN_M} to "
-        f"{schema.DEPTH_MAX_M} m; the upper limit means that nothing was hit. {info['fps']} rows are a second "
-        "in the view `frames`; in `keyframes` the column `tick` tells the time."
+        f"{schema.DEPTH_MAX_M} m; the lower limit means that nothing was measured, the upper one that nothing was hit. "
+        f"{info['fps']} rows are a second in the view `frames`; in `keyframes` the column `tick` tells the time."
     )
 
 

@@ -6,6 +6,9 @@ The environment emits the same observation keys, so a policy trained on the data
 
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.episode import CONTROL_HZ
@@ -26,6 +29,10 @@ DEPTH_MAX_M = 4.0
 """Depth range; beyond it depth is clipped. 12 bits over it are steps of 0.974 mm: whole millimetres survive."""
 
 MM_PER_M = 1000
+
+UNMEASURED_MM = DEPTH_MIN_M * MM_PER_M + 0.5
+"""Depth up to here means that none was measured: 0 in an environment, and in a dataset, whose codec has no 0, the lower
+end of the range. Nothing is as near, for that is where the near planes of all cameras are."""
 
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
@@ -132,3 +139,8 @@ def features(
 def state_hash_column(hexdigest: str) -> int:
     """First 64 bits of a state hash as the signed integer that `STATE_HASH` stores."""
     return int.from_bytes(bytes.fromhex(hexdigest[:16]), "big", signed=True)
+
+
+def stored_depth(depth_mm: NDArray) -> NDArray[np.uint16]:
+    """Depth in mm as datasets store it: whole millimetres within the range, whose lower end is what was not measured."""
+    return np.rint(np.maximum(depth_mm, DEPTH_MIN_M * MM_PER_M)).astype(np.uint16)

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
 from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
 from lerobot.datasets.dataset_writer import DatasetWriter
 from numpy.typing import NDArray
@@ -94,7 +93,7 @@ class ViewWriter:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]
             if self._depth:
-                frame[depth] = np.rint(images[depth]).astype(np.uint16)[0, ..., None]  # (H, W, 1) mm
+                frame[depth] = schema.stored_depth(images[depth])[0, ..., None]  # (H, W, 1) mm
         self._writer.add_frame(frame | {"task": episode.meta.instruction})
 
     def end_episode(self) -> None:

@@ -8,6 +8,7 @@ import pytest
 from drawn_damage import JSON_VALUES, check_clear, damaged_json, mangled
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up_ladders import LADDER
 from made_up_rows import ROW
 from rich.console import Console
 
@@ -18,6 +19,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.statistics import SuccessRate
 
 pytestmark = pytest.mark.fuzz
@@ -37,6 +39,7 @@ READERS = {
     "certificate": (CERTIFICATE, lambda path: read_certificate(path, "expert", "lift_ball", [0, 1])),
     "worlds": (CERTIFICATE, read_worlds),
     "row": (json.loads(ROW.to_json()), ResultRow.read),
+    "ladder": (asdict(LADDER), LadderResult.read),
     "any JSON": (MARKER, read_json),
 }
 

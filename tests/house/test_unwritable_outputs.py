@@ -19,6 +19,15 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "leaderboard's figure": lambda place: ["leaderboard", f"--results={ROWS}", f"--figure={place}"],
     "compare's figure": lambda place: ["compare", f"--first={ROWS}", f"--second={ROWS}", f"--figure={place}"],
     "blame's figure": lambda place: ["blame", f"--results={ROWS}", f"--figure={place}"],
+    "ladder": lambda place: [
+        "ladder",
+        f"--checkpoint={ROWS.parent / 'checkpoints/handover_item_easy'}",
+        "--task=handover_item_easy",
+        f"--output={place}",
+    ],
+    "certify-rungs": lambda place: ["certify-rungs", "--task=lift_ball", f"--output={place / 'folder'}"],
+    "robustness": lambda place: ["robustness", f"--output={place}"],
+    "robustness's figure": lambda place: ["robustness", f"--figure={place}"],
     "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
 }
@@ -46,7 +55,7 @@ PLACES = {"below a file": "file/page", "on a device": "/proc/self/page", "a fold
         (verb, place)
         for verb in COMMANDS
         for place in PLACES
-        if place != "a folder" or verb not in ("render", "benchmark")  # which write into one
+        if place != "a folder" or verb not in ("render", "benchmark", "certify-rungs")  # which write into one
     ],
 )
 def test_an_output_that_cannot_be_written_is_named_before_the_work(verb, place, tmp_path, capsys):

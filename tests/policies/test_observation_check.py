@@ -161,6 +161,9 @@ FINE = {
     "half numbers": put(rgb=lambda rgb: rgb.half(), depth=lambda depth: depth.half()),
     "pixels that are no number": put(depth=lambda depth: torch.where(depth > 900, torch.nan, depth)),
     "pixels of zero": put(depth=lambda depth: torch.where(depth > 900, 0, depth)),
+    "pixels that a dataset stores as not measured": put(
+        depth=lambda depth: torch.where(depth > 900, 10, depth)
+    ),
     "a bit above one": put(rgb=lambda rgb: rgb * 1.009),
     "other containers": put(task=tuple, step=lambda step: step[:, 0]),
     "double numbers": put(state=lambda state: state.double(), intrinsics=lambda k: k.double()),
@@ -184,6 +187,7 @@ def warnings_of(caplog) -> list[str]:
 UNUSUAL = [
     (filled(DEPTH, 0), "front_depth has no depth at all"),
     (filled(DEPTH, torch.nan), "front_depth has no depth at all"),
+    (filled(DEPTH, 10), "front_depth has no depth at all"),
     (filled(RGB, 0), "front is black"),
     (scaled(RGB, 1 / 255), "divided by 255 twice"),
     (all_depths(lambda depth: depth * 100), "no camera sees anything inside the workspace"),

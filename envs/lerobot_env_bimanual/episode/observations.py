@@ -72,9 +72,8 @@ def observe_images(
     if depth:
         for camera in cameras:
             depth_m = images[camera][1]
-            depth_mm = np.clip(depth_m, schema.DEPTH_MIN_M, schema.DEPTH_MAX_M)
+            depth_mm = np.minimum(depth_m, schema.DEPTH_MAX_M)  # no less than the near plane, or 0
             depth_mm *= schema.MM_PER_M
-            depth_mm[depth_m == 0] = 0
             observation[env_key(schema.depth_key(camera))] = depth_mm[None]
     return observation
 

@@ -79,24 +79,32 @@ class Axis:
         """Change the start of an episode, by the scene's methods or in its progress."""
 
     def look(
-        self, model: mujoco.MjModel, appearance: Appearance, magnitude: float, rng: np.random.Generator
+        self, start: EpisodeStart, appearance: Appearance, magnitude: float, rng: np.random.Generator
     ) -> Appearance:
         """How an episode looks.
 
         Args:
-            model: of the scene; to be read only.
+            start: of the episode; to be read only.
             appearance: that of the axes before.
             magnitude: of the level.
             rng: of the axis and the episode.
         """
         return appearance
 
-    def see(self, camera: str, image: Image, magnitude: float, rng: np.random.Generator) -> Image:
+    def see(
+        self,
+        camera: str,
+        image: Image,
+        progress: EpisodeProgress,
+        magnitude: float,
+        rng: np.random.Generator,
+    ) -> Image:
         """What a camera hands out of what it sees.
 
         Args:
             camera: its name.
             image: may be changed in place.
+            progress: the episode; `memory` keeps what `begin` has drawn for it.
             magnitude: of the level.
             rng: of the axis, the episode, the tick and the camera.
         """

@@ -79,22 +79,22 @@ class Perturbations:
             axis.begin(start, magnitude, self._rng(axis, "begin", seed))
         appearance = AS_IT_IS
         for axis, magnitude in self._dials:
-            appearance = axis.look(scene.model, appearance, magnitude, self._rng(axis, "look", seed))
+            appearance = axis.look(start, appearance, magnitude, self._rng(axis, "look", seed))
         scene.appearance = appearance
 
-    def see(self, images: Mapping[str, Image], seed: int, tick: int) -> dict[str, Image]:
+    def see(self, images: Mapping[str, Image], progress: EpisodeProgress, tick: int) -> dict[str, Image]:
         """What cameras hand out of what they see.
 
         Args:
             images: camera -> what it sees.
-            seed: of the episode.
-            tick: of the episode.
+            progress: the episode.
+            tick: at which they see it.
         """
         handed_out = dict(images)
         for axis, magnitude in self._seeing:
             for camera in images:
-                rng = self._rng(axis, "see", seed, tick, CAMERA_NAMES.index(camera))
-                handed_out[camera] = axis.see(camera, handed_out[camera], magnitude, rng)
+                rng = self._rng(axis, "see", progress.seed, tick, CAMERA_NAMES.index(camera))
+                handed_out[camera] = axis.see(camera, handed_out[camera], progress, magnitude, rng)
         return handed_out
 
     def command(self, action: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:

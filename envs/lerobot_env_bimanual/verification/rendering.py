@@ -99,7 +99,7 @@ class RenderedRows:
 def _as_stored(images: Mapping[str, NDArray]) -> dict[str, NDArray]:
     """Images of the environment as a dataset stores them: depth in whole millimetres."""
     return {
-        key: image if image.dtype == np.uint8 else np.rint(image[0]).astype(np.uint16)
+        key: image if image.dtype == np.uint8 else schema.stored_depth(image[0])
         for key, image in images.items()
     }
 

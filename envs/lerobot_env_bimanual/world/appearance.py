@@ -25,7 +25,7 @@ class Appearance:
     Attributes:
         fields: name of a model's field -> all its values.
         calibration: those of the cameras that the calibration knows of; of all other fields it says what the model says.
-        casts_shadows: whether lights cast shadows.
+        casts_shadows: whether lights cast shadows in images of every quality.
     """
 
     fields: Mapping[str, NDArray] = field(default_factory=dict)
@@ -39,6 +39,10 @@ class Appearance:
     def calibrated(self, **fields: NDArray) -> Appearance:
         """This appearance with cameras that the calibration takes to be elsewhere."""
         return replace(self, calibration={**self.calibration, **fields})
+
+    def shadowed(self) -> Appearance:
+        """This appearance with lights that cast shadows."""
+        return replace(self, casts_shadows=True)
 
     @cached_property
     def fingerprint(self) -> bytes:

@@ -6,7 +6,7 @@ import os
 import threading
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,9 @@ from lerobot_bimanual.errors import MissingGL
 from lerobot_env_bimanual.gl import mujoco
 
 MAX_GEOMS = 2000
+
+COARSE_SHADOWS = 512
+"""Pixels of a shadow map's side: about 4 mm on the table."""
 
 _making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
 
@@ -35,6 +38,10 @@ class Quality:
     shadow_map_size: int
     slices: int
     quads: int
+
+    def with_shadows(self) -> "Quality":
+        """This quality with shadows, as coarse as will do where it has none."""
+        return replace(self, shadow_map_size=self.shadow_map_size or COARSE_SHADOWS)
 
     @property
     def is_plain(self) -> bool:

@@ -90,9 +90,12 @@ class Renderer:
     def _each_camera[Seen](self, take: Callable[[Composition, int], Seen]) -> dict[str, Seen]:
         """What each camera sees; the context is made if there is none."""
         model, data, appearance = self._scene.model, self._scene.data, self._scene.appearance
+        quality = self._quality.with_shadows() if appearance.casts_shadows else self._quality
+        if self._offscreen is not None and self._offscreen.quality != quality:
+            self.close()
         try:
             if self._composition is None:
-                self._offscreen = Offscreen(model, self.height, self.width, self._quality)
+                self._offscreen = Offscreen(model, self.height, self.width, quality)
                 self._composition = Composition(model, data, self._offscreen)
             composition = self._composition
             with lent(model, data, appearance.fields):

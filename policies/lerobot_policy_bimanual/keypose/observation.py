@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.nn.functional import threshold
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -19,7 +20,9 @@ from lerobot_bimanual.dataset.schema import (
     CAMERA_INTRINSICS,
     GRIPPER_FINGERS,
     KEYPOSE_STEP,
+    MM_PER_M,
     STATE,
+    UNMEASURED_MM,
     depth_key,
     image_key,
 )
@@ -69,8 +72,8 @@ def observe(
     points, colours = [], []
     for camera in cameras:
         index = CAMERA_NAMES.index(camera)
-        depth_m = batch[depth_key(camera)][:, 0].float() / 1000
-        points.append(unproject(depth_m, intrinsics[:, index], poses[:, index]))
+        depth_mm = threshold(batch[depth_key(camera)][:, 0].float(), UNMEASURED_MM, 0)
+        points.append(unproject(depth_mm / MM_PER_M, intrinsics[:, index], poses[:, index]))
         colours.append(batch[image_key(camera)].float().flatten(2))
     return Observation(
         points=torch.cat(points, dim=2),

@@ -18,8 +18,10 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
+    DEPTH_MIN_M,
     GRIPPER_FINGERS,
     KEYPOSE_STEP,
+    MM_PER_M,
     STATE,
     VECTORS,
     depth_key,
@@ -32,6 +34,10 @@ from lerobot_policy_bimanual.keypose.observation_form import READ_VECTORS, TASK,
 
 PLAUSIBLE_DEPTH_MM = 20.0
 """No scene is as near as this, and no depth in metres is as large."""
+
+LEAST_STORED_MM = DEPTH_MIN_M * MM_PER_M
+ROUNDING_MM = 1e-3
+"""What datasets store where nothing was measured, exactly but for rounding."""
 
 RGB_TOLERANCE = 0.01
 """That resampling may overshoot 0 and 1 by."""
@@ -103,7 +109,8 @@ class ObservationCheck:
             )
 
     def _check_depth(self, images: NDArray[np.floating]) -> None:
-        dead: NDArray[np.bool_] = np.less_equal(images[..., 1], 0)  # (cameras, b)
+        largest_mm = images[..., 1]  # (cameras, b)
+        dead: NDArray[np.bool_] = (largest_mm <= 0) | (np.abs(largest_mm - LEAST_STORED_MM) < ROUNDING_MM)
         for camera, numbers in zip(self._config.cameras, images, strict=True):
             lowest, largest = float(numbers[:, 0].min()), float(numbers[:, 1].max())
             key = depth_key(camera)
@@ -112,7 +119,7 @@ class ObservationCheck:
                     f"{key} goes down to {lowest:.4g}, but depth is along the optical axis, in millimetres, and 0 or "
                     "NaN where there is none"
                 )
-            if 0 < largest < PLAUSIBLE_DEPTH_MM:
+            if 0 < largest < PLAUSIBLE_DEPTH_MM and abs(largest - LEAST_STORED_MM) >= ROUNDING_MM:
                 raise BadObservation(
                     f"{key} has a maximum of {largest:.3g}, but depth must be in millimetres. LeRobot's datasets give "
                     "metres with --dataset.depth_output_unit=m: leave it out"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.episode.reset import EpisodeStart
 from lerobot_env_bimanual.perturbations.axes._moved_cameras import move_cameras
 from lerobot_env_bimanual.perturbations.axis import Axis, Group
 from lerobot_env_bimanual.perturbations.registry import register
@@ -23,7 +23,7 @@ class CameraMiscalibrated(Axis):
     )
 
     def look(
-        self, model: mujoco.MjModel, appearance: Appearance, magnitude: float, rng: np.random.Generator
+        self, start: EpisodeStart, appearance: Appearance, magnitude: float, rng: np.random.Generator
     ) -> Appearance:
         """Move them, and say nothing."""
-        return move_cameras(model, appearance, magnitude, rng, told=False)
+        return move_cameras(start.scene.model, appearance, magnitude, rng, told=False)

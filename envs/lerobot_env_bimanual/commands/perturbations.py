@@ -1,0 +1,80 @@
+"""The verb `perturbations`: what can be made different about a world."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.perturbations.axis import Axis
+
+WIDTH = 110
+"""Columns where no terminal says how many there are."""
+
+
+@dataclass
+class PerturbationsConfig:
+    """Options of the verb `perturbations`."""
+
+    group: Literal["all", "seen", "clutter", "bodies", "arms", "words", "time"] = "all"
+    picture: Path | None = (
+        None  # file of a contact sheet, .jpg or .png: what is seen of each axis at each level
+    )
+    task: str = "push_box"  # of the picture
+    seed: int = 0  # of the picture's episode, of the split `val`
+    workers: int = 0  # processes for the picture; 0 takes one per core
+
+
+def perturbations(config: PerturbationsConfig) -> None:
+    """List the axes along which a world can be made different: levels, units, and where the numbers come from.
+
+    `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the verbs, take them by name.
+
+    Examples:
+        lerobot-bimanual perturbations --group=seen
+        lerobot-bimanual perturbations --group=seen --picture=outputs/perturbations.jpg --task=push_box
+    """
+    from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+
+    axes = [axis for name in list_axes() if config.group in ("all", (axis := get_axis(name)).group)]
+    if config.picture is not None:
+        _draw(config, axes, config.picture)
+        return
+    width = shutil.get_terminal_size((WIDTH, 24)).columns
+    for axis in axes:
+        print(f"{axis.name}  ({axis.group})")
+        levels = ", ".join(f"{level:g}" for level in axis.levels)
+        for text in (axis.summary, f"levels 1 to 3: {levels} {axis.unit}", f"source: {axis.source}"):
+            print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))
+
+
+def _draw(config: PerturbationsConfig, axes: list[Axis], picture: Path) -> None:
+    """A row for each of these axes that changes images of the task."""
+    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_env_bimanual.pictures.axes_sheet import Row, axes_sheet, draw_row
+    from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+    from lerobot_env_bimanual.tasks.registry import get_task
+    from lerobot_env_bimanual.workers import WorkerPool
+    from lerobot_env_bimanual.world.arena import build_spec
+
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    if picture.suffix not in (".jpg", ".png"):
+        raise InvalidChoice("picture", str(picture), ["a file that ends in .jpg or .png"])
+    check_output_file(picture)
+    task = get_task(config.task).spec
+    model = build_spec(task.props, PANDA_PAIR)
+    rows = [Row(axis.name, task.name, config.seed) for axis in axes if axis.applies_to(task, model)]
+    with WorkerPool(config.workers) as pool:
+        panels = list(pool.map(draw_row, rows, "perturbations", "axis", name=lambda row: row.axis))
+    if not any(panels):
+        raise BimanualError(
+            f"no axis of the group {config.group!r} changes what is seen of {task.name!r} at its start"
+        )
+    axes_sheet(rows[0], [panel for row in panels for panel in row]).save(picture, quality=85)
+    print(f"{picture}: {', '.join(row.axis for row, drawn in zip(rows, panels, strict=True) if drawn)}")

@@ -1,0 +1,249 @@
+"""A policy on the ladder of a task: what is not played yet is played, and every rung is kept as soon as it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
+from lerobot_bimanual.json_file import shown
+from lerobot_bimanual.ladder.result import (
+    LADDER_SCHEMA_VERSION,
+    LEVEL_0,
+    LadderResult,
+    Rung,
+    RungEpisode,
+)
+from lerobot_bimanual.ladder.rung_certificate import RungCertificate
+from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
+from lerobot_env_bimanual.expert.campaign import Campaign
+from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
+from lerobot_env_bimanual.ladder.controls import ControlOfRungs, Controls, RungKey
+from lerobot_env_bimanual.ladder.policy_player import PolicyPlayer
+from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text
+
+FEW = 4
+"""Episodes of the expert from which the time is estimated."""
+CONTROLS: tuple[ControlOfRungs, ...] = ("expert", "blind")
+
+
+@dataclass(frozen=True)
+class Climb:
+    """What is to be played, and where it is kept.
+
+    Attributes:
+        checkpoint: of the policy.
+        config: environment at level 0, of one task.
+        rungs: of that task.
+        seeds: consecutive, the same on all rungs.
+        batch_size: environments side by side.
+        device: where the policy runs; None takes that of its config, or what there is.
+        workers: processes for expert and blind control; 0 takes one per core.
+        output: the result, a JSON file.
+        certificate: of the task's rungs, if there is one.
+    """
+
+    checkpoint: Checkpoint
+    config: BimanualEnvConfig
+    rungs: Rungs
+    seeds: range
+    batch_size: int
+    device: str | None
+    workers: int
+    output: Path
+    certificate: RungCertificate | None
+
+    @property
+    def task(self) -> str:
+        """Its name."""
+        return self.config.tasks[0]
+
+    @property
+    def records(self) -> Path:
+        """Folder of the environment's records, one file per rung, with every action of the policy."""
+        return self.output.with_name(f"{self.output.stem}_records")
+
+    @property
+    def controls_log(self) -> Path:
+        """What expert and blind control have played, for all policies of the task whose results lie in the same folder."""
+        return self.output.with_name(f"{self.task}_controls.jsonl")
+
+    def played(self) -> LadderResult | None:
+        """What an earlier run has left; None if there was none.
+
+        Raises:
+            BimanualError: the file is damaged, or of another policy, world, or other episodes.
+        """
+        if not self.output.exists():
+            return None
+        result = LadderResult.read(self.output)
+        level_0, axes = result.level_0, self.rungs.records()
+        pairs: dict[str, tuple[Any, Any]] = {
+            name: (getattr(result, name), value) for name, value in self._head().items() if name != "date"
+        }
+        del pairs["checkpoint"]  # the same weights may have moved
+        pairs["seeds"] = (level_0.seeds, list(self.seeds))
+        pairs["world"] = (level_0.world, world_version(self.task))
+        pairs |= {f"axis {axis.name}": (axis, axes[axis.name]) for axis in result.axes if axis.name in axes}
+        for name, (theirs, ours) in pairs.items():
+            if theirs != ours:
+                raise BimanualError(
+                    f"{self.output} has {name} {shown(theirs)}, but here it is {shown(ours)}; choose another --output, or "
+                    "remove the file to play anew"
+                )
+        return result
+
+    def missing(self) -> list[RungKey]:
+        """Rungs that are not played yet.
+
+        Raises:
+            BimanualError: as in `played`.
+        """
+        result = self.played()
+        there = {(rung.axis, rung.level) for rung in result.rungs} if result else set()
+        return [key for key in self.rungs if key not in there]
+
+    def climb(self) -> Iterator[Rung]:
+        """Play what is missing, and give each rung when it is in the file.
+
+        Raises:
+            BimanualError: as in `played`, or something cannot be played.
+        """
+        result, missing = self.played(), self.missing()
+        if not missing:
+            return
+        player = self._player()  # which may fail, before anything is played
+        solved = self._play_controls(missing)
+        with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
+            for key in missing:
+                perturb = perturb_text(*key)
+                bar.set_description(f"{self.task}: {perturb or LEVEL_0}")
+                rung = self._rung(key, player.play(perturb, self.records, bar.update), solved)
+                result = self._with(result, rung)
+                result.write(self.output)
+                yield rung
+
+    def estimate_s(self, folder: Path) -> float:
+        """About how long the missing rungs take, from a few episodes played now at level 0.
+
+        Args:
+            folder: where their records may lie.
+
+        Raises:
+            BimanualError: as in `climb`.
+        """
+        missing, few = self.missing(), self.seeds[:FEW]
+        as_played = {self.rungs.played_as(*key) for key in missing}
+        player = self._player(self.seeds[: self.batch_size])
+        started = time.monotonic()
+        with Campaign(self.workers) as campaign:
+            self._controls(campaign).solved("expert", [("", 0)], few)
+        expert_s = (time.monotonic() - started) / len(few)
+        player.play("", folder)  # whose first batch warms up
+        started = time.monotonic()
+        player.play("", folder)
+        batches = -(-len(self.seeds) // self.batch_size) * len(missing)
+        episodes_of_controls = len(CONTROLS) * len(as_played) * len(self.seeds)
+        return expert_s * episodes_of_controls + (time.monotonic() - started) * batches
+
+    def _player(self, seeds: range | None = None) -> PolicyPlayer:
+        return PolicyPlayer(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
+
+    def _controls(self, campaign: Campaign) -> Controls:
+        return Controls(campaign, self.task, str(self.config.variation), self.config.split)
+
+    def _play_controls(
+        self, missing: Iterable[RungKey]
+    ) -> dict[ControlOfRungs, dict[RungKey, tuple[int, ...]]]:
+        """Seeds that expert and blind control solve, by who plays and rung."""
+        keys = dict.fromkeys(self.rungs.played_as(*key) for key in missing)
+        with Campaign(self.workers, OutcomeLog(self.controls_log)) as campaign:
+            controls = self._controls(campaign)
+            return {control: controls.solved(control, keys, self.seeds) for control in CONTROLS}
+
+    def _rung(
+        self,
+        key: RungKey,
+        record: EvaluationRecord,
+        solved: dict[ControlOfRungs, dict[RungKey, tuple[int, ...]]],
+    ) -> Rung:
+        axis, level = key
+        played_as = self.rungs.played_as(axis, level)
+        return Rung(
+            axis=axis,
+            level=level,
+            world=record.world,
+            expert=solved["expert"][played_as],
+            blind=solved["blind"][played_as],
+            certificate=self._certified(played_as),
+            episodes=tuple(
+                RungEpisode(
+                    seed=episode.seed,
+                    variation=episode.variation,
+                    success=episode.success,
+                    failure=episode.failure,
+                    keyposes=episode.keyposes,
+                    ticks=episode.ticks,
+                )
+                for episode in record.episodes
+            ),
+        )
+
+    def _certified(self, key: RungKey) -> SuccessRate | None:
+        """The expert on the many seeds of a certificate.
+
+        Raises:
+            BimanualError: the certificate is of another world.
+        """
+        found = None if self.certificate is None else self.certificate.find(*key)
+        if found is None or self.certificate is None:
+            return None
+        if found.world != (here := world_version(self.task, perturb_text(*key))):
+            raise BimanualError(
+                f"the certificate of {self.task} at {perturb_text(*key) or LEVEL_0} is of world {found.world}, but here it is "
+                f"{here}; certify anew with `lerobot-bimanual certify-rungs`"
+            )
+        return self.certificate.rates(found)["expert"]
+
+    def _with(self, result: LadderResult | None, rung: Rung) -> LadderResult:
+        """The result with one rung more."""
+        if result is None:
+            return LadderResult(
+                **self._head(), axes=(), not_applicable=self.rungs.not_applicable, rungs=(rung,)
+            )
+        rungs = sorted((*result.rungs, rung), key=lambda rung: (rung.axis, rung.level))
+        axes = {axis.name: axis for axis in result.axes} | {rung.axis: self.rungs.records()[rung.axis]}
+        left_out = {*result.not_applicable, *self.rungs.not_applicable}
+        return replace(
+            result,
+            axes=tuple(axes[name] for name in sorted(axes)),
+            not_applicable=tuple(sorted(left_out)),
+            rungs=tuple(rungs),
+        )
+
+    def _head(self) -> dict[str, Any]:
+        """What is said of all rungs."""
+        return {
+            "schema_version": LADDER_SCHEMA_VERSION,
+            "task": self.task,
+            "policy": self.checkpoint.policy,
+            "checkpoint": str(self.checkpoint.folder),
+            "checkpoint_sha256": self.checkpoint.sha256,
+            "options": {
+                name: str(getattr(self.config, name)) for name in RECORDED_OPTIONS if name != "perturb"
+            },
+            "batch_size": self.batch_size,
+            "versions": result_versions(),
+            "date": date.today().isoformat(),
+        }

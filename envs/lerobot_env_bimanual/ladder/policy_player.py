@@ -1,0 +1,125 @@
+"""A trained policy, loaded once, that plays rung after rung as `lerobot-eval` would."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from lerobot.configs import PreTrainedConfig
+from lerobot.envs import make_env_pre_post_processors
+from lerobot.policies import make_policy, make_pre_post_processors
+from lerobot.scripts.lerobot_eval import rollout
+from lerobot.utils.device_utils import get_safe_torch_device
+from lerobot.utils.import_utils import register_third_party_plugins
+from lerobot.utils.random_utils import get_rng_state, set_rng_state, set_seed
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.episode_log import record_name
+from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
+
+
+class PolicyPlayer:
+    """LeRobot's own loop over our environments, with LeRobot's own processors before and behind the policy.
+
+    Args:
+        checkpoint: of the policy; what it names is built and run, as `lerobot-eval` does.
+        config: environment at level 0; its `perturb` and `results_dir` are set for each rung.
+        batch_size: environments side by side.
+        seeds: consecutive, of every rung; the first is also that of the policy's own randomness, as `--seed` of
+            `lerobot-eval` is.
+        device: where the policy runs; None takes that of its config, or what there is.
+
+    Raises:
+        BimanualError: the policy cannot be built from the checkpoint, or not for this environment.
+    """
+
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        config: BimanualEnvConfig,
+        batch_size: int,
+        seeds: range,
+        device: str | None,
+    ):
+        self._config, self._batch_size, self._seeds = config, batch_size, seeds
+        folder = str(checkpoint.folder)
+        register_third_party_plugins()
+        try:
+            overrides = [] if device is None else [f"--device={device}"]
+            policy_config = PreTrainedConfig.from_pretrained(folder, cli_overrides=overrides)
+            policy_config.pretrained_path = checkpoint.folder
+            self._device = get_safe_torch_device(str(policy_config.device))
+            set_seed(seeds.start)
+            self._policy = make_policy(policy_config, env_cfg=config).eval()
+            self._processors = self._make_processors(policy_config, folder)
+        except BimanualError:
+            raise
+        except Exception as error:  # somebody else's policy may fail in any way
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise BimanualError(
+                f"{folder} cannot be loaded: {reason}; `lerobot-bimanual check-checkpoint` looks at its parts"
+            ) from error
+        self._random_state = get_rng_state()  # in which LeRobot's evaluation begins to play
+        self._uses_amp = bool(policy_config.use_amp)
+        # As in LeRobot's evaluation, whose bits depend on them on a GPU.
+        torch.backends.cudnn.benchmark = True
+        torch.backends.cuda.matmul.allow_tf32 = True
+
+    def play(
+        self, perturb: str, records: Path, note: Callable[[int], object] = lambda _: None
+    ) -> EvaluationRecord:
+        """Play the seeds on one rung.
+
+        Args:
+            perturb: the rung; empty at level 0.
+            records: folder of the environment's record, which `lerobot-bimanual verify-results` plays again.
+            note: called after every batch with the number of its episodes.
+
+        Raises:
+            BimanualError: the environment cannot be built, or left no record.
+        """
+        seeds = self._seeds
+        config = replace(self._config, perturb=perturb, results_dir=str(records))
+        path = records / record_name(config.tasks[0], config)
+        path.unlink(missing_ok=True)  # so that the one read below is known to be new
+        set_rng_state(self._random_state)
+        ((_, envs),) = config.create_envs(self._batch_size, use_async_envs=True).items()
+        (env,) = envs.values()
+        autocast = torch.autocast(self._device.type) if self._uses_amp else nullcontext()
+        try:
+            with torch.no_grad(), autocast:
+                for start in range(seeds.start, seeds.stop, self._batch_size):
+                    batch = range(start, start + self._batch_size)
+                    rollout(env, self._policy, **self._processors, seeds=list(batch))
+                    note(min(batch.stop, seeds.stop) - start)
+        finally:
+            env.close()
+        record = EvaluationRecord.read(path)
+        episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
+        if [episode.seed for episode in episodes] != list(seeds):
+            raise BimanualError(f"{path} lacks episodes of the seeds {seeds.start}:{seeds.stop}")
+        return replace(record, episodes=episodes)
+
+    def _make_processors(self, config: PreTrainedConfig, folder: str) -> dict[str, Any]:
+        """What stands before and behind the policy, by the names that LeRobot's loop gives it."""
+        before, behind = make_pre_post_processors(
+            policy_cfg=config,
+            pretrained_path=folder,
+            preprocessor_overrides={
+                "device_processor": {"device": str(config.device)},
+                "rename_observations_processor": {"rename_map": {}},
+            },
+        )
+        env_before, env_behind = make_env_pre_post_processors(env_cfg=self._config, policy_cfg=config)
+        return {
+            "env_preprocessor": env_before,
+            "env_postprocessor": env_behind,
+            "preprocessor": before,
+            "postprocessor": behind,
+        }

@@ -1,0 +1,58 @@
+"""A made-up ladder: two axes, a policy that falls along one of them."""
+
+from dataclasses import replace
+
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung, RungEpisode
+
+
+def rung(axis: str, level: int, outcomes: str, expert: str = "", blind: str = "", certificate=None) -> Rung:
+    """One episode per letter, `x` solved and `.` not; without letters the expert solves all, and the blind control none."""
+    return Rung(
+        axis,
+        level,
+        world=f"{axis}{level}",
+        expert=solved(expert or "x" * len(outcomes)),
+        blind=solved(blind),
+        certificate=certificate,
+        episodes=tuple(
+            RungEpisode(seed, seed % 2, letter == "x", "" if letter == "x" else "out of time", 5, 120)
+            for seed, letter in enumerate(outcomes)
+        ),
+    )
+
+
+def solved(outcomes: str) -> tuple[int, ...]:
+    return tuple(seed for seed, letter in enumerate(outcomes) if letter == "x")
+
+
+AXES = (
+    AxisRecord("camera_moved", "seen", "degrees", (2.0, 5.0, 10.0)),
+    AxisRecord("mass", "bodies", "times the mass", (1.2, 1.5, 2.0)),
+)
+LADDER = LadderResult(
+    schema_version=1,
+    task="lift_ball",
+    policy="mine",
+    checkpoint="outputs/mine",
+    checkpoint_sha256="0f" * 32,
+    options={"split": "test", "variation": "any"},
+    batch_size=2,
+    versions=dict.fromkeys(SIMULATION_PACKAGES, "3"),
+    date="2026-01-31",
+    axes=AXES,
+    not_applicable=("door_stiffness",),
+    rungs=(
+        rung("", 0, "xxxxxxxxxx", blind="x........."),
+        rung("camera_moved", 1, "xxxxxxxxx."),
+        rung("camera_moved", 2, "xxxx......"),
+        rung("camera_moved", 3, ".........."),
+        rung("mass", 1, "xxxxxxxxxx"),
+        rung("mass", 2, "xxxxxxxx.."),
+        rung("mass", 3, "xx........", expert="xxxx......"),
+    ),
+)
+
+
+def ladder(**changes) -> LadderResult:
+    return replace(LADDER, **changes)

@@ -1,0 +1,337 @@
+"""Axes that change only what is seen and said: no state, no other axis's part, and the same bits each time."""
+
+import hashlib
+import itertools
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbations.axes._colour_words import called, named_colours
+from lerobot_env_bimanual.perturbations.axes.instruction import paraphrases
+from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+
+TASK = "dual_push_buttons"
+SEED = 7
+SEEN = tuple(name for name in list_axes() if get_axis(name).is_seen_only)
+SAID = ("instruction",)
+SHOWN = tuple(name for name in SEEN if name not in SAID)
+ALL_AT_3 = ",".join(f"{name}:3" for name in SEEN)
+
+DEPTH_TOO = ("camera_moved", "camera_miscalibrated", "depth_noise", "depth_holes", "fewer_cameras")
+"""All others change colours alone."""
+COLOURS_TOO = tuple(name for name in SHOWN if name not in ("depth_noise", "depth_holes"))
+TOLD = ("camera_moved",)
+"""All others leave the calibration as it was."""
+
+
+def make(perturb: str = "", task: str = TASK, size: object = (24, 32)) -> BimanualEnv:
+    return BimanualEnv(task, split="val", image_size=size, control_mode="joint", perturb=perturb)
+
+
+def play(env: BimanualEnv, ticks: int = 2) -> list[str]:
+    env.reset(seed=SEED)
+    hashes = [env.state_hash()]
+    action = env.scene.commanded
+    for _ in range(ticks):
+        action = action + np.float32(0.02)
+        env.step(action)
+        hashes.append(env.state_hash())
+    return hashes
+
+
+def depths(observation: dict) -> list[np.ndarray]:
+    return [observation[f"images.{camera}_depth"] for camera in CAMERA_NAMES]
+
+
+def colours(observation: dict) -> list[np.ndarray]:
+    return list(observation["pixels"].values())
+
+
+def equal(some: list[np.ndarray], others: list[np.ndarray]) -> bool:
+    return all(np.array_equal(one, other) for one, other in zip(some, others, strict=True))
+
+
+def digest(env: BimanualEnv) -> str:
+    observation = env.observe()
+    images = [*colours(observation), *depths(observation)]
+    return hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest() + env.task_description
+
+
+def fresh_digest(perturb: str) -> str:
+    env = make(perturb)
+    play(env)
+    return digest(env)
+
+
+@pytest.fixture(scope="module")
+def as_it_is():
+    env = make()
+    hashes = play(env)
+    observation, instruction = env.observe(), env.task_description
+    env.close()
+    return hashes, observation, instruction
+
+
+@pytest.mark.parametrize("axis", SEEN)
+def test_what_is_only_seen_changes_no_state_and_no_more_of_what_is_seen_than_it_says(axis, as_it_is):
+    hashes, plain, instruction = as_it_is
+    env = make(f"{axis}:3")
+    assert play(env) == hashes
+    seen = env.observe()
+    assert seen.keys() == plain.keys()
+    assert {key: value.shape for key, value in env.observation_space.sample().items() if key != "pixels"} == {
+        key: value.shape for key, value in seen.items() if key != "pixels"
+    }
+    assert env.observation_space.contains(seen)
+    assert equal(depths(seen), depths(plain)) != (axis in DEPTH_TOO)
+    assert equal(colours(seen), colours(plain)) != (axis in COLOURS_TOO)
+    assert np.array_equal(seen["camera_extrinsics"], plain["camera_extrinsics"]) != (axis in TOLD)
+    assert (env.task_description == instruction) != (axis in SAID)
+    assert digest(env) == digest(env), "the same state looks otherwise when one looks again"
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", SEEN)
+def test_each_level_looks_or_sounds_different(axis):
+    assert len({fresh_digest(f"{axis}:{level}") for level in range(4)}) == 4
+
+
+@pytest.mark.slow
+def test_images_are_the_same_in_a_fresh_process_and_after_other_episodes():
+    levels = {axis: f"{axis}:3" for axis in SEEN} | {"all": ALL_AT_3}
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import test_perturbations_seen as t;"
+        f"print(*map(t.fresh_digest, {list(levels.values())!r}), sep='\\n')"
+    )
+    command = [sys.executable, "-c", script, str(Path(__file__).parent)]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    for (axis, perturb), fresh in zip(levels.items(), printed, strict=True):
+        env = make(perturb)
+        env.reset(seed=8)
+        env.observe()
+        play(env)
+        assert digest(env) == fresh, axis
+        state = env.save_state()
+        env.reset(seed=9)
+        env.restore_state(state)
+        assert digest(env) == fresh, f"{axis}, after its state was restored"
+        env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_with_all_of_them_the_expert_s_episode_has_the_same_states(task):
+    chains = []
+    for perturb in ("", ALL_AT_3):
+        env = BimanualEnv(task, split="val", image_size=16, control_mode="keypose", perturb=perturb)
+        hashes: list[str] = []
+        with env.observed_by(lambda env, _, hashes=hashes: hashes.append(env.state_hash())):
+            outcome = run_expert(env, SEED)
+        assert outcome.success
+        chains.append([*hashes, env.state_hash()])
+        env.close()
+    assert chains[0] == chains[1]
+
+
+def test_shadows_darken_something_and_leave_depth_alone():
+    env = make("light:3", size=64)
+    env.reset(seed=SEED)
+    lit = env.observe()
+    env.scene.appearance = replace(env.scene.appearance, casts_shadows=False)
+    plain = env.observe()
+    darker = [
+        np.mean(one.astype(int) < other.astype(int) - 20)
+        for one, other in zip(colours(lit), colours(plain), strict=True)
+    ]
+    assert max(darker) > 0.02
+    assert equal(depths(lit), depths(plain))
+    env.close()
+
+
+def see(name: str, level: int, rgb: np.ndarray, depth_m: np.ndarray, seed: int = 0):
+    """What an axis makes of an image of the front camera, which is a pinhole of 45 degrees here."""
+    axis = get_axis(name)
+    progress = SimpleNamespace(memory={})
+    model = SimpleNamespace(camera=lambda _: SimpleNamespace(fovy=np.array([45.0])))
+    start = SimpleNamespace(progress=progress, scene=SimpleNamespace(model=model))
+    magnitude = axis.levels[level - 1]
+    axis.begin(start, magnitude, np.random.default_rng(seed))
+    image = rgb.copy(), depth_m.astype(np.float32)
+    return axis.see("front", image, progress, magnitude, np.random.default_rng(seed + 1))
+
+
+GREY = np.full((256, 256, 3), 128, np.uint8)
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_noise_of_depth_grows_with_the_square_of_the_distance(level):
+    errors_m = [
+        see("depth_noise", level, GREY, np.full((256, 256), distance_m))[1] - distance_m
+        for distance_m in (0.5, 1.0, 2.0)
+    ]
+    assert np.std(errors_m, axis=(1, 2)) == pytest.approx(
+        get_axis("depth_noise").levels[level - 1] * np.array([0.25, 1, 4]), rel=0.03
+    )
+    assert np.mean(errors_m, axis=(1, 2)) == pytest.approx(0, abs=4e-4)
+
+
+def test_what_was_not_measured_has_no_noise():
+    assert not see("depth_noise", 3, GREY, np.zeros((256, 256)))[1].any()
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else(level):
+    share = get_axis("depth_holes").levels[level - 1]
+    width = round(3 * share)
+    flat = np.full((256, 256), 1.0)
+    untouched = see("depth_holes", level, GREY, flat)[1][:, width:]
+    assert (untouched == 1).all()
+    dark = GREY.copy()
+    dark[100:128] = round(60 * share) + 1
+    dark[128:, :, :2] = round(60 * share)
+    dark[128:, :, 2] = 5
+    holes = see("depth_holes", level, dark, flat)[1][:, width:] == 0
+    assert holes[128:].all()
+    assert not holes[:128].any()
+    flat[:, 128:] = 1.5
+    holes = see("depth_holes", level, GREY, flat)[1][:, width:] == 0
+    assert set(np.flatnonzero(holes.any(axis=0)) + width) == set(range(128, 128 + width))
+    # A plane at a slant s to the line of sight: depth z with 1 / z linear in the image's rows.
+    focal = 128 / np.tan(np.deg2rad(22.5))
+    for slant_deg, is_lost in ((90 - 30 * share - 4, False), (90 - 30 * share + 4, True)):
+        rows = np.arange(256)[:, None] - 127.5
+        plane = np.repeat(1 / (1 - rows * np.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
+        middle = see("depth_holes", level, GREY, np.where(plane > 0, plane, 1))[1][128, width:]
+        assert (middle == 0).all() == is_lost
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_exposure_and_noise_are_as_strong_as_they_say(level):
+    stops = get_axis("colour_noise").levels[level - 1]
+    means, deviations = [], []
+    for seed in range(6):
+        rgb, depth_m = see("colour_noise", level, GREY, np.ones((256, 256)), seed)
+        means.append(rgb.mean())
+        deviations.append(rgb.std())
+        assert (depth_m == 1).all()
+    assert np.abs(np.log2(np.array(means) / 128)) * 2.2 == pytest.approx(stops, abs=0.05)
+    assert len({mean > 128 for mean in means}) == 2
+    assert np.array(deviations) == pytest.approx(12 * stops, rel=0.1)
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_as_many_cameras_are_black_as_the_level_says_and_the_front_one_stays(level):
+    axis = get_axis("fewer_cameras")
+    gone = set()
+    for seed in range(30):
+        progress = SimpleNamespace(memory={})
+        axis.begin(SimpleNamespace(progress=progress), axis.levels[level - 1], np.random.default_rng(seed))
+        shown = {
+            camera: axis.see(camera, (GREY.copy(), np.ones((256, 256))), progress, 1, np.random.default_rng())
+            for camera in CAMERA_NAMES
+        }
+        black = {camera for camera, (rgb, depth_m) in shown.items() if not rgb.any() and not depth_m.any()}
+        whole = {camera for camera, (rgb, depth_m) in shown.items() if rgb.all() and depth_m.all()}
+        assert (len(black), len(whole)) == (level, 5 - level)
+        gone |= black
+    assert gone == set(CAMERA_NAMES) - {"front"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_things_whose_colour_is_named_keep_it_and_no_other_thing_gets_it(task):
+    env = make("object_colour:3", task=task)
+    named = named_colours(env.task_definition.spec)
+    for seed in range(3):
+        env.reset(seed=seed)
+        model, worn = env.scene.model, env.scene.appearance.fields["geom_rgba"]
+        arms = [model.body(env.scene.arm_pair.base_body(arm)).id for arm in ARMS]
+        of_props = ~np.isin(model.body_rootid[model.geom_bodyid], [0, *arms])
+        assert np.array_equal(worn[~of_props], model.geom_rgba[~of_props])
+        has_own = of_props & (model.geom_matid < 0)
+        for before, after in zip(model.geom_rgba[has_own], worn[has_own], strict=True):
+            if called(before[:3]) in named:
+                assert np.array_equal(before, after)
+            else:
+                assert called(after[:3]) not in named
+        assert not np.array_equal(worn, model.geom_rgba)
+        assert np.array_equal(worn[:, 3], model.geom_rgba[:, 3])
+    env.close()
+
+
+def test_what_colours_are_called_is_what_tasks_call_them():
+    for task in ("dual_push_buttons", "handover_item"):
+        module = sys.modules[type(get_task(task)).__module__]
+        for word, rgba in module.COLORS.items():
+            assert called(rgba[:3]) == word
+    assert named_colours(get_task("push_box").spec) == {"red"}
+    assert not named_colours(get_task("straighten_rope").spec)
+
+
+def test_all_surfaces_of_the_room_are_others_and_nothing_else_is():
+    env = make("surfaces:3")
+    env.reset(seed=SEED)
+    model, worn = env.scene.model, env.scene.appearance.fields
+    surfaces = np.isin(model.geom_matid, [model.material(name).id for name in ("table", "floor", "wall")])
+    assert surfaces.sum() == 6
+    assert np.array_equal(surfaces, worn["geom_matid"] != model.geom_matid)
+    assert np.array_equal(surfaces, (worn["geom_rgba"] != model.geom_rgba).any(axis=1))
+    env.close()
+
+
+# -- words ------------------------------------------------------------------------------------------------
+
+
+def test_every_task_has_two_instructions_at_each_level():
+    assert set(paraphrases()) == set(list_tasks())
+    for templates in paraphrases().values():
+        assert list(templates) == ["1", "2", "3"]
+        assert {len(sentences) for sentences in templates.values()} == {2}
+
+
+def test_no_instruction_of_the_training_is_among_them_and_each_is_another_one():
+    sentences = [
+        template.format(**variation.words)
+        for task in list_tasks()
+        for variation in get_task(task).spec.variations
+        for template in itertools.chain(*paraphrases()[task].values())
+    ]
+    of_level_0 = {
+        sentence
+        for task in list_tasks()
+        for variation in get_task(task).spec.variations
+        for sentence in get_task(task).spec.instructions_for(variation)
+    }
+    assert not of_level_0.intersection(sentences)
+    assert len({sentence.lower().strip(" .?!") for sentence in sentences}) == len(sentences)
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_words_of_the_variation_that_are_in_every_instruction_are_in_these(task):
+    spec = get_task(task).spec
+    for variation in spec.variations:
+        needed = {
+            word
+            for word in variation.words.values()
+            if all(word in sentence for sentence in spec.instructions_for(variation))
+        }
+        for template in itertools.chain(*paraphrases()[task].values()):
+            assert all(word in template.format(**variation.words) for word in needed)
+
+
+def test_tasks_of_others_have_no_other_words():
+    axis = get_axis("instruction")
+    assert axis.applies_to(get_task(TASK).spec, mujoco.MjSpec())
+    assert not axis.applies_to(SimpleNamespace(name="somebody_elses_task"), mujoco.MjSpec())

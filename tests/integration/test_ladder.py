@@ -1,0 +1,118 @@
+"""A trained policy on a ladder: level 0 is what `lerobot-eval` gives, and every rung can be played again from its record."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.ladder.result import LadderResult
+
+pytestmark = pytest.mark.slow
+
+TASK = "handover_item_easy"
+TRAINED = Path(__file__).parents[2] / "results/checkpoints" / TASK
+SEEDS = (3, 4)
+
+
+def ladder(output: Path, *flags: str) -> LadderResult:
+    words = [f"--checkpoint={TRAINED}", f"--task={TASK}", f"--output={output}", "--device=cpu"]
+    counts = [f"--first_seed={SEEDS[0]}", f"--episodes={len(SEEDS)}"]
+    assert cli.main(["ladder", *words, *counts, *flags]) == 0
+    return LadderResult.read(output)
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two axes, one of them at two levels, in two commands."""
+    output = tmp_path_factory.mktemp("ladder") / "mine.json"
+    ladder(output, "--axes=mass", "--levels=1")
+    ladder(output, "--axes=mass,camera_miscalibrated", "--levels=3")
+    return output
+
+
+def records(output: Path) -> dict[str, EvaluationRecord]:
+    """By rung."""
+    folder = output.with_name("mine_records")
+    found = [EvaluationRecord.read(path) for path in sorted(folder.glob("*.json"))]
+    return {record.options["perturb"] or "level 0": record for record in found}
+
+
+def test_level_0_is_what_lerobot_eval_gives_bit_for_bit(played, tmp_path):
+    words = {
+        "policy.path": TRAINED,
+        "policy.device": "cpu",
+        "env.type": "bimanual",
+        "env.task": TASK,
+        "env.image_size": 128,
+        "env.results_dir": tmp_path,
+        "eval.n_episodes": len(SEEDS),
+        "eval.batch_size": 2,
+        "seed": SEEDS[0],
+        "output_dir": tmp_path,
+    }
+    program = Path(sys.executable).with_name("lerobot-eval")
+    environment = os.environ | {"HF_HUB_OFFLINE": "1"}
+    flags = [f"--{name}={value}" for name, value in words.items()]
+    subprocess.run([program, *flags], check=True, capture_output=True, env=environment)
+    stock = EvaluationRecord.read(tmp_path / f"{TASK}_test_record.json")
+    ours = records(played)["level 0"]
+    # Every action and the state after it stand in the record; sizes of images may be written in two ways.
+    assert ours.episodes == stock.episodes
+    assert replace(ours, options={}) == replace(stock, options={})
+
+
+def test_every_rung_is_of_the_same_episodes_and_kept_with_its_record(played):
+    result, kept = LadderResult.read(played), records(played)
+    names = ["level 0", "camera_miscalibrated:3", "mass:1", "mass:3"]
+    assert [rung.name for rung in result.rungs] == names
+    assert kept.keys() == set(names)
+    for rung in result.rungs:
+        assert rung.rates["expert"].successes == len(SEEDS)
+        assert rung.world == kept[rung.name].world
+        assert rung.solved == [episode.success for episode in kept[rung.name].episodes]
+    assert len({rung.world for rung in result.rungs}) == len(names)
+    starts = {name: [episode.start for episode in record.episodes] for name, record in kept.items()}
+    assert starts["camera_miscalibrated:3"] == starts["level 0"]
+    instructions = {tuple(episode.instruction for episode in record.episodes) for record in kept.values()}
+    assert len(instructions) == 1
+
+
+def test_the_records_of_rungs_are_played_again_as_claimed(played, capfd):
+    assert cli.main(["verify-results", f"--results={played.with_name('mine_records')}", "--sample=1"]) == 0
+    assert capfd.readouterr().out.count("as claimed") == 4
+
+
+def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = [
+        "ladder",
+        f"--checkpoint={TRAINED}",
+        f"--task={TASK}",
+        "--axes=mass",
+        "--device=cpu",
+        "--dry_run",
+    ]
+    assert cli.main(words) == 0
+    output = capsys.readouterr().out
+    assert "1 axes, 4 rungs of 20 episodes, 4 to be played" in output
+    assert "mass: 1.2, 1.5, 2 times the mass" in output
+    assert "minutes" in output
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("file", ["model.safetensors", "policy_preprocessor.json"])
+def test_a_damaged_checkpoint_is_named_before_anything_is_played(file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("lerobot_env_bimanual.ladder.climb.Campaign", None)
+    for path in TRAINED.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    damaged = tmp_path / file
+    damaged.write_bytes(damaged.read_bytes()[:1000])
+    words = [f"--checkpoint={tmp_path}", f"--task={TASK}", "--axes=mass", "--levels=1", "--episodes=1"]
+    assert cli.main(["ladder", *words, f"--output={tmp_path / 'out.json'}"]) == 1
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith(f"lerobot-bimanual: {tmp_path}")
