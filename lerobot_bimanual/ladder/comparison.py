@@ -67,7 +67,10 @@ class LadderComparison:
         episodes = len(self.first.level_0.episodes)
         table = Table(title=f"success on {self.first.task}, the same {episodes} episodes at every rung")
         for heading in HEADINGS:
-            table.add_column(heading, justify="left" if heading == "rung" else "right", overflow="fold")
+            is_rung = heading == "rung"
+            table.add_column(
+                heading, justify="left" if is_rung else "right", no_wrap=is_rung, overflow="fold"
+            )
         pairings = {name: Pairing.of(one.solved, other.solved) for name, one, other in self.rungs}
         p_values = {
             name: mcnemar_p_value(pairing.only_first, pairing.only_second)

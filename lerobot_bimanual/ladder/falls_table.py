@@ -14,7 +14,8 @@ def fall_table(result: LadderResult) -> Table:
     """One line per rung; lost and won are the episodes that only level 0, and only the rung, saw solved."""
     table = Table(title=f"{result.policy} on {result.task}, the same {len(result.level_0.episodes)} episodes")
     for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading == "rung" else "right", overflow="fold")
+        is_rung = heading == "rung"
+        table.add_column(heading, justify="left" if is_rung else "right", no_wrap=is_rung, overflow="fold")
     found, axes = falls(result), {axis.name: axis for axis in result.axes}
     for rung in result.rungs:
         rates, axis, fall = rung.rates, axes.get(rung.axis), found.get(rung.name)
