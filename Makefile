@@ -54,8 +54,8 @@ lock:  ## Rewrite requirements.lock from the pyprojects (rm uv.lock first to tak
 	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages \
 	    --no-annotate --no-header --output-file requirements.lock
 
-build: setup  ## Build the wheels and source archives of the three packages into dist/
-	@for package in . envs policies; do \
+build: setup  ## Build the wheels and source archives of the four packages into dist/
+	@for package in . envs policies robots; do \
 	    $(BIN)/python -m build --no-isolation --outdir dist "$$package" || exit; done
 
 clean:  ## Remove what the other targets made, except uv.lock
