@@ -14,7 +14,7 @@ from lerobot_bimanual.cli.flags import parse_flags
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted(
     path
-    for folder in (".", "docs", "envs", "policies", "policies/lerobot_policy_bimanual/*")
+    for folder in (".", "docs", "envs", "policies", "examples", "policies/lerobot_policy_bimanual/*")
     for path in ROOT.glob(f"{folder}/*.md")
 )
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)

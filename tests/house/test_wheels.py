@@ -105,7 +105,7 @@ def test_the_wheels_start_an_episode_without_network(clean_python: Path) -> None
 
 # -- a task in a distribution of somebody else's ------------------------------------------------------------
 
-TASK_PACKAGE = ROOT / "examples/04_add_a_task"
+TASK_PACKAGE = ROOT / "examples/07_own_task"
 
 
 @pytest.fixture(scope="module")
