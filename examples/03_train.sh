@@ -12,7 +12,7 @@ lerobot-bimanual generate --task="$TASK" --episodes="$EPISODES" --view=keyframes
 
 # Without the sizes it is the network of the paper, for which a GPU is needed. lerobot-bimanual-train takes the same
 # flags and gives the same weights, but reads the dataset only once.
-lerobot-train --dataset.repo_id="example/$TASK" --dataset.root="$OUT/dataset/keyframes" \
+lerobot-train --dataset.repo_id="example/$TASK" --dataset.root="$OUT/dataset" \
     --policy.type=peract2 --policy.voxel_size=25 --policy.translation_head=factorised --policy.channels=16 \
     --policy.token_dim=64 --policy.num_latents=128 --policy.latent_dim=128 --policy.depth=2 \
     --policy.device=cpu --policy.push_to_hub=false --num_workers=0 \

@@ -10,7 +10,7 @@ OUT=${OUT:-outputs/multi_task}
 lerobot-bimanual generate --task="$TASKS" --episodes="$EPISODES" --view=keyframes --image_size=128 \
     --root="$OUT/dataset" --repo_id=example/tasks
 
-lerobot-bimanual-train --dataset.repo_id=example/tasks --dataset.root="$OUT/dataset/keyframes" \
+lerobot-bimanual-train --dataset.repo_id=example/tasks --dataset.root="$OUT/dataset" \
     --policy.type=rvt_lf --policy.voxel_size=15 --policy.patch=3 --policy.channels=8 --policy.token_dim=16 \
     --policy.attention_dim=32 --policy.depth=2 --policy.heads=2 \
     --policy.device=cpu --policy.push_to_hub=false \
