@@ -29,7 +29,8 @@ class BlindMlpPolicy(PreTrainedPolicy):
         )
 
     def _predict(self, batch: dict[str, Tensor]) -> Tensor:
-        return self.network(torch.cat([batch[key] for key in INPUTS], dim=-1))
+        rows = len(batch[EE_POSE])  # LeRobot's loader gives a column of single numbers one dimension less
+        return self.network(torch.cat([batch[key].reshape(rows, -1) for key in INPUTS], dim=-1))
 
     def forward(self, batch: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
         loss = (self._predict(batch) - batch[NEXT_KEYPOSE]).abs().mean()
