@@ -22,6 +22,7 @@ DOCUMENTS = sorted(
         "envs",
         "policies",
         "robots",
+        "examples",
         "policies/lerobot_policy_bimanual/*",
         "results/checkpoints",
     )

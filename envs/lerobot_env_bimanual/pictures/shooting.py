@@ -17,11 +17,11 @@ from PIL import Image
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import Move, run_expert
+from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
+from lerobot_env_bimanual.pictures.take import take
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -108,15 +108,8 @@ def shoot(order: Order) -> Shot:
 
 def _shoot(order: Order) -> Shot:
     env = order.environment()
-    moves: list[tuple[str, int]] = []  # name of each move, and the tick at which it starts
-    states: list[SceneState] = []
-
-    def start_move(move: Move) -> None:
-        moves.append((move.name, len(states)))
-
-    with env.observed_by(lambda env, _: states.append(env.scene.save_state())):
-        outcome = run_expert(env, order.seed, on_move=start_move)
-    states.append(env.scene.save_state())
+    taken = take(env, order.seed, expert())
+    outcome, states, moves = taken.outcome, taken.states, taken.moves
 
     ends = [*(start for _, start in moves), outcome.ticks]
     camera = order.camera
