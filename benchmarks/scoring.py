@@ -2,8 +2,10 @@
 
 Each turn scores the same episodes with LeRobot's own program and a trained small PerAct2. Its network is run on every
 observation, but the hands go where the expert's went: so all tasks are played to their end by one checkpoint. Times are
-CPU times of the program and all its workers, without the start of the program (benchmarks/starting.py). A batch of 1
-is played in one process, whose stages are told apart. Prints one line of JSON per task and batch.
+CPU times of the program and all its workers, without the start of the program (benchmarks/starting.py). What an
+evaluation pays once, from reading options to starting OpenGL, is told from what every episode costs by two evaluations
+of different length. A batch of 1 is played in one process, whose stages are told apart. LeRobot films the first ten
+episodes only. Prints one line of JSON per task and batch.
 
     python benchmarks/scoring.py --before=/path/to/another/tree
     python benchmarks/scoring.py --tasks=lift_ball --episodes=50 --batches 1 2
@@ -29,6 +31,10 @@ IMAGE_SIZE = 128
 FIRST_SEED = 1000
 
 STAGES = ("reset", "planning", "physics", "checks", "observation", "policy", "LeRobot's video", "rest")
+
+
+type Turn = tuple[dict[str, float], dict[str, float]]
+"""CPU seconds by stage of a short evaluation and of a longer one."""
 
 
 class Stages:
@@ -79,7 +85,7 @@ class ExpertHands:
             return self._act(batch["observation.keypose_step"].flatten().int().tolist())
 
         KeyposePolicy.select_action = select_action  # pyright: ignore[reportAttributeAccessIssue]
-        KeyposePolicy.reset = lambda _: self._next_batch()
+        KeyposePolicy.reset = lambda _: self._next_batch()  # pyright: ignore[reportAttributeAccessIssue]
 
     def learn(self, task: str, episodes: int, batch_size: int) -> None:
         """Play the episodes of an evaluation, once per task."""
@@ -94,7 +100,11 @@ class ExpertHands:
             run_expert(env, FIRST_SEED + len(self._keyposes), on_move=moves.append)
             self._keyposes.append([move.action for move in moves])
         env.close()
-        self._batch_size, self._first = batch_size, -batch_size
+        self._batch_size = batch_size
+
+    def start_over(self) -> None:
+        """Before an evaluation: the next batch is the first."""
+        self._first = -self._batch_size
 
     def _next_batch(self) -> None:
         self._first += self._batch_size
@@ -110,26 +120,36 @@ class ExpertHands:
 def serve() -> None:
     """Answer every line, flags of `lerobot-eval` as JSON, with what the evaluation cost."""
     answers, sys.stdout = sys.stdout, sys.stderr
-    from lerobot.scripts import lerobot_eval
-
     hands, stages = ExpertHands(), Stages()
     hands.install()
     watch_rollouts(stages)
+    is_warm = False
     for line in sys.stdin:
         flags = json.loads(line)
         hands.learn(flags["env.task"], flags["eval.n_episodes"], flags["eval.batch_size"])
-        stages.seconds.clear()
-        stages.calls.clear()
-        with tempfile.TemporaryDirectory() as folder:
-            words = {**flags, "output_dir": f"{folder}/out"}
-            sys.argv = ["lerobot-eval", *(f"--{name}={value}" for name, value in words.items())]
-            start_s, start = cpu_s(), time.perf_counter()
-            lerobot_eval.main()
-            total_s, wall_s = cpu_s() - start_s, time.perf_counter() - start
-            solved = json.loads(Path(folder, "out/eval_info.json").read_text())["overall"]["pc_success"]
-        seconds = {**stages.seconds, "rest": total_s - sum(stages.seconds.values())}
-        answer = {"cpu_s": total_s, "wall_s": wall_s, "solved_percent": solved}
-        print(json.dumps(answer | {"stages_s": seconds, "calls": stages.calls}), file=answers, flush=True)
+        if not is_warm:  # libraries load much of themselves when they are first used
+            evaluate(flags, hands, stages)
+            is_warm = True
+        print(json.dumps(evaluate(flags, hands, stages)), file=answers, flush=True)
+
+
+def evaluate(flags: dict[str, Any], hands: ExpertHands, stages: Stages) -> dict[str, Any]:
+    """Run `lerobot-eval` with some flags; returns what it cost."""
+    from lerobot.scripts import lerobot_eval
+
+    hands.start_over()
+    stages.seconds.clear()
+    stages.calls.clear()
+    with tempfile.TemporaryDirectory() as folder:
+        words = {**flags, "output_dir": f"{folder}/out"}
+        sys.argv = ["lerobot-eval", *(f"--{name}={value}" for name, value in words.items())]
+        start_s = cpu_s()
+        lerobot_eval.main()
+        total_s = cpu_s() - start_s
+        info = json.loads(Path(folder, "out/eval_info.json").read_text())
+    stages_s = {**stages.seconds, "rest": total_s - sum(stages.seconds.values())}
+    solved = info["overall"]["pc_success"]
+    return {"cpu_s": total_s, "solved_percent": solved, "stages_s": stages_s, "calls": stages.calls}
 
 
 def watch_rollouts(stages: Stages) -> None:
@@ -195,21 +215,22 @@ class Scorer:
         self._process.communicate()
 
 
-def per_episode_ms(turns: list[dict[str, Any]], episodes: int) -> dict[str, float]:
-    """Medians over turns of CPU milliseconds per episode: all, and by stage."""
-    all_ms = {"all": statistics.median(1e3 * turn["cpu_s"] / episodes for turn in turns)}
-    stages_ms = {
-        stage: statistics.median(1e3 * turn["stages_s"].get(stage, 0.0) / episodes for turn in turns)
-        for stage in STAGES
-    }
-    return all_ms | stages_ms
+def per_episode_ms(turns: list[Turn], episodes: int) -> dict[str, float]:
+    """Medians over turns of CPU milliseconds per further episode: all, and by stage."""
+    more = [{stage: long[stage] - short[stage] for stage in ("all", *STAGES)} for short, long in turns]
+    return {stage: statistics.median(1e3 * turn[stage] / episodes for turn in more) for stage in more[0]}
+
+
+def seconds(answer: dict[str, Any]) -> dict[str, float]:
+    """CPU seconds of an evaluation: all, and by stage."""
+    return {"all": answer["cpu_s"]} | {stage: answer["stages_s"].get(stage, 0.0) for stage in STAGES}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--before", type=Path, help="another tree; without it, only this one is measured")
     parser.add_argument("--tasks", default="", help="names, comma separated; without it all")
-    parser.add_argument("--episodes", type=int, default=20)
+    parser.add_argument("--episodes", type=int, default=20, help="by which the longer evaluation is longer")
     parser.add_argument("--batches", type=int, nargs="+", default=[1], help="environments at a time")
     parser.add_argument("--turns", type=int, default=1)
     parser.add_argument("--checkpoint", type=Path, default=CHECKPOINT)
@@ -231,25 +252,31 @@ def main() -> None:
                 "env.type": "bimanual",
                 "env.task": task,
                 "env.image_size": IMAGE_SIZE,
-                "eval.n_episodes": options.episodes,
                 "eval.batch_size": batch_size,
                 "seed": FIRST_SEED,
             }
-            turns: dict[str, list[dict[str, Any]]] = {name: [] for name in scorers}
+            few, many = batch_size, batch_size + options.episodes
+            answers: dict[str, list[list[dict[str, Any]]]] = {name: [] for name in scorers}
             for _ in range(options.turns):
                 for name, scorer in scorers.items():
-                    turns[name].append(scorer.score(flags))
+                    answers[name].append(
+                        [scorer.score(flags | {"eval.n_episodes": count}) for count in (few, many)]
+                    )
             figures: dict[str, Any] = {"task": task, "batch_size": batch_size, "episodes": options.episodes}
-            for name, answers in turns.items():
-                milliseconds = per_episode_ms(answers, options.episodes)
-                last = answers[-1]
+            for name, pairs in answers.items():
+                milliseconds = per_episode_ms(
+                    [(seconds(short), seconds(long)) for short, long in pairs], options.episodes
+                )
+                short, long = pairs[-1]
+                started_s = statistics.median(pair[0]["cpu_s"] for pair in pairs)
                 figures[name] = {
+                    "once_cpu_s": round(started_s - few * milliseconds["all"] / 1e3, 2),
                     "cpu_ms_per_episode": {stage: round(value, 1) for stage, value in milliseconds.items()},
                     "calls_per_episode": {
-                        stage: round(count / options.episodes, 2) for stage, count in last["calls"].items()
+                        stage: round((count - short["calls"].get(stage, 0)) / options.episodes, 2)
+                        for stage, count in long["calls"].items()
                     },
-                    "wall_s": round(statistics.median(turn["wall_s"] for turn in answers), 1),
-                    "solved_percent": last["solved_percent"],
+                    "solved_percent": long["solved_percent"],
                 }
             if "before" in figures:
                 all_ms = [figures[name]["cpu_ms_per_episode"]["all"] for name in ("before", "after")]

@@ -16,9 +16,10 @@ from importlib import metadata
 from lerobot_bimanual.errors import MissingGL
 
 CORE, ENVS, POLICIES = "lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual"
+ROBOTS = "lerobot_robot_bimanual"
 # The packages whose version decides whether we work, or (MuJoCo) whether trajectories are the same.
 WATCHED = ("lerobot", "mujoco", "gymnasium", "frankik", "torch", "numpy")
-REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies"
+REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies -e robots"
 
 # Runs in its own process, because a broken OpenGL driver can take the process with it.
 RENDER_8X8 = f"""
@@ -85,10 +86,10 @@ def check_python() -> Finding:
 
 
 def check_distributions() -> Iterator[Finding]:
-    """Our three distributions: core and, optionally, each plugin, all of one version."""
+    """Our four distributions: core and, optionally, each plugin, all of one version."""
     core = metadata.version(CORE)
     yield Finding(CORE, Level.OK, core)
-    for plugin in (ENVS, POLICIES):
+    for plugin in (ENVS, POLICIES, ROBOTS):
         installed = _version(plugin)
         if installed is None:
             yield Finding(plugin, Level.WARN, "not installed", REPAIR)
@@ -104,7 +105,7 @@ def check_versions() -> Iterator[Finding]:
     from packaging.specifiers import SpecifierSet
 
     allowed: dict[str, SpecifierSet] = {}
-    for distribution in (CORE, ENVS, POLICIES):
+    for distribution in (CORE, ENVS, POLICIES, ROBOTS):
         for line in (metadata.requires(distribution) or []) if _version(distribution) else []:
             requirement = Requirement(line)
             if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
@@ -142,9 +143,10 @@ def check_gl() -> Finding:
 
 
 def check_plugins() -> Iterator[Finding]:
-    """Environment and policy types after LeRobot's own plugin discovery."""
+    """Environment, policy and robot types after LeRobot's own plugin discovery."""
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.envs.configs import EnvConfig
+    from lerobot.robots.config import RobotConfig
     from lerobot.utils.import_utils import register_third_party_plugins
 
     logging.disable(logging.CRITICAL)  # discovery logs tracebacks; the findings say the same in a line
@@ -153,6 +155,7 @@ def check_plugins() -> Iterator[Finding]:
     for kind, plugin, choices in (
         ("environment types", ENVS, EnvConfig.get_known_choices()),
         ("policy types", POLICIES, PreTrainedConfig.get_known_choices()),
+        ("robot types", ROBOTS, RobotConfig.get_known_choices()),
     ):
         if _version(plugin) is None:
             continue

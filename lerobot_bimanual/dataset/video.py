@@ -7,7 +7,9 @@ against 2 ms). This one has the same interface, so LeRobot's writer takes it in 
 
 import contextlib
 import tempfile
+from collections.abc import Sequence
 from fractions import Fraction
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +24,13 @@ from lerobot.datasets.video_utils import StreamingVideoEncoder
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M, FPS
+from lerobot_bimanual.errors import DatasetError
 
 TICK = Fraction(1, FPS)
+
+TIME_TOLERANCE_S = 1e-4
+"""By which a frame may miss its time: as far as LeRobot looks for it."""
+GENERATE_AGAIN = "Delete the dataset and generate it again; if it happens twice, the encoder loses frames."
 
 STATISTICS_EVERY = 10
 """Image statistics are estimated from every tenth frame and every second pixel in both directions."""
@@ -153,14 +160,54 @@ class _Stream:
         if self._codes is None:
             return av.VideoFrame.from_ndarray(image, format="rgb24")
         frame = av.VideoFrame(image.shape[1], image.shape[0], self._config.pix_fmt)
-        write_u16_plane(frame.planes[0], self._codes[image[..., 0]], fill_value=0)
+        write_u16_plane(frame.planes[0], self._codes.take(image[..., 0]), fill_value=0)
         return frame
 
 
-def count_frames(path: Path) -> int:
-    """Number of frames that a video decodes to."""
-    frames = 0
-    with av.open(str(path)) as container:
-        for _ in container.decode(video=0):
-            frames += 1
-    return frames
+def check_video(path: Path, lengths: Sequence[int]) -> None:
+    """Whether a video holds every frame of its episodes, each at its time and whole to its end.
+
+    A frame is lost where an encoder drops or keeps one back, or where episodes are joined. Either shows in the frames that
+    the file lists, with their times; whether an encoder was brought to its end, and its episode joined where another
+    may begin, shows in the last frames of each episode, from the last one that stands by itself: only these are decoded.
+    (`lerobot-bimanual verify` decodes them all, and compares them with new images.)
+
+    Args:
+        path: of the video.
+        lengths: rows of its episodes, in their order.
+
+    Raises:
+        DatasetError: a frame is missing, too many, at another time or broken.
+    """
+    try:
+        with av.open(str(path)) as container:
+            stream = container.streams.video[0]
+            packets = [packet for packet in container.demux(stream) if packet.size]
+            _check_times(path, packets, sum(lengths))
+            for end, length in zip(accumulate(lengths), lengths, strict=True):
+                _check_end(path, stream, packets[end - length : end])
+    except (OSError, IndexError, av.error.FFmpegError) as error:
+        raise DatasetError(f"cannot decode {path}: {error}. {GENERATE_AGAIN}") from error
+
+
+def _check_times(path: Path, packets: Sequence[Any], rows: int) -> None:
+    if len(packets) != rows:
+        raise DatasetError(
+            f"{path} holds {len(packets)} frames, but its episodes have {rows} rows. {GENERATE_AGAIN}"
+        )
+    times = sorted(packet.pts * packet.time_base for packet in packets if packet.pts is not None)
+    if len(times) < rows or any(abs(time - row * TICK) > TIME_TOLERANCE_S for row, time in enumerate(times)):
+        raise DatasetError(f"{path} has no frame at the time of each row. {GENERATE_AGAIN}")
+
+
+def _check_end(path: Path, stream: Any, episode: Sequence[Any]) -> None:
+    """Decode an episode's packets from the last one on that needs none before it."""
+    first = max((index for index, packet in enumerate(episode) if packet.is_keyframe), default=0)
+    decoder = stream.codec_context
+    decoder.flush_buffers()
+    frames = [frame for packet in (*episode[first:], None) for frame in decoder.decode(packet)]
+    if len(frames) != len(episode) - first:
+        raise DatasetError(
+            f"{path} has {len(episode) - first} frames at the end of an episode, of which {len(frames)} can be decoded. "
+            f"{GENERATE_AGAIN}"
+        )

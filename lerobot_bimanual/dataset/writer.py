@@ -1,6 +1,6 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -11,12 +11,12 @@ from lerobot.datasets.dataset_writer import DatasetWriter
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.image_files import ImageFileWriter
 from lerobot_bimanual.dataset.reader import episode_table, read_info
 from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, count_frames, depth_encoder, rgb_encoder
+from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, check_video, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Episode
-from lerobot_bimanual.errors import DatasetError
 
 
 class ViewWriter:
@@ -69,6 +69,7 @@ class ViewWriter:
             batch_encoding_size=1,
             streaming_encoder=EpisodeVideoEncoder() if view == "frames" else None,
         )
+        self._writer.image_writer = ImageFileWriter()
 
     def __enter__(self) -> Self:
         return self
@@ -104,7 +105,7 @@ class ViewWriter:
         """Write what makes the folder a dataset, and check that no video lost a frame.
 
         Raises:
-            DatasetError: a video decodes to another number of frames than its episodes have rows.
+            DatasetError: a video has not exactly the frames of its episodes.
         """
         self._writer.finalize()
         check_videos(self.root)
@@ -123,22 +124,17 @@ def write_episode(episode: Episode, writers: Sequence[ViewWriter]) -> None:
 
 
 def check_videos(root: Path) -> None:
-    """Decode every video of a dataset and compare its frames with the rows of the episodes in it.
+    """Whether the videos of a dataset hold every row of its episodes; see `check_video`.
 
     Raises:
-        DatasetError: they differ; the message names the file and both numbers.
+        DatasetError: one does not; the message names the file.
     """
     info = read_info(root)
     for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
         chunk, file = f"videos/{key}/chunk_index", f"videos/{key}/file_index"
-        rows = Counter()
+        lengths: dict[tuple[int, int], list[int]] = defaultdict(list)
         for episode in episode_table(root, ["episode_index", "length", chunk, file]).to_pylist():
-            rows[episode[chunk], episode[file]] += episode["length"]
-        for (chunk_index, file_index), expected in rows.items():
+            lengths[episode[chunk], episode[file]].append(episode["length"])
+        for (chunk_index, file_index), in_file in lengths.items():
             path = info["video_path"].format(video_key=key, chunk_index=chunk_index, file_index=file_index)
-            found = count_frames(root / path)
-            if found != expected:
-                raise DatasetError(
-                    f"{root / path} holds {found} frames, but its episodes have {expected} rows. "
-                    "Delete the dataset and generate it again; if it happens twice, the encoder loses frames."
-                )
+            check_video(root / path, in_file)

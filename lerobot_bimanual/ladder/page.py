@@ -63,12 +63,34 @@ def _cell(fall: Fall | None) -> str:
 
 
 def certificates_page(certificates: Mapping[str, RungCertificate]) -> str:
-    """One table per task: what expert and blind control solve on every rung that changes what happens.
+    """On how many tasks each rung is certified; then, per task, what expert and blind control solve on every rung.
 
     Args:
         certificates: by task.
     """
-    return "\n".join("\n".join(_certificate(certificate)) for certificate in certificates.values())
+    parts = (*_overview(certificates), *("\n".join(_certificate(each)) for each in certificates.values()))
+    return "\n".join(parts)
+
+
+def _overview(certificates: Mapping[str, RungCertificate]) -> Iterator[str]:
+    yield "### Certified tasks\n"
+    names = sorted({axis.name for certificate in certificates.values() for axis in certificate.axes})
+    rows = [
+        [name, *(_certified_tasks(certificates, name, level) for level in UPPER_LEVELS)] for name in names
+    ]
+    yield markdown_table(["axis", *(f"level {level}" for level in UPPER_LEVELS)], rows) + "\n"
+
+
+def _certified_tasks(certificates: Mapping[str, RungCertificate], axis: str, level: int) -> str:
+    """Of the tasks that have the rung, how many are certified; in brackets those that are not."""
+    found = {
+        task: certificate.is_certified(rung)
+        for task, certificate in certificates.items()
+        if (rung := certificate.find(axis, level)) is not None
+    }
+    without = [task for task, is_certified in found.items() if not is_certified]
+    counts = f"{len(found) - len(without)} of {len(found)}" if found else ""
+    return f"{counts} (not {', '.join(without)})" if without else counts
 
 
 def _certificate(certificate: RungCertificate) -> Iterator[str]:

@@ -13,7 +13,8 @@ from lerobot_bimanual.errors import BimanualError, KeyposeFailure
 
 ROOT = Path(__file__).parents[2]
 DISTRIBUTIONS = {"lerobot_bimanual": ROOT, "lerobot_env_bimanual": ROOT / "envs"} | {
-    "lerobot_policy_bimanual": ROOT / "policies"
+    "lerobot_policy_bimanual": ROOT / "policies",
+    "lerobot_robot_bimanual": ROOT / "robots",
 }
 
 

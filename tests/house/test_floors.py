@@ -14,6 +14,7 @@ FOLDERS = {
     "lerobot_bimanual": ROOT / "lerobot_bimanual",
     "lerobot_env_bimanual": ROOT / "envs/lerobot_env_bimanual",
     "lerobot_policy_bimanual": ROOT / "policies/lerobot_policy_bimanual",
+    "lerobot_robot_bimanual": ROOT / "robots/lerobot_robot_bimanual",
 }
 DISTRIBUTIONS = pytest.mark.parametrize("distribution", FOLDERS)
 

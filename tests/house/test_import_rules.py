@@ -1,4 +1,4 @@
-"""The rooms and their arrows: envs -> core <- policies, and what may be imported only lazily."""
+"""The rooms and their arrows: robots -> envs -> core <- policies, and what may be imported only lazily."""
 
 import ast
 from collections.abc import Iterator
@@ -10,11 +10,13 @@ ROOT = Path(__file__).parents[2]
 CORE = ROOT / "lerobot_bimanual"
 ENVS = ROOT / "envs/lerobot_env_bimanual"
 POLICIES = ROOT / "policies/lerobot_policy_bimanual"
+ROBOTS = ROOT / "robots/lerobot_robot_bimanual"
 
 FORBIDDEN = [
-    (CORE, {"lerobot_env_bimanual", "lerobot_policy_bimanual", "mujoco"}),
-    (ENVS, {"lerobot_policy_bimanual"}),
-    (POLICIES, {"lerobot_env_bimanual", "mujoco"}),
+    (CORE, {"lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual", "mujoco"}),
+    (ENVS, {"lerobot_policy_bimanual", "lerobot_robot_bimanual"}),
+    (POLICIES, {"lerobot_env_bimanual", "lerobot_robot_bimanual", "mujoco"}),
+    (ROBOTS, {"lerobot_policy_bimanual"}),
 ]
 # What worker processes of vector environments import; LeRobot or torch would cost each of them seconds.
 WORKER_MODULES = (

@@ -14,6 +14,7 @@ DISTRIBUTIONS = {
     "lerobot_bimanual": ROOT,
     "lerobot_env_bimanual": ROOT / "envs",
     "lerobot_policy_bimanual": ROOT / "policies",
+    "lerobot_robot_bimanual": ROOT / "robots",
 }
 # Put together from halves, so that this file passes its own test.
 FORBIDDEN = [
@@ -38,7 +39,7 @@ def files_of_the_repository() -> list[Path]:
     return [path for line in listing.stdout.splitlines() if (path := ROOT / line).is_file()]
 
 
-def test_the_three_distributions_have_their_names_and_one_version() -> None:
+def test_the_four_distributions_have_their_names_and_one_version() -> None:
     projects = {name: project(folder) for name, folder in DISTRIBUTIONS.items()}
     assert {name: declared["name"] for name, declared in projects.items()} == {
         name: name for name in projects
@@ -52,7 +53,7 @@ def test_the_three_distributions_have_their_names_and_one_version() -> None:
 
 def test_the_distributions_require_each_other_in_exactly_their_version() -> None:
     version = project(ROOT)["version"]
-    for plugin in ("lerobot_env_bimanual", "lerobot_policy_bimanual"):
+    for plugin in [*DISTRIBUTIONS][1:]:
         assert f"lerobot_bimanual=={version}" in project(DISTRIBUTIONS[plugin])["dependencies"]
         assert f"{plugin}=={version}" in project(ROOT)["optional-dependencies"]["all"]
 
@@ -71,7 +72,7 @@ def test_the_lock_pins_every_direct_dependency_and_names_no_address() -> None:
         declared = tomllib.loads((folder / "pyproject.toml").read_text())
         requirements = [
             *declared["project"]["dependencies"],
-            *declared.get("dependency-groups", {}).get("dev", []),
+            *(each for group in declared.get("dependency-groups", {}).values() for each in group),
         ]
         names = {
             re.split(r"[^A-Za-z0-9_-]", requirement)[0].replace("_", "-") for requirement in requirements

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 COPIED = [
     *("scripts/find_uv.sh", "scripts/setup.sh", ".python-version", "requirements.lock"),
-    *("pyproject.toml", "envs/pyproject.toml", "policies/pyproject.toml"),
+    *("pyproject.toml", "envs/pyproject.toml", "policies/pyproject.toml", "robots/pyproject.toml"),
 ]
 FAKE_UV = """#!/usr/bin/env bash
 echo "$*" >>"$HOME/uv.log"
@@ -96,7 +96,7 @@ def test_set_up_makes_the_environment_once_and_then_does_nothing(checkout: Check
     calls = checkout.uv_calls()
     assert [call.split()[0] for call in calls] == ["venv", "pip", "pip"]
     assert "--requirements requirements.lock" in calls[1]
-    assert calls[2].endswith("--editable . --editable envs --editable policies")
+    assert calls[2].endswith("--editable . --editable envs --editable policies --editable robots")
     assert checkout.run("scripts/setup.sh").returncode == 0
     assert checkout.uv_calls() == calls
 
@@ -122,4 +122,4 @@ def test_set_up_that_failed_halfway_is_repeated(checkout: Checkout) -> None:
     assert checkout.run("scripts/setup.sh").returncode != 0
     write_script(checkout.home / ".local/bin/uv", FAKE_UV)
     assert checkout.run("scripts/setup.sh").returncode == 0
-    assert checkout.uv_calls()[-1].endswith("--editable policies")
+    assert checkout.uv_calls()[-1].endswith("--editable robots")

@@ -17,7 +17,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = {"lerobot_bimanual": ".", "lerobot_env_bimanual": "envs", "lerobot_policy_bimanual": "policies"}
+FOLDERS = {
+    "lerobot_bimanual": ".",
+    "lerobot_env_bimanual": "envs",
+    "lerobot_policy_bimanual": "policies",
+    "lerobot_robot_bimanual": "robots",
+}
 # Any attempt to reach the network fails the program that begins with these lines.
 NO_NETWORK = """
 import socket
@@ -42,7 +47,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def clean_python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Interpreter of an environment with the three wheels and borrowed dependencies."""
+    """Interpreter of an environment with the four wheels and borrowed dependencies."""
     home = tmp_path_factory.mktemp("clean")
     venv.create(home, with_pip=False, symlinks=True)
     python = home / "bin/python"
@@ -80,8 +85,8 @@ def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, whe
 
 def test_the_wheels_are_imported_without_checkout_and_network(clean_python: Path) -> None:
     program = (
-        "import sys, lerobot_bimanual, lerobot_env_bimanual, lerobot_policy_bimanual\n"
-        "for module in (lerobot_bimanual, lerobot_env_bimanual, lerobot_policy_bimanual):\n"
+        f"import sys, {', '.join(FOLDERS)}\n"
+        f"for module in ({', '.join(FOLDERS)}):\n"
         "    assert module.__file__.startswith(sys.prefix), module.__file__\n"
     )
     child = run_clean(clean_python, "-c", NO_NETWORK + program)
@@ -103,6 +108,20 @@ def test_the_wheels_start_an_episode_without_network(clean_python: Path) -> None
     )
     child = run_clean(clean_python, "-c", NO_NETWORK + program)
     assert child.returncode == 0, child.stderr
+
+
+def test_stock_replay_finds_the_robot_of_the_wheels_and_plays_an_episode_generated_by_them(
+    clean_python: Path, tmp_path: Path
+) -> None:
+    root = tmp_path / "dataset"
+    made = ("--task=lift_ball", "--episodes=1", "--view=frames", "--image_size=32", "--workers=1")
+    succeed(clean_python, "-m", "lerobot_bimanual.cli", "generate", *made, f"--root={root}")
+    robot = ("--robot.type=bimanual_sim", "--robot.task=lift_ball", "--robot.obs=state")
+    dataset = ("--dataset.repo_id=local/one", f"--dataset.root={root}", "--dataset.episode=0")
+    flags = (*robot, f"--robot.calibration_dir={tmp_path}", *dataset, "--play_sounds=false")
+    child = run_clean(clean_python, "-m", "lerobot.scripts.lerobot_replay", *flags)
+    assert child.returncode == 0, child.stderr[-4000:]
+    assert "lift_ball, variation 0, train seed 0: solved" in child.stderr
 
 
 # -- a task in a distribution of somebody else's ------------------------------------------------------------

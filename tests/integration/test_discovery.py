@@ -15,9 +15,15 @@ before = set(sys.modules)
 register_third_party_plugins()
 from lerobot.configs.policies import PreTrainedConfig
 from lerobot.envs.configs import EnvConfig
+from lerobot.robots.config import RobotConfig
+from lerobot.teleoperators.config import TeleoperatorConfig
 print(json.dumps({
     "envs": {name: config.__module__ for name, config in EnvConfig.get_known_choices().items()},
     "policies": {name: config.__module__ for name, config in PreTrainedConfig.get_known_choices().items()},
+    "robots": {name: config.__module__ for name, config in RobotConfig.get_known_choices().items()},
+    "teleoperators": {
+        name: config.__module__ for name, config in TeleoperatorConfig.get_known_choices().items()
+    },
     "loaded": sorted(set(sys.modules) - before),
 }))
 """
@@ -38,6 +44,11 @@ def discovery() -> Any:
 def test_lerobot_finds_the_environment_and_the_policies(discovery: Any) -> None:
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
     assert discovery["policies"]["peract2"].startswith("lerobot_policy_bimanual.")
+
+
+def test_lerobot_finds_the_robot_and_the_keyboard(discovery: Any) -> None:
+    assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
+    assert discovery["teleoperators"]["bimanual_keyboard"].startswith("lerobot_robot_bimanual.")
 
 
 def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:

@@ -12,9 +12,9 @@ from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.perturbation_choice import MAX_LEVEL
 from lerobot_env_bimanual.perturbations.registry import get_axis
 from lerobot_env_bimanual.pictures.layout import Panel, contact_sheet
 

@@ -215,11 +215,11 @@ class KeyposePolicy(PreTrainedPolicy):
             return self.predict(observation, target)
 
     def _decode(self, prediction: KeyposePrediction) -> Tensor:
-        best = prediction.best()
+        candidates = prediction.translation.candidates()
+        best = prediction.best(candidates)
         if self.config.decode == "voxel":
             return self.codec.decode(best)
-        mean = prediction.translation.candidates().local_mean()
-        return self.codec.assemble(self.codec.voxel_centers(mean), best)
+        return self.codec.assemble(self.codec.voxel_centers(candidates.local_mean()), best)
 
     @staticmethod
     def _full_precision(like: Tensor) -> torch.autocast:

@@ -77,10 +77,14 @@ class KeyposePrediction:
     gripper_open: Tensor
     ignore_collisions: Tensor
 
-    def best(self) -> DiscreteKeypose:
-        """The most probable class of every part."""
+    def best(self, candidates: VoxelCandidates | None = None) -> DiscreteKeypose:
+        """The most probable class of every part.
+
+        Args:
+            candidates: those of the translation, by a caller that has asked for them already.
+        """
         return DiscreteKeypose(
-            voxel=self.translation.candidates().best(),
+            voxel=(candidates or self.translation.candidates()).best(),
             rotation=self.rotation.argmax(dim=-1),
             gripper_open=self.gripper_open.argmax(dim=-1),
             ignore_collisions=self.ignore_collisions.argmax(dim=-1),

@@ -1,0 +1,153 @@
+"""The teleoperator: a keyboard that moves a pair of leader arms in steps."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from typing import Any
+
+import numpy as np
+from lerobot.teleoperators.teleoperator import Teleoperator
+from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.dataset import schema
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_robot_bimanual.config_bimanual_keyboard import BimanualKeyboardConfig
+from lerobot_robot_bimanual.leader_arms import LeaderArms
+from lerobot_robot_bimanual.terminal_keys import TerminalKeys
+
+logger = logging.getLogger(__name__)
+
+HANDS: dict[str, tuple[Arm, ...]] = {"1": (Arm.LEFT,), "2": (Arm.RIGHT,), "3": ARMS}
+MOVES = {
+    **{"w": (1, 0, 0), "s": (-1, 0, 0)},
+    **{"a": (0, 1, 0), "d": (0, -1, 0)},
+    **{"e": (0, 0, 1), "c": (0, 0, -1)},
+}
+TURNS = {
+    **{"l": (1, 0, 0), "j": (-1, 0, 0)},
+    **{"k": (0, 1, 0), "i": (0, -1, 0)},
+    **{"u": (0, 0, 1), "o": (0, 0, -1)},
+}
+GRIPPER, HOME = "f", "h"
+KEYS = (*HANDS, *MOVES, *TURNS, GRIPPER, HOME)
+HELP = """\
+hand      1 left   2 right   3 both
+move      w s (x, towards the right arm's base and back)   a d (y, left and right)   e c (up and down)
+turn      j l (about x)   i k (about y)   u o (about z)
+gripper   f (opens, closes)
+next      h (both hands home: the next episode begins)"""
+
+
+class BimanualKeyboard(Teleoperator):
+    """A pair of leader arms, moved hand by hand with the keys of a terminal.
+
+    LeRobot shows a teleoperator nothing of the robot, so this one has arms of its own, like the leader arms of real
+    robots: they begin at home, and their joints are the action. A key is one step of the chosen hand; keeping it down
+    repeats the step. No display is needed, and it works through ssh.
+
+    Where LeRobot hands over from a policy to a person (`lerobot-rollout --strategy.type=dagger`), it moves these arms
+    to where the robot is.
+    """
+
+    config_class = BimanualKeyboardConfig
+    name = "bimanual_keyboard"
+
+    def __init__(self, config: BimanualKeyboardConfig):
+        super().__init__(config)
+        self.config = config
+        self._arms = LeaderArms(PANDA_PAIR)
+        self._hands: tuple[Arm, ...] = (Arm.LEFT,)
+        self._keys: TerminalKeys | None = None
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The sixteen numbers of a joint action, by name."""
+        return dict.fromkeys(schema.JOINT_NAMES, float)
+
+    @property
+    def feedback_features(self) -> dict[str, Any]:
+        """Where the robot is, by the same names."""
+        return self.action_features
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether keys are being read."""
+        return self._keys is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """A keyboard always is."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing to do."""
+
+    def configure(self) -> None:
+        """Nothing to do."""
+
+    def enable_torque(self) -> None:
+        """Nothing to do; its presence tells LeRobot that these arms can be moved to where the robot is."""
+
+    def disable_torque(self) -> None:
+        """Nothing to do."""
+
+    @check_if_already_connected
+    def connect(self, calibrate: bool = True) -> None:
+        """Begin to read keys.
+
+        Raises:
+            NoTerminal: standard input is none.
+        """
+        self._keys = TerminalKeys(KEYS)
+        logger.info("keys:\n%s", HELP)
+
+    @check_if_not_connected
+    def get_action(self) -> dict[str, float]:
+        """The leader arms' joints after the keys that were struck since the last call.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._keys is not None
+        for key in self._keys.struck():
+            self._follow(key)
+        return dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+
+    @check_if_not_connected
+    def send_feedback(self, feedback: dict[str, Any]) -> None:
+        """Move the leader arms to where the robot is; keys that were struck until now are forgotten.
+
+        Args:
+            feedback: joint targets and openings by name, of which some may be missing.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._keys is not None
+        self._keys.struck()
+        present = dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+        self._arms.go_to([feedback.get(name, value) for name, value in present.items()])
+
+    @check_if_not_connected
+    def disconnect(self) -> None:
+        """Give the terminal back."""
+        assert self._keys is not None
+        self._keys.stop()
+        self._keys = None
+
+    def _follow(self, key: str) -> None:
+        if key in HANDS:
+            self._hands = HANDS[key]
+        elif key == HOME:
+            self._arms.go_home()
+        elif key == GRIPPER:
+            for arm in self._hands:
+                self._arms.switch_gripper(arm)
+        else:
+            offset_m = np.array(MOVES.get(key, (0, 0, 0))) * self.config.step_m
+            turn_rad = np.array(TURNS.get(key, (0, 0, 0))) * np.deg2rad(self.config.step_deg)
+            for arm in self._hands:
+                if not self._arms.move(arm, offset_m, turn_rad):
+                    sys.stderr.write(f"\a{arm} arm cannot go there\n")

@@ -1,0 +1,217 @@
+"""The robot: two simulated arms that take joint targets and show their joints and cameras."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+import numpy as np
+from lerobot.robots.robot import Robot
+from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
+from lerobot_env_bimanual.episode.actions import ActionReader
+from lerobot_env_bimanual.episode.observations import PIXELS, env_key
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
+from lerobot_robot_bimanual.table import Table
+from lerobot_robot_bimanual.viewer import Viewer
+
+logger = logging.getLogger(__name__)
+
+TICK_S = 1 / schema.FPS
+AT_HOME_RAD = 1e-3
+"""Both hands count as sent home when no joint target is further from it than this."""
+AWAY_RAD = 0.05
+"""A hand has left home when one of its joint targets was as far from it as this."""
+
+
+class BimanualSim(Robot):
+    """Two simulated Pandas in front of a task, as LeRobot's command lines see a robot.
+
+    An action is one control tick, as in the environment and in the datasets: the actions of a demonstration lead to its
+    states, bit for bit. Bad values are dealt with as in the environment's mode `auto`: targets outside the joint
+    limits are clipped, a NaN raises.
+
+    **The next episode begins when both hands are sent home** after one of them has left it. That is what LeRobot does by
+    itself between the episodes of `lerobot-rollout --strategy.type=episodic`, and what one key of our keyboard does
+    in the reset phase of `lerobot-record`. An episode that is solved stands still until then.
+
+    Attributes:
+        config: what was chosen.
+        cameras: names of the cameras; LeRobot counts them.
+    """
+
+    config_class = BimanualSimConfig
+    name = schema.ROBOT_TYPE
+
+    def __init__(self, config: BimanualSimConfig):
+        super().__init__(config)
+        self.config = config
+        self._options = config.env_options()
+        self.cameras = () if self._options.obs == "state" else self._options.camera_names
+        self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
+        self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
+        self._table: Table | None = None
+        self._viewer: Viewer | None = None
+        self._next_seed = config.seed
+        self._command = self._home
+        self._has_left_home = False
+        self._began_s = 0.0
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """Joints as `float`, images as their shape (H, W, 3), depth as (H, W, 1)."""
+        images: dict[str, Any] = dict.fromkeys(self.cameras, (*self._options.size, 3))
+        if self._options.obs == "rgbd":
+            images |= {f"{camera}_depth": (*self._options.size, 1) for camera in self.cameras}
+        return self.action_features | images
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The sixteen numbers of a joint action, by name."""
+        return dict.fromkeys(schema.JOINT_NAMES, float)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is a world."""
+        return self._table is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Simulated arms always are."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing to do."""
+
+    def configure(self) -> None:
+        """Nothing to do."""
+
+    @property
+    @check_if_not_connected
+    def table(self) -> Table:
+        """The world, with the running or finished episode.
+
+        Raises:
+            DeviceNotConnectedError: there is none before `connect`.
+        """
+        assert self._table is not None
+        return self._table
+
+    @check_if_already_connected
+    def connect(self, calibrate: bool = True) -> None:
+        """Build the world and lay the first episode on the table.
+
+        Raises:
+            DeviceAlreadyConnectedError: there is a world already.
+            NoDisplay: a window was asked for, and there is no display.
+            InvalidChoice: a perturbation finds nothing to change in the task.
+            PlacementFailure: no placement of the props was found that both arms can serve.
+        """
+        table = Table(self.config.task, options=self._options)
+        self._viewer = Viewer(table.scene) if self.config.viewer else None
+        self._next_seed = self.config.seed
+        self._begin_episode(table)
+        self._table = table
+        self._show()
+
+    def get_observation(self) -> dict[str, Any]:
+        """Joints in rad, openings 0..1, images uint8 (H, W, 3), depth uint16 (H, W, 1) in millimetres.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        self._keep_up(self.table)
+        observed = self.table.observe()
+        state = observed[env_key(schema.STATE)]
+        observation: dict[str, Any] = dict(zip(schema.JOINT_NAMES, state.tolist(), strict=True))
+        observation |= observed.get(PIXELS, {})
+        if self._options.obs == "rgbd":
+            for camera in self.cameras:
+                depth_mm = observed[env_key(schema.depth_key(camera))]  # (1, H, W)
+                observation[f"{camera}_depth"] = depth_mm[0, ..., None].round().astype(np.uint16)
+        return observation
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Go on for one tick, or begin the next episode if this sends both hands home.
+
+        Args:
+            action: the sixteen numbers by name.
+
+        Returns:
+            What was commanded, within the joint limits.
+
+        Raises:
+            InvalidAction: names are missing or unknown, or a value is no finite number. The world did not change.
+            DeviceNotConnectedError: before `connect`.
+        """
+        table = self.table
+        command = self._read(action)
+        self._keep_up(table)
+        self._command = command
+        distance_rad = float(np.abs(by_arm(command - self._home)[:, :JOINTS_PER_ARM]).max())
+        if self._has_left_home and distance_rad < AT_HOME_RAD:
+            if not table.progress.terminated:
+                table.tell()
+            self._begin_episode(table)
+        else:
+            self._has_left_home |= distance_rad > AWAY_RAD
+            if not self.config.real_time:
+                table.tick(command)
+        self._show()
+        return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
+
+    def disconnect(self) -> None:
+        """Free the world, after a line about an episode that was not solved.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        table = self.table
+        if table.progress.ticks and not table.progress.terminated:
+            table.tell()
+        if self._viewer is not None:
+            self._viewer.close()
+        table.close()
+        self._table = None
+
+    def _begin_episode(self, table: Table) -> None:
+        table.reset(seed=self._next_seed)
+        self._next_seed += 1
+        self._command, self._has_left_home = self._home, False
+        self._began_s = time.perf_counter()
+        logger.info('%s: "%s"', table.name_of_episode, table.task_description)
+
+    def _show(self) -> None:
+        if self._viewer is not None:
+            self._viewer.show()
+
+    def _keep_up(self, table: Table) -> None:
+        """In real time, go on with the last action for all the ticks that have passed."""
+        if self.config.real_time:
+            due = int((time.perf_counter() - self._began_s) / TICK_S)
+            while table.progress.ticks < due and not table.progress.terminated:
+                table.tick(self._command)
+
+    def _read(self, action: dict[str, Any]) -> np.ndarray:
+        """The command (16,) float32 that an action means."""
+        missing = [name for name in schema.JOINT_NAMES if name not in action]
+        unknown = [name for name in action if name not in schema.JOINT_NAMES]
+        if missing or unknown:
+            raise InvalidAction(
+                f"a robot action has the {JOINT_ACTION_DIM} keys {schema.JOINT_NAMES[0]} to "
+                f"{schema.JOINT_NAMES[-1]}; missing: {', '.join(missing) or 'none'}; "
+                f"unknown: {', '.join(map(str, unknown)) or 'none'}"
+            )
+        try:
+            values = [float(action[name]) for name in schema.JOINT_NAMES]
+        except (TypeError, ValueError) as error:
+            raise InvalidAction(f"a robot action consists of numbers: {error}") from error
+        command = self._reader.read(np.array(values))
+        assert isinstance(command, np.ndarray)  # a vector of sixteen is no keypose
+        return command

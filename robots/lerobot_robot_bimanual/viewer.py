@@ -1,0 +1,61 @@
+"""MuJoCo's interactive viewer beside the simulation."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import threading
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.world.scene import Scene
+
+
+class NoDisplay(BimanualError):
+    """A window was asked for where there is no display."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "--robot.viewer=true opens a window, but there is no display: leave it out and film the episodes with "
+            "--robot.video_dir=FOLDER, or use a session with DISPLAY or WAYLAND_DISPLAY set"
+        )
+
+
+class Viewer:
+    """A window that shows a copy of the scene, so that a mouse in it changes nothing in the simulation.
+
+    Args:
+        scene: what is shown.
+
+    Raises:
+        NoDisplay: there is none.
+    """
+
+    def __init__(self, scene: Scene):
+        if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise NoDisplay
+        from mujoco import viewer
+
+        self._scene = scene
+        self._shown = mujoco.MjData(scene.model)
+        others = threading.enumerate()
+        self._window = viewer.launch_passive(
+            scene.model, self._shown, show_left_ui=False, show_right_ui=False
+        )
+        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        atexit.register(self.close)
+        self.show()
+
+    def show(self) -> None:
+        """Show the scene's present state; nothing happens after the window was closed."""
+        if self._window.is_running():
+            with self._window.lock():
+                mujoco.mj_copyData(self._shown, self._scene.model, self._scene.data)
+            self._window.sync()
+
+    def close(self) -> None:
+        """Close the window, and wait for its thread: one that outlives the interpreter crashes it."""
+        atexit.unregister(self.close)
+        self._window.close()
+        for thread in self._threads:
+            thread.join()

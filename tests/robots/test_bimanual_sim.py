@@ -1,0 +1,262 @@
+"""The simulated arms as a LeRobot robot."""
+
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from lerobot.datasets import LeRobotDataset
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_features
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.perturbation_choice import axis_modules
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
+from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
+from lerobot_robot_bimanual.viewer import NoDisplay
+
+
+def action(values) -> dict[str, float]:
+    return dict(zip(schema.JOINT_NAMES, values, strict=True))
+
+
+def home(offset_rad: float = 0.0) -> dict[str, float]:
+    """Home, with one joint off by so much."""
+    at_home = action([*PANDA_PAIR.home_joints.tolist(), 1.0] * 2)
+    at_home["right_joint1.pos"] += offset_rad
+    return at_home
+
+
+def test_its_features_are_those_of_our_datasets(make_robot):
+    robot = make_robot(obs="rgbd", cameras="front,left_wrist", image_size="24x32")
+    ours = schema.features(("front", "left_wrist"), 24, 32, "frames")
+    theirs = hw_to_dataset_features(robot.observation_features, "observation")
+    theirs |= hw_to_dataset_features(robot.action_features, "action")
+    for key, feature in theirs.items():
+        for part in ("dtype", "shape", "names"):
+            assert feature[part] == ours[key][part], key
+        is_depth = ours[key].get("info", {}).get("is_depth_map", False)
+        assert feature.get("info", {}).get("is_depth_map", False) == is_depth
+    frame = build_dataset_frame(theirs, robot.get_observation(), "observation")
+    assert {key: value.shape for key, value in frame.items()} == {
+        key: feature["shape"] for key, feature in theirs.items() if key != schema.ACTION
+    }
+    assert frame[schema.depth_key("front")].dtype == np.uint16
+    assert robot.robot_type == schema.ROBOT_TYPE
+
+
+def test_it_shows_what_the_environment_shows(make_robot):
+    env = BimanualEnv("push_box", split="train", obs="rgbd", cameras="front", image_size=32)
+    expected, _ = env.reset(seed=5)
+    robot = make_robot(obs="rgbd", cameras="front", image_size=32, seed=5)
+    observed = robot.get_observation()
+    assert [observed[name] for name in schema.JOINT_NAMES] == expected["agent_pos"].tolist()
+    assert np.array_equal(observed["front"], expected["pixels"]["front"])
+    difference_mm = observed["front_depth"][..., 0] - expected["images.front_depth"][0]
+    assert np.abs(difference_mm).max() <= 0.5
+    env.close()
+
+
+@pytest.mark.slow
+def test_recorded_depth_comes_back_in_millimetres(make_robot, tmp_path):
+    robot = make_robot(obs="rgbd", cameras="front", image_size=64)
+    features = hw_to_dataset_features(robot.observation_features, "observation")
+    root = tmp_path / "recording"
+    dataset = LeRobotDataset.create("local/depth", schema.FPS, features, root, robot_type=robot.robot_type)
+    for _ in range(3):
+        observation = robot.get_observation()
+        dataset.add_frame(build_dataset_frame(features, observation, "observation") | {"task": "look"})
+    dataset.save_episode()
+    dataset.finalize()
+    depth_mm = LeRobotDataset("local/depth", root=root)[2][schema.depth_key("front")][0].numpy()
+    assert np.median(np.abs(depth_mm - observation["front_depth"][..., 0])) < 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_the_actions_of_an_expert_lead_to_its_state(task, make_robot):
+    actions = []
+    env = BimanualEnv(task, split="train", obs="state", control_mode="keypose")
+    with env.observed_by(lambda _, joint_action: actions.append(joint_action.copy())):
+        outcome = run_expert(env, 0)
+    env.close()
+    robot = make_robot(task=task, seed=0)
+    for joint_action in actions:
+        robot.get_observation()
+        robot.send_action(action(joint_action))
+    assert robot.table.progress.succeeded
+    assert robot.table.state_hash() == outcome.state_hash
+    assert robot.table.progress.seed == 0  # no expert comes home on its way
+
+
+def test_a_perturbed_robot_is_the_perturbed_environment(make_robot):
+    (axis, *_) = sorted(axis_modules())
+    env = BimanualEnv("push_box", split="train", obs="state", perturb=f"{axis}:3")
+    env.reset(seed=0)
+    robot = make_robot(perturb=f"{axis}:3")
+    for offset_rad in (0.0, 0.2):
+        robot.send_action(home(offset_rad))
+        env.step(np.array([*home(offset_rad).values()]))
+    assert robot.table.state_hash() == env.state_hash()
+    env.close()
+
+
+def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monkeypatch):
+    def fail(*_):
+        raise PlacementFailure("nowhere")
+
+    monkeypatch.setattr("lerobot_env_bimanual.episode.reset.EpisodeReset.start", fail)
+    robot = make_robot(connected=False)
+    with pytest.raises(PlacementFailure):
+        robot.connect()
+    assert not robot.is_connected
+
+
+def test_sending_both_hands_home_begins_the_next_episode(make_robot):
+    robot = make_robot(seed=7, variation=0)
+    beginning = robot.table.state_hash()
+    for offset_rad in (0.0, AWAY_RAD / 2, 0.0):  # never away
+        robot.send_action(home(offset_rad))
+    assert (robot.table.progress.seed, robot.table.progress.ticks) == (7, 3)
+    for offset_rad in (2 * AWAY_RAD, 2 * AT_HOME_RAD):  # not yet back
+        robot.send_action(home(offset_rad))
+    assert (robot.table.progress.seed, robot.table.progress.ticks) == (7, 5)
+    robot.send_action(home())
+    assert (robot.table.progress.seed, robot.table.progress.ticks) == (8, 0)
+    robot.disconnect()
+    robot.connect()
+    assert robot.table.state_hash() == beginning
+
+
+def test_an_episode_that_is_over_stands_still(make_robot):
+    robot = make_robot()
+    robot.table.fail("it is enough")
+    before = robot.table.state_hash()
+    robot.send_action(home(0.2))
+    assert robot.table.state_hash() == before
+    robot.send_action(home())
+    assert robot.table.progress.seed == 1
+
+
+def test_there_is_no_time_limit(make_robot):
+    robot = make_robot()
+    robot.table.progress.ticks = 10 * robot.table.task_definition.spec.horizon_ticks
+    before = robot.table.state_hash()
+    robot.send_action(home(0.01))
+    assert robot.table.state_hash() != before
+
+
+def test_targets_outside_the_limits_are_clipped_and_told(make_robot):
+    robot = make_robot()
+    sent = robot.send_action(home() | {"left_joint1.pos": 9.0, "right_gripper.pos": -1.0})
+    assert sent["left_joint1.pos"] == pytest.approx(PANDA_PAIR.joint_upper[0])
+    assert sent["right_gripper.pos"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"elbow": 1.0}, "unknown: elbow"),
+        ({"left_joint1.pos": None}, "consists of numbers"),
+        ({"left_joint1.pos": float("nan")}, r"not finite in: left_joint1\.pos"),
+    ],
+)
+def test_a_wrong_action_is_refused_and_changes_nothing(make_robot, change, complaint):
+    robot = make_robot()
+    before = robot.table.state_hash()
+    with pytest.raises(InvalidAction, match=complaint):
+        robot.send_action(home() | change)
+    with pytest.raises(InvalidAction, match=r"missing: left_joint1\.pos, .*; unknown: none"):
+        robot.send_action({})
+    assert robot.table.state_hash() == before
+
+
+def test_nothing_goes_before_it_is_connected(make_robot):
+    robot = make_robot()
+    with pytest.raises(DeviceAlreadyConnectedError):
+        robot.connect()
+    robot.disconnect()
+    for use in (robot.get_observation, robot.disconnect, lambda: robot.send_action({})):
+        with pytest.raises(DeviceNotConnectedError, match="connect"):
+            use()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "named"),
+    [
+        ("task", "push_bocks", "push_box"),
+        ("task", "all", "push_box"),
+        ("variation", 7, "from 0 to 0"),
+        ("split", "exam", "test"),
+        ("seed", -1, "2\\*\\*63"),
+        ("cameras", "rear", "left_wrist"),
+        ("perturb", "earthquake:1", "mass"),
+        ("obs", "lidar", "rgbd"),
+        ("image_size", 3, "256"),
+    ],
+)
+def test_an_option_outside_its_choices_is_refused_with_the_choices(option, value, named):
+    with pytest.raises(BimanualError, match=named):
+        BimanualSimConfig(**{option: value})
+
+
+def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeypatch):
+    now_s = 100.0
+    monkeypatch.setattr("lerobot_robot_bimanual.bimanual_sim.time.perf_counter", lambda: now_s)
+    robot, patient = make_robot(real_time=True), make_robot()
+    robot.send_action(home(0.2))
+    assert robot.table.progress.ticks == 0
+    now_s += 0.27
+    robot.get_observation()
+    for _ in range(5):
+        patient.send_action(home(0.2))
+    assert robot.table.progress.ticks == 5
+    assert robot.table.state_hash() == patient.table.state_hash()
+
+
+def test_a_window_without_a_display_is_one_clear_error(make_robot, monkeypatch):
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(NoDisplay, match=r"--robot\.video_dir"):
+        make_robot(viewer=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt-get install xvfb")
+def test_a_window_shows_the_world_and_changes_nothing(make_robot, tmp_path):
+    program = (
+        "from pathlib import Path\n"
+        "from lerobot_robot_bimanual.bimanual_sim import BimanualSim\n"
+        "from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig\n"
+        f"options = {{'cameras': 'front', 'image_size': 32, 'calibration_dir': Path({str(tmp_path)!r})}}\n"
+        "config = BimanualSimConfig(viewer=True, **options)\n"
+        "robot = BimanualSim(config)\n"
+        "robot.connect()\n"
+        f"for offset_rad in {(0.2, 0.2, 0.0, 0.2)}:\n"
+        f"    robot.send_action({home()} | {{'right_joint1.pos': offset_rad}})\n"
+        "    robot.get_observation()\n"
+        "print(robot.table.state_hash())\n"
+        "robot.disconnect()\n"
+    )
+    command = ("xvfb-run", "--auto-servernum", sys.executable, "-c", program)
+    child = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr[-4000:]
+    robot = make_robot()
+    for offset_rad in (0.2, 0.2, 0.0, 0.2):
+        robot.send_action(home(offset_rad))
+    assert child.stdout.split()[-1] == robot.table.state_hash()
+
+
+def test_every_episode_is_filmed(make_robot, tmp_path):
+    robot = make_robot(video_dir=str(tmp_path / "films"))
+    for offset_rad in (0.2, 0.0, 0.2):
+        robot.send_action(home(offset_rad))
+    robot.disconnect()
+    films = sorted(path.stem for path in (tmp_path / "films").glob("*.mp4"))
+    assert films == [f"push_box_v0_train_seed{seed}_unfinished" for seed in (0, 1)]
