@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-PLACES = 2**20
+PLACES = 2**16
 """Where a cut may begin."""
 
 
