@@ -3,7 +3,7 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
-.PHONY: help setup watch demo certificates test test-slow test-all fuzz check format bench lock build clean
+.PHONY: help setup watch demo certificates test test-slow test-all fuzz check format bench docs lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,8 +50,13 @@ format: setup  ## Sort imports and format the code
 bench: setup  ## Run the benchmarks; one JSON line each
 	@for script in benchmarks/*.py; do $(BIN)/python "$$script" || exit; done
 
+docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
+	$(BIN)/python scripts/site_films.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+	@echo "open build/site/index.html"
+
 lock:  ## Rewrite requirements.lock from the pyprojects (rm uv.lock first to take newer versions)
-	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages \
+	"$$(scripts/find_uv.sh)" export --quiet --no-hashes --no-emit-workspace --all-packages --group docs \
 	    --no-annotate --no-header --output-file requirements.lock
 
 build: setup  ## Build the wheels and source archives of the four packages into dist/

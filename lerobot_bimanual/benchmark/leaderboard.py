@@ -78,7 +78,7 @@ def render(folder: Path, certificates: Path | None = None, figure: str | None = 
     return PAGE.format(
         recipe=lines[0][0].recipe,
         folder=folder.as_posix(),
-        success=_success(list(rows.values())),
+        success=success_table(list(rows.values())),
         figure="" if figure is None else FIGURE.format(link=quote(figure)),
         training=_training(lines),
         again=AGAIN.format(command=command(configs[-1])) if configs else "",
@@ -178,7 +178,8 @@ def _config_of(path: Path, row: ResultRow) -> BenchmarkConfig | None:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def _success(rows: Sequence[ResultRow]) -> str:
+def success_table(rows: Sequence[ResultRow]) -> str:
+    """The policies, the expert and the blind control side by side, one line per task."""
     cells: defaultdict[tuple[str, str], list[ResultRow]] = defaultdict(list)
     for row in rows:
         cells[_place(row), row.policy].append(row)

@@ -6,7 +6,6 @@ from datetime import date
 from itertools import batched
 
 from rich.console import Console
-from rich.table import Table
 
 from lerobot_bimanual.benchmark.episode_result import Validation, best_checkpoint, success_rate
 from lerobot_bimanual.benchmark.measurements import (
@@ -25,6 +24,7 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.statistics import SuccessRate, anytime_p_value
+from lerobot_bimanual.terminal_table import print_table
 
 SEEDS_AT_A_TIME = 10
 """Between two looks at whether the test may stop; each is a start of `lerobot-eval`."""
@@ -156,7 +156,7 @@ def report(row: ResultRow, plan: Plan, console: Console) -> None:
         "blind: mean keyposes of the training split (test)": row.rates["blind"],
     }
     console.rule("[bold]result[/bold]")
-    console.print(_rates_table(f"{row.task}, recipe {row.recipe}", validated | tested))
+    _print_rates(f"{row.task}, recipe {row.recipe}", validated | tested)
     for name, path in {"checkpoint": plan.checkpoint(row.checkpoint_step), "result": plan.result}.items():
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
@@ -171,13 +171,10 @@ def _dataset_record(plan: Plan) -> DatasetRecord:
     return DatasetRecord(provenance.command, plan.protocol.image_size, seeds, dict(provenance.versions))
 
 
-def _rates_table(title: str, rates: Mapping[str, SuccessRate]) -> Table:
+def _print_rates(title: str, rates: Mapping[str, SuccessRate]) -> None:
     """One row per entry of `rates`, who acted -> success, with the 95 % Wilson interval."""
-    table = Table(title=title)
-    table.add_column("who acts", overflow="fold")
-    table.add_column("solved", justify="right")
-    table.add_column("95 % interval (Wilson)", justify="right")
+    rows = []
     for who, rate in rates.items():
         low, high = rate.interval
-        table.add_row(who, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}")
-    return table
+        rows.append((who, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}"))
+    print_table(("who acts", "solved", "95 % interval (Wilson)"), rows, title)

@@ -4,9 +4,6 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
@@ -16,6 +13,7 @@ from lerobot_bimanual.ladder.comparison import LadderComparison
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.result import LadderResult, is_ladder
 from lerobot_bimanual.statistics import SuccessRate, holm
+from lerobot_bimanual.terminal_table import print_table
 
 type Rows = dict[str, tuple[ResultRow, ...]]
 """Trainings of one policy, by task."""
@@ -54,12 +52,11 @@ def compare(config: CompareConfig) -> None:
     """
     if config.figure is not None:
         check_figure_file(config.figure)
-    console = Console()
     if is_ladder(config.first) or is_ladder(config.second):
         ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
-        console.print(ladders.table())
+        ladders.print()
         for line in ladders.remarks():
-            console.print(line, soft_wrap=True, highlight=False)
+            print(line)
         if config.figure is not None:
             heat_map([ladders.first, ladders.second]).save(config.figure)
         return
@@ -76,12 +73,10 @@ def compare(config: CompareConfig) -> None:
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
         row = rows[shared[0]][0]
-        console.print(
-            f"{name:<7} {row.policy} ({row.recipe}), {path}", soft_wrap=True, highlight=False, markup=False
-        )  # too long for a column
-    console.print(_table(comparisons))
+        print(f"{name:<7} {row.policy} ({row.recipe}), {path}")  # too long for a column
+    _print(comparisons)
     for line in _remarks(comparisons):
-        console.print(line, soft_wrap=True, highlight=False)
+        print(line)
     if config.figure is not None:
         difference_figure(comparisons).save(config.figure)
 
@@ -108,24 +103,25 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     }
 
 
-def _table(comparisons: dict[str, Comparison]) -> Table:
-    table = Table(title="success on the same seeds")
-    for heading in ("task", "first", "second", "difference", "only one solved", "p", "p (Holm)"):
-        table.add_column(heading, justify="left" if heading == "task" else "right", overflow="fold")
+def _print(comparisons: dict[str, Comparison]) -> None:
+    headings = ("task", "first", "second", "difference", "only one solved", "p", "p (Holm)")
+    rows = []
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
     for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True):
         first, second = comparison.rates
         pairing = comparison.pairing
-        table.add_row(
-            place,
-            _rates(first),
-            _rates(second),
-            _difference(comparison),
-            f"{pairing.only_first}, {pairing.only_second}",
-            f"{comparison.p_value:.3g}",
-            f"{p_holm:.3g}",
+        rows.append(
+            (
+                place,
+                _rates(first),
+                _rates(second),
+                _difference(comparison),
+                f"{pairing.only_first}, {pairing.only_second}",
+                f"{comparison.p_value:.3g}",
+                f"{p_holm:.3g}",
+            )
         )
-    return table
+    print_table(headings, rows, "success on the same seeds")
 
 
 def _rates(rates: list[SuccessRate]) -> str:

@@ -27,8 +27,9 @@ def push(config: PushConfig) -> None:
         hf auth login
         lerobot-bimanual push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
     """
-    from lerobot_bimanual.dataset.hub import open_repository, pushable_folder, upload_dataset
+    from lerobot_bimanual.dataset.hub import pushable_folder, upload_dataset
+    from lerobot_bimanual.hub import open_repository
 
     root = pushable_folder(config.root)
-    open_repository(config.repo_id, private=config.private)
+    open_repository(config.repo_id, repo_type="dataset", private=config.private)
     print(upload_dataset(root, config.repo_id, branch=config.branch, tags=config.tags))

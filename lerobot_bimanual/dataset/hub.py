@@ -7,25 +7,19 @@ always validated at huggingface.co, so its push to another Hub ends after the up
 """
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import httpx
-from huggingface_hub import HfApi, constants, get_token
-from huggingface_hub.errors import (
-    HfHubHTTPError,
-    HFValidationError,
-    OfflineModeIsEnabled,
-    RevisionNotFoundError,
-)
-from huggingface_hub.utils import validate_repo_id
+from huggingface_hub import HfApi, constants
+from huggingface_hub.errors import RevisionNotFoundError
 
 from lerobot_bimanual.dataset.card import CARD_FILE, write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.seal import seal_problems, write_seal
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.hub import open_repository, plain_errors
 
 DATASET_FILES = ("data/*", "meta/*", "videos/*")
 """Everything that a LeRobotDataset consists of; the Hub's patterns cross folders."""
@@ -72,24 +66,7 @@ def prepare_push(repo_id: str, views: Sequence[View]) -> None:
             "--push_to_hub takes a single view, --view=frames or --view=keyframes; "
             "of both from one run, push each afterwards with `lerobot-bimanual push`"
         )
-    open_repository(repo_id)
-
-
-def open_repository(repo_id: str, *, private: bool = False) -> None:
-    """Make a dataset repository unless it exists.
-
-    Args:
-        repo_id: USER/NAME or ORGANISATION/NAME.
-        private: hide a new repository from others; an existing one stays as it is.
-
-    Raises:
-        BimanualError: the name is malformed, nobody is logged in, or the Hub refuses or cannot be reached.
-    """
-    _check_name(repo_id)
-    if get_token() is None:
-        raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
-    with _plain_errors(repo_id):
-        HfApi().create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
+    open_repository(repo_id, repo_type="dataset")
 
 
 def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags: Sequence[str] = ()) -> str:
@@ -113,7 +90,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
     write_card(root, repo_id, tags)
     write_seal(root)
     hub = HfApi()
-    with _plain_errors(repo_id):
+    with plain_errors(repo_id):
         if branch is not None:
             hub.create_branch(repo_id, branch=branch, repo_type="dataset", exist_ok=True)
         hub.upload_folder(
@@ -131,36 +108,3 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
                 hub.delete_tag(repo_id, tag=version, repo_type="dataset")
             hub.create_tag(repo_id, tag=version, repo_type="dataset")
     return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
-
-
-def _check_name(repo_id: str) -> None:
-    try:
-        validate_repo_id(repo_id)
-    except HFValidationError as error:
-        raise BimanualError(f"{repo_id!r} is no name on the Hugging Face Hub: {error}") from error
-    if "/" not in repo_id:
-        raise BimanualError(
-            f"{repo_id!r} does not say whose dataset it is; name it USER/NAME or ORGANISATION/NAME"
-        )
-
-
-@contextlib.contextmanager
-def _plain_errors(repo_id: str) -> Iterator[None]:
-    """Turn what the Hub and the network answer into one clear message."""
-    try:
-        yield
-    except OfflineModeIsEnabled as error:
-        raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
-    except HfHubHTTPError as error:
-        status = error.response.status_code
-        if status == httpx.codes.UNAUTHORIZED:
-            reason = "it does not accept the token; run `hf auth login`"
-        elif status == httpx.codes.FORBIDDEN:
-            reason = (
-                "the token may not write there; check its rights, and whether the name begins with your own"
-            )
-        else:
-            reason = f"{error.server_message or error}"
-        raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
-    except httpx.TransportError as error:
-        raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error

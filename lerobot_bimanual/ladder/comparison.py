@@ -4,13 +4,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rich.table import Table
-
 from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, Rung
 from lerobot_bimanual.statistics import holm, mcnemar_p_value
+from lerobot_bimanual.terminal_table import print_table
 
 HEADINGS = ("rung", "first", "second", "only one solved", "p", "p (Holm)")
 
@@ -59,18 +58,13 @@ class LadderComparison:
         """Rungs that only one of both has."""
         return sorted(self.first.by_name.keys() ^ self.second.by_name.keys())
 
-    def table(self) -> Table:
-        """One line per rung: successes, and McNemar's exact test on the same episodes.
+    def print(self) -> None:
+        """Print a line per rung: successes, and McNemar's exact test on the same episodes.
 
         Its p-values are corrected by Holm for how many axes have a certified rung of the same level.
         """
         episodes = len(self.first.level_0.episodes)
-        table = Table(title=f"success on {self.first.task}, the same {episodes} episodes at every rung")
-        for heading in HEADINGS:
-            is_rung = heading == "rung"
-            table.add_column(
-                heading, justify="left" if is_rung else "right", no_wrap=is_rung, overflow="fold"
-            )
+        title = f"success on {self.first.task}, the same {episodes} episodes at every rung"
         pairings = {name: Pairing.of(one.solved, other.solved) for name, one, other in self.rungs}
         p_values = {
             name: mcnemar_p_value(pairing.only_first, pairing.only_second)
@@ -85,18 +79,18 @@ class LadderComparison:
             for names in by_level.values()
             for name, p_holm in zip(names, holm([p_values[name] for name in names]), strict=True)
         }
-        for name, one, other in self.rungs:
-            is_certified = name in corrected
-            table.add_row(
+        rows = [
+            (
                 name,
-                str(one.rates["policy"].successes),
-                str(other.rates["policy"].successes),
+                one.rates["policy"].successes,
+                other.rates["policy"].successes,
                 f"{pairings[name].only_first}, {pairings[name].only_second}",
                 f"{p_values[name]:.3g}",
-                f"{corrected[name]:.3g}" if is_certified else "not certified",
-                style=None if is_certified else "dim",
+                f"{corrected[name]:.3g}" if name in corrected else "not certified",
             )
-        return table
+            for name, one, other in self.rungs
+        ]
+        print_table(HEADINGS, rows, title)
 
     def remarks(self) -> Iterator[str]:
         """What is to be said below the table."""

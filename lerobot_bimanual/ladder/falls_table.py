@@ -2,20 +2,16 @@
 
 from collections.abc import Iterator
 
-from rich.table import Table
-
 from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.result import LadderResult
+from lerobot_bimanual.terminal_table import print_table
 
 HEADINGS = ("rung", "magnitude", "policy", "95 % interval", "expert", "blind", "lost, won", "p", "p (Holm)")
 
 
-def fall_table(result: LadderResult) -> Table:
+def print_falls(result: LadderResult) -> None:
     """One line per rung; lost and won are the episodes that only level 0, and only the rung, saw solved."""
-    table = Table(title=f"{result.policy} on {result.task}, the same {len(result.level_0.episodes)} episodes")
-    for heading in HEADINGS:
-        is_rung = heading == "rung"
-        table.add_column(heading, justify="left" if is_rung else "right", no_wrap=is_rung, overflow="fold")
+    rows = []
     found, axes = falls(result), {axis.name: axis for axis in result.axes}
     for rung in result.rungs:
         rates, axis, fall = rung.rates, axes.get(rung.axis), found.get(rung.name)
@@ -25,17 +21,19 @@ def fall_table(result: LadderResult) -> Table:
             p_holm = "not certified" if fall.p_holm is None else f"{fall.p_holm:.3g}"
             changed = f"{fall.pairing.only_first}, {fall.pairing.only_second}"
             paired = (changed, f"{fall.p_value:.3g}", p_holm)
-        table.add_row(
-            rung.name,
-            "" if axis is None else f"{axis.magnitudes[rung.level - 1]:g}",
-            str(rates["policy"].successes),
-            f"{low:.0%} to {high:.0%}",
-            str(rates["expert"].successes),
-            str(rates["blind"].successes),
-            *paired,
-            style=None if rung.is_certified else "dim",
+        rows.append(
+            (
+                rung.name,
+                "" if axis is None else f"{axis.magnitudes[rung.level - 1]:g}",
+                rates["policy"].successes,
+                f"{low:.0%} to {high:.0%}",
+                rates["expert"].successes,
+                rates["blind"].successes,
+                *paired,
+            )
         )
-    return table
+    title = f"{result.policy} on {result.task}, the same {len(result.level_0.episodes)} episodes"
+    print_table(HEADINGS, rows, title)
 
 
 def remarks(result: LadderResult) -> Iterator[str]:

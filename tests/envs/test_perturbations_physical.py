@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -15,7 +15,8 @@ from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control
 from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
-from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -31,9 +32,13 @@ FEW_TASKS = ("handover_item_easy", "put_item_in_drawer")
 MOST_SHIFTED_M = 0.05
 
 
+@cache
+def model_of(task: str) -> mujoco.MjSpec:
+    return build_spec(get_task(task).spec.props, PANDA_PAIR)
+
+
 def applies(axis: str, task: str) -> bool:
-    spec = get_task(task).spec
-    return get_axis(axis).applies_to(spec, build_spec(spec.props, PANDA_PAIR))
+    return get_axis(axis).applies_to(get_task(task).spec, model_of(task))
 
 
 def make(task: str, axis: str = "", level: int = 3) -> BimanualEnv:
@@ -205,6 +210,32 @@ def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands
     assert run_expert(env, seed).success
     for name, position in lying.items():
         assert np.linalg.norm(scene.pose(name).position - position) < 1e-3
+
+
+def test_friction_changes_every_contact_by_the_same_factor(shared):
+    found = []
+    for key in ((FEW_TASKS[0],), (FEW_TASKS[0], "friction", 3)):
+        env = shared(*key)
+        env.reset(seed=1)
+        env.scene.place("item", env.scene.pose("item"))  # which wakes it
+        found.append(env.scene.data.contact.friction.copy())
+    plain, slippery = found
+    assert len(plain)
+    assert slippery == pytest.approx(plain * get_axis("friction").levels[-1])
+
+
+def test_size_changes_extents_and_moments_of_what_moves_freely_and_nothing_else(shared):
+    plain, larger = (shared("pick_plate", *rung).scene.model for rung in ((), ("size", 3)))
+    factor, bodies = get_axis("size").levels[-1], free_bodies(plain)
+    for values, per_body, expected in (
+        ("geom_aabb", plain.geom_bodyid, factor),
+        ("body_inertia", np.arange(plain.nbody), factor**2),
+        ("body_mass", np.arange(plain.nbody), 1.0),
+    ):
+        factors = np.where(bodies, expected, 1.0)[per_body]
+        before, after = (getattr(model, values) for model in (plain, larger))
+        scaled = (before.T * factors).T
+        assert after == pytest.approx(scaled, rel=1e-6, abs=1e-9), values
 
 
 @pytest.mark.slow

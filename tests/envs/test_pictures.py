@@ -13,6 +13,7 @@ from lerobot_env_bimanual.pictures.layout import (
     Panel,
     contact_sheet,
     gallery,
+    moving_gallery,
 )
 from lerobot_env_bimanual.pictures.viewpoint import ZOOM, clearest_camera, close_up
 from lerobot_env_bimanual.props.block import Block
@@ -74,6 +75,20 @@ def test_text_stands_below_the_picture_and_color_frames_it() -> None:
     assert tuple(framed[GAP + 150, GAP + PANEL_WIDTH // 2]) == RED_RGB
 
 
+def test_a_moving_gallery_shows_one_moment_of_every_episode_at_a_time() -> None:
+    def strip(*values: int) -> list[np.ndarray]:
+        return [np.full((30, 40, 3), value, dtype=np.uint8) for value in values]
+
+    moments = moving_gallery(
+        {"first": strip(10, 20), "second": strip(30, 40), "third": strip(50, 60)}, columns=2
+    )
+    shown = [np.asarray(moment) for moment in moments]
+    corners = [(GAP, GAP), (GAP, 2 * GAP + 40), (2 * GAP + 30 + CAPTION_HEIGHT, GAP + (GAP + 40) // 2)]
+    for moment, values in zip(shown, ((10, 30, 50), (20, 40, 60)), strict=True):
+        for (top, left), value in zip(corners, values, strict=True):
+            assert (moment[top : top + 30, left : left + 40] == value).all()
+
+
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return Scene([Block(), Box()])
@@ -95,7 +110,7 @@ def test_the_clearest_camera_is_one_that_the_moved_thing_is_not_hidden_from(scen
 def test_a_close_up_shows_the_place_between_the_hands(scene) -> None:
     scene.reset()
     rows, columns = np.mgrid[:240, :320].astype(np.uint16)
-    crop = close_up(scene, "left_shoulder", np.stack([rows, columns, rows], axis=-1))
+    crop = np.stack([rows, columns, rows], axis=-1)[close_up(scene, "left_shoulder", *rows.shape)]
     assert crop.shape == (round(240 / ZOOM), round(320 / ZOOM), 3)
     # The hands are at home, high above the table: the close-up is the picture's upper part.
     assert crop[..., 0].min() == 0

@@ -106,7 +106,7 @@ def test_a_stored_measurement_is_read_as_it_was_written_and_a_damaged_one_is_ref
     path = tmp_path / "visibility.json"
     path.write_text(json.dumps(asdict(visibility)))
     assert Visibility.read(path) == visibility
-    assert "| `lift_ball` | 2 | 100.0% | 3 | ball | 1. beside (left) |" in targets_table(visibility)
+    assert "| `lift_ball` | 2 | 100.0% | 3 | ball | 1. beside (left) |" in str(targets_table(visibility))
     assert "| `lift_ball` | ball | 1 / 1 | 2 / 2 |" in pixels_table(visibility)
     path.write_text(path.read_text().replace("[1, 2, 3, 4, 5]", "[1, 2]"))
     with pytest.raises(BimanualError, match="5 pixels per object"):

@@ -3,8 +3,10 @@
 import re
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,11 +16,20 @@ from lerobot_bimanual.cli.flags import parse_flags
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted(
     path
-    for folder in (".", "docs", "envs", "policies", "robots", "policies/lerobot_policy_bimanual/*")
+    for folder in (
+        ".",
+        "docs",
+        "envs",
+        "policies",
+        "robots",
+        "examples",
+        "policies/lerobot_policy_bimanual/*",
+        "results/checkpoints",
+    )
     for path in ROOT.glob(f"{folder}/*.md")
 )
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
-LINK = re.compile(r"\]\(([^)#:]+)\)")
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
 
 def commands(program: str) -> Iterator[tuple[str, list[str]]]:
@@ -34,6 +45,8 @@ def commands(program: str) -> Iterator[tuple[str, list[str]]]:
         command: list[str] = []
         for token in [*lexer, "\n"]:
             if set(token) <= set("\n;&|"):
+                if command[:1] == ["torchrun"]:  # several processes of the program that a later word names
+                    command = [program, *command[3:]] if program in command[2] else []
                 if command and command[0] == program:
                     yield path.name, command[1:]
                 command = []
@@ -60,6 +73,20 @@ def test_flags_of_our_verbs_parse() -> None:
         assert verb in cli.find_verbs(), place
         config_type = cli.config_type_of(cli.find_verbs()[verb].load())
         parse_flags(config_type, flags)
+
+
+def test_every_page_is_in_the_navigation_of_the_site() -> None:
+    import yaml
+
+    def pages(entry: Any) -> Iterator[str]:
+        if isinstance(entry, str):
+            yield entry
+        else:
+            for part in entry.values() if isinstance(entry, dict) else entry:
+                yield from pages(part)
+
+    named = set(pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
+    assert {path.name for path in ROOT.glob("docs/*.md")} <= named
 
 
 def test_make_knows_every_target_that_is_named() -> None:
@@ -101,9 +128,64 @@ def test_the_task_table_of_the_readme_is_the_registry() -> None:
     assert shown == rows, "\n".join(["the table of tasks in README.md should be", *rows])
 
 
-def test_the_dataset_table_of_the_readme_is_the_schema() -> None:
+def test_the_table_of_the_schema_names_every_column() -> None:
     from lerobot_bimanual.dataset import schema
 
-    text = (ROOT / "README.md").read_text()
+    text = (ROOT / "docs/schema.md").read_text()
     for key, elements in schema.VECTORS.items():
         assert f"| `{key}` | ({len(elements)},) |" in text
+    assert all(re.search(rf"^\|.*`{key}`.* \| \(1,\) \|", text, re.MULTILINE) for key in schema.SCALARS)
+
+
+def test_the_table_of_options_is_that_of_the_environment() -> None:
+    from dataclasses import fields
+
+    from lerobot_env_bimanual import BimanualEnvConfig
+    from lerobot_env_bimanual.options import EnvOptions
+
+    section = (ROOT / "docs/environment.md").read_text().partition("## Options\n")[2]
+    shown = dict(re.findall(r"^\| `(\w+)` \| `([^`]*)` \|", section, re.MULTILINE))
+    options = {field.name: str(field.default) or "none" for field in fields(EnvOptions)}
+    assert shown == {"task": str(BimanualEnvConfig().task)} | options
+
+
+def test_the_table_of_cameras_is_the_scene() -> None:
+    from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
+
+    text = (ROOT / "docs/environment.md").read_text()
+    for camera in FIXED_CAMERAS:
+        places = " | ".join(
+            ", ".join(f"{value:.2f}" for value in place) for place in (camera.position, camera.target)
+        )
+        assert f"| `{camera.name}` | {places} | {camera.fovy_deg:g}° |" in text
+
+
+def test_the_results_of_the_readme_are_those_of_the_board() -> None:
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert script("readme").with_results(page) == page, "run scripts/readme.py"
+
+
+def test_drawings_are_what_their_scripts_draw() -> None:
+    from lerobot.configs import PreTrainedConfig
+
+    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
+
+    policies, frames = script("policy_figures"), script("frames_figure")
+    assert frames.OUTPUT.read_text(encoding="utf-8") == frames.draw(), "run scripts/frames_figure.py"
+    known = PreTrainedConfig.get_known_choices().items()
+    ours = {name for name, kind in known if kind.__module__.startswith("lerobot_policy_bimanual.")}
+    assert ours == set(policies.FIGURES)
+    for policy in policies.FIGURES:
+        drawn = (ROOT / f"docs/{policy}.svg").read_text(encoding="utf-8")
+        assert drawn == policies.draw(policy), "run scripts/policy_figures.py"
+
+
+def script(name: str) -> Any:
+    """A script as a module; those that it imports lie beside it."""
+    import importlib
+
+    sys.path.insert(0, str(ROOT / "scripts"))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(str(ROOT / "scripts"))

@@ -72,7 +72,7 @@ def test_the_lock_pins_every_direct_dependency_and_names_no_address() -> None:
         declared = tomllib.loads((folder / "pyproject.toml").read_text())
         requirements = [
             *declared["project"]["dependencies"],
-            *declared.get("dependency-groups", {}).get("dev", []),
+            *(each for group in declared.get("dependency-groups", {}).values() for each in group),
         ]
         names = {
             re.split(r"[^A-Za-z0-9_-]", requirement)[0].replace("_", "-") for requirement in requirements

@@ -126,7 +126,7 @@ def test_stock_replay_finds_the_robot_of_the_wheels_and_plays_an_episode_generat
 
 # -- a task in a distribution of somebody else's ------------------------------------------------------------
 
-TASK_PACKAGE = ROOT / "examples/04_add_a_task"
+TASK_PACKAGE = ROOT / "examples/07_own_task"
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""A Hugging Face Hub on this machine, as much of it as uploading and loading a dataset needs.
+"""A Hugging Face Hub on this machine, as much of it as uploading and loading a dataset or an environment needs.
 
 Every file is a regular git blob, sent inside the commit: there is neither LFS nor Xet. Branches and tags name
 commits, and a commit maps paths to contents.
@@ -7,8 +7,12 @@ commits, and a commit maps paths to contents.
 import base64
 import hashlib
 import json
+import os
+import subprocess
+import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 from urllib.parse import unquote, urlsplit
@@ -18,9 +22,10 @@ TOKEN = "hf_loopback"
 
 
 class Repository:
-    """A dataset repository: commits, and the branches and tags that name them."""
+    """A repository of one kind, `datasets` or `models`: commits, and the branches and tags that name them."""
 
-    def __init__(self):
+    def __init__(self, kind: str = "datasets"):
+        self.kind = kind
         self.commits: dict[str, dict[str, bytes]] = {}
         self.branches: dict[str, str] = {}
         self.tags: dict[str, str] = {}
@@ -70,16 +75,47 @@ class LoopbackHub(ThreadingHTTPServer):
         self.server_close()
 
 
+class Desk:
+    """Somebody's machine: a home without any cache, and the loopback Hub as the only one."""
+
+    def __init__(self, folder: Path, address: str, token: str | None):
+        self.folder = folder
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("HF_")}
+        self.environment |= {
+            "HF_ENDPOINT": address,
+            "HF_HOME": str(folder / "hf_home"),
+            "HF_HUB_DISABLE_XET": "1",
+            "OMP_NUM_THREADS": "1",
+        }
+        if token is not None:
+            self.environment["HF_TOKEN"] = token
+        folder.mkdir()
+
+    def run(self, *words: str, **changes: str) -> subprocess.CompletedProcess[str]:
+        """A command of this environment in the folder."""
+        program = str(Path(sys.executable).with_name(words[0]))
+        return subprocess.run(
+            [program, *words[1:]],
+            cwd=self.folder,
+            env=self.environment | changes,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: LoopbackHub
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
         match self._path():
-            case ["api", "datasets", user, name, *rest]:
-                self._describe(f"{user}/{name}", rest)
+            case ["api", ("datasets" | "models") as kind, user, name, *rest]:
+                self._describe(kind, f"{user}/{name}", rest)
             case ["datasets", user, name, "resolve", revision, *path]:
-                self._file(f"{user}/{name}", revision, "/".join(path))
+                self._file("datasets", f"{user}/{name}", revision, "/".join(path))
+            case [user, name, "resolve", revision, *path]:
+                self._file("models", f"{user}/{name}", revision, "/".join(path))
             case _:
                 self._answer(404)
 
@@ -95,17 +131,17 @@ class _Handler(BaseHTTPRequestHandler):
                 self._create(json.loads(body))
             case ["api", "validate-yaml"]:
                 self._answer(200, {"errors": [], "warnings": []})
-            case ["api", "datasets", user, name, "preupload", _]:
+            case ["api", "datasets" | "models", user, name, "preupload", _]:
                 paths = [file["path"] for file in json.loads(body)["files"]]
                 modes = [{"path": path, "uploadMode": "regular", "shouldIgnore": False} for path in paths]
                 self._answer(200, {"files": modes})
-            case ["api", "datasets", user, name, "commit", branch]:
+            case ["api", "datasets" | "models", user, name, "commit", branch]:
                 self._commit(f"{user}/{name}", branch, [json.loads(line) for line in body.splitlines()])
-            case ["api", "datasets", user, name, "branch", branch]:
+            case ["api", "datasets" | "models", user, name, "branch", branch]:
                 repository = self.server.repositories[f"{user}/{name}"]
                 repository.branches.setdefault(branch, repository.branches["main"])
                 self._answer(200, {})
-            case ["api", "datasets", user, name, "tag", revision]:
+            case ["api", "datasets" | "models", user, name, "tag", revision]:
                 repository = self.server.repositories[f"{user}/{name}"]
                 commit = repository.resolve(revision)
                 assert commit is not None
@@ -116,7 +152,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_DELETE(self) -> None:
         match self._path():
-            case ["api", "datasets", user, name, "tag", tag] if (
+            case ["api", "datasets" | "models", user, name, "tag", tag] if (
                 tag in self.server.repositories[f"{user}/{name}"].tags
             ):
                 del self.server.repositories[f"{user}/{name}"].tags[tag]
@@ -130,8 +166,10 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(403, {"error": "You don't have the rights to create a dataset under this namespace"})
             return
         is_new = repo_id not in self.server.repositories
-        self.server.repositories.setdefault(repo_id, Repository())
-        self._answer(200 if is_new else 409, {"url": f"{self.server.address}/datasets/{repo_id}"})
+        kind = f"{wanted.get('type') or 'model'}s"
+        self.server.repositories.setdefault(repo_id, Repository(kind))
+        folder = "" if kind == "models" else f"/{kind}"
+        self._answer(200 if is_new else 409, {"url": f"{self.server.address}{folder}/{repo_id}"})
 
     def _commit(self, repo_id: str, branch: str, operations: list[dict]) -> None:
         repository = self.server.repositories[repo_id]
@@ -146,9 +184,9 @@ class _Handler(BaseHTTPRequestHandler):
         url = f"{self.server.address}/datasets/{repo_id}/commit/{name}"
         self._answer(200, {"commitUrl": url, "commitOid": name})
 
-    def _describe(self, repo_id: str, question: list[str]) -> None:
+    def _describe(self, kind: str, repo_id: str, question: list[str]) -> None:
         repository = self.server.repositories.get(repo_id)
-        if repository is None:
+        if repository is None or repository.kind != kind:
             self._answer(404, code="RepoNotFound")
             return
         if question == ["refs"]:
@@ -179,9 +217,9 @@ class _Handler(BaseHTTPRequestHandler):
             siblings = [{"rfilename": path} for path in files]
             self._answer(200, {"id": repo_id, "sha": commit, "siblings": siblings, "private": False})
 
-    def _file(self, repo_id: str, revision: str, path: str) -> None:
+    def _file(self, kind: str, repo_id: str, revision: str, path: str) -> None:
         repository = self.server.repositories.get(repo_id)
-        commit = repository.resolve(revision) if repository else None
+        commit = repository.resolve(revision) if repository and repository.kind == kind else None
         content = repository.commits[commit].get(path) if repository and commit else None
         if content is None:
             self._answer(404, code="EntryNotFound")

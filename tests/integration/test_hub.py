@@ -1,10 +1,7 @@
 """A dataset goes onto the Hub with its card, and everyone else loads it by its name."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
@@ -42,33 +39,8 @@ def hub() -> Iterator:
         yield running
 
 
-class Desk:
-    """Somebody's machine: a home without any cache, and the loopback Hub as the only one."""
-
-    def __init__(self, folder: Path, address: str, token: str | None):
-        self.folder = folder
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("HF_")}
-        self.environment |= {
-            "HF_ENDPOINT": address,
-            "HF_HOME": str(folder / "hf_home"),
-            "HF_HUB_DISABLE_XET": "1",
-            "OMP_NUM_THREADS": "1",
-        }
-        if token is not None:
-            self.environment["HF_TOKEN"] = token
-        folder.mkdir()
-
-    def run(self, *words: str, **changes: str) -> subprocess.CompletedProcess[str]:
-        """A command of this environment in the folder."""
-        program = str(Path(sys.executable).with_name(words[0]))
-        return subprocess.run(
-            [program, *words[1:]],
-            cwd=self.folder,
-            env=self.environment | changes,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+class Desk(loopback_hub.Desk):
+    """Somebody who pushes and loads datasets."""
 
     def push(self, root: Path, repo_id: str = REPO_ID, *flags: str, **changes: str):
         words = ("lerobot-bimanual", "push", f"--root={root}", f"--repo_id={repo_id}", *flags)

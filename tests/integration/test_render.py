@@ -13,7 +13,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.render import RenderConfig, render
 from lerobot_env_bimanual.pictures.layout import CAPTION_HEIGHT, GAP, PANEL_WIDTH, SEAM
-from lerobot_env_bimanual.pictures.shooting import CLEAREST
+from lerobot_env_bimanual.pictures.shooting import CLEAREST, STRIP_LENGTH, STRIP_WIDTH
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.workers import WorkerPool
 
@@ -66,17 +66,21 @@ def test_a_failing_expert_is_an_error_that_says_where_and_leaves_its_sheet(
 
 @pytest.mark.sim
 @pytest.mark.usefixtures("in_this_process")
-def test_two_tasks_make_a_gallery(small) -> None:
-    config = small(task="lift_ball,dual_push_buttons", video=False)
+def test_two_tasks_make_a_gallery_and_one_that_moves(small) -> None:
+    config = small(task="lift_ball,dual_push_buttons")
     render(config)
     assert {path.name for path in config.output.iterdir()} == {
-        "lift_ball.png",
-        "dual_push_buttons.png",
-        "tasks.jpg",
+        *("lift_ball.png", "lift_ball.mp4"),
+        *("dual_push_buttons.png", "dual_push_buttons.mp4"),
+        *("tasks.jpg", "tasks.webp"),
     }
     sheet = Image.open(config.output / "tasks.jpg")
     side = sheet.height - CAPTION_HEIGHT - 2 * GAP  # policies see a square as high as the close-up
     assert sheet.width == 2 * (PANEL_WIDTH + SEAM + side + GAP) + GAP
+    with Image.open(config.output / "tasks.webp") as film:
+        assert film.width == 2 * (STRIP_WIDTH + GAP) + GAP
+        # Pictures that are alike are stored once, and shown for longer.
+        assert 10 < getattr(film, "n_frames") <= STRIP_LENGTH  # noqa: B009  unknown to Pillow's types
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def blame(config: BlameConfig) -> int:
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
-    from lerobot_bimanual.markdown_table import markdown_table
+    from lerobot_bimanual.terminal_table import print_table
 
     headings = ("seed", "class", "last recoverable keypose", "lost by", "fact")
     rows = [
@@ -79,7 +79,7 @@ def _print_table(blames: Sequence[Blame]) -> None:
         for blame in blames
     ]
     if rows:
-        print(markdown_table(headings, rows))
+        print_table(headings, rows)
 
 
 def _shown(index: int | None) -> str:
@@ -87,7 +87,7 @@ def _shown(index: int | None) -> str:
 
 
 def _print_sums(found: dict[str, list[Blame]]) -> None:
-    from lerobot_bimanual.markdown_table import markdown_table
+    from lerobot_bimanual.terminal_table import print_table
     from lerobot_env_bimanual.audit.blame import Loser
     from lerobot_env_bimanual.audit.failure_class import FailureClass
 
@@ -96,16 +96,11 @@ def _print_sums(found: dict[str, list[Blame]]) -> None:
         ("who lost them", Loser, "loser"),
     ):
         kinds_of = {task: [getattr(blame, attribute) for blame in blames] for task, blames in found.items()}
-        print(f"\nBy {heading}:")
-        print(
-            markdown_table(
-                ("task", *kinds, "failed"),
-                [
-                    (task, *(of_task.count(kind) for kind in kinds), len(of_task))
-                    for task, of_task in kinds_of.items()
-                ],
-            )
-        )
+        rows = [
+            (task, *(of_task.count(kind) for kind in kinds), len(of_task))
+            for task, of_task in kinds_of.items()
+        ]
+        print_table(("task", *kinds, "failed"), rows, f"By {heading}:")
 
 
 def _write(found: dict[str, list[Blame]], config: BlameConfig) -> None:

@@ -11,9 +11,6 @@ from lerobot_bimanual.errors import InvalidChoice
 if TYPE_CHECKING:
     from lerobot_env_bimanual.ladder.climb import Climb
 
-LOG_WIDTH = 110
-"""Columns of the printed table where no terminal says how many there are."""
-
 
 @dataclass
 class LadderConfig:
@@ -61,7 +58,7 @@ def ladder(config: LadderConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
-    from lerobot_bimanual.ladder.falls_table import fall_table, remarks
+    from lerobot_bimanual.ladder.falls_table import print_falls, remarks
     from lerobot_bimanual.ladder.ladder_figure import ladder_figure
 
     climb, console = _climb(config), Console()
@@ -86,9 +83,7 @@ def ladder(config: LadderConfig) -> None:
     assert result is not None  # it has level 0 at least
     figure = climb.output.with_suffix(".png")
     ladder_figure(result).save(figure)
-    if not console.is_terminal:
-        console.width = LOG_WIDTH
-    console.print(fall_table(result))
+    print_falls(result)
     for line in (
         *remarks(result),
         f"result  {climb.output}",

@@ -12,6 +12,9 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 if TYPE_CHECKING:
     from lerobot_env_bimanual.pictures.shooting import Order, Shot
 
+FRAME_MS, PAUSE_MS = 90, 1500
+WEBP_QUALITY = 50
+
 
 @dataclass
 class RenderConfig:
@@ -38,7 +41,7 @@ def render(config: RenderConfig) -> None:
 
     For each task, one episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4.
     Several tasks make a gallery tasks.jpg: a close-up of each in the chosen quality and, beside it, the camera's whole
-    image as policies get it.
+    image as policies get it; and, with films, tasks.webp: all of them moving at once.
 
     An expert that does not solve its episode is an error, but its pictures are there to look at.
 
@@ -56,7 +59,7 @@ def render(config: RenderConfig) -> None:
     with WorkerPool(config.workers) as pool:
         shots = list(pool.map(shoot, orders, "render", "task", name=lambda order: order.task))
     if len(shots) > 1:
-        _write_gallery(shots, config.output / "tasks.jpg")
+        _write_galleries(shots, config.output)
     print(f"{config.output}: pictures of {', '.join(order.task for order in orders)}")
     failures = [
         f"{order.task} failed at {order.split} seed {order.seed}, stage {shot.outcome.last_move!r}: "
@@ -94,11 +97,23 @@ def _orders(config: RenderConfig) -> list[Order]:
     return orders
 
 
-def _write_gallery(shots: Sequence[Shot], path: Path) -> None:
-    from lerobot_env_bimanual.pictures.layout import Panel, gallery
+def _write_galleries(shots: Sequence[Shot], folder: Path) -> None:
+    from lerobot_env_bimanual.pictures.layout import Panel, gallery, moving_gallery
 
     panels = [
         Panel(shot.thumbnail, shot.outcome.task, note="what policies see", beside=shot.policy_view)
         for shot in shots
     ]
-    gallery(panels).save(path, quality=85)
+    gallery(panels).save(folder / "tasks.jpg", quality=85)
+    if all(shot.strip for shot in shots):
+        first, *others = moving_gallery({shot.outcome.task: shot.strip for shot in shots})
+        durations_ms = [FRAME_MS] * len(others) + [PAUSE_MS]  # the last one stands still for a while
+        first.save(
+            folder / "tasks.webp",
+            save_all=True,
+            append_images=others,
+            duration=durations_ms,
+            loop=0,
+            quality=WEBP_QUALITY,
+            method=4,
+        )

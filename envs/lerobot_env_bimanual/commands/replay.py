@@ -106,30 +106,22 @@ def _warn_of_other_versions(dataset: RecordedDataset) -> None:
 
 
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from lerobot_bimanual.terminal_table import print_table
 
     groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
     for meta, result in played.values():
         groups[meta.task, meta.variation].append(result)
-    table = Table()
-    for heading in ("task", "variation", "episodes", "ticks", "same states", "solved"):
-        table.add_column(heading, justify="left" if heading == "task" else "right")
+    rows = []
     for (task, variation), group in sorted(groups.items()):
         same = sum(result.divergence is None for result in group)
         solved = sum(result.success for result in group)
         ticks = sum(result.ticks for result in group)
-        table.add_row(task, *map(str, (variation, len(group), ticks, same, solved)))
-    console = Console()
-    console.print(table)
+        rows.append((task, variation, len(group), ticks, same, solved))
+    print_table(("task", "variation", "episodes", "ticks", "same states", "solved"), rows)
     for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
-            console.print(
-                f"episode {index} ({meta.task}, seed {meta.seed}): {result.comparison}, {end}",
-                highlight=False,
-                soft_wrap=True,
-            )
+            print(f"episode {index} ({meta.task}, seed {meta.seed}): {result.comparison}, {end}")
 
 
 _replayer: Replayer | None = None

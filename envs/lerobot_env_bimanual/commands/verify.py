@@ -135,22 +135,17 @@ class _ViewReport:
 
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
-        from rich.console import Console
-        from rich.table import Table
-
         from lerobot_bimanual.dataset.content_hash import combined_hash
+        from lerobot_bimanual.terminal_table import print_table
 
         results: dict[str, list[tuple[int | None, tuple[Fault, ...]]]] = defaultdict(list)
         for check, episode, faults in self._results():
             results[check].append((episode, faults))
-        table = Table("check", title=str(self.root), title_justify="left")
-        for heading in ("passed", "failed"):
-            table.add_column(heading, justify="right")
+        rows = []
         for check, outcomes in results.items():
             failed = sum(bool(faults) for _, faults in outcomes)
-            table.add_row(check, str(len(outcomes) - failed), f"[red]{failed}[/red]" if failed else "0")
-        console = Console()
-        console.print(table)
+            rows.append((check, len(outcomes) - failed, failed))
+        print_table(("check", "passed", "failed"), rows, str(self.root))
         if self.remark:
             print(self.remark)
         for check, outcomes in results.items():

@@ -10,10 +10,10 @@ from statistics import median
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.terminal_table import print_table
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
@@ -23,9 +23,6 @@ from lerobot_env_bimanual.expert.world_version import world_version
 
 STATE_HASH_DIGITS = 16
 """Of each state hash, as many as tell all episodes apart."""
-
-LOG_WIDTH = 110
-"""Columns of the printed table where no terminal says how many there are."""
 
 
 @dataclass(frozen=True)
@@ -121,29 +118,24 @@ class Certificate:
 
     def print(self) -> None:
         """Print a table, the failures of an expert, and the complaints."""
-        console = Console()
-        if not console.is_terminal:
-            console.width = LOG_WIDTH
         rounding = f", keyposes rounded to {self.discretise} voxels per axis" if self.discretise else ""
+        headings = ("task", "variation", "successes", "95 % interval", "median time", "worst tip error")
+        rows, console = [], Console()
         perturbed = f", {self.perturb}" if self.perturb else ""
-        table = Table(title=f"{self.control} on {self.split} seeds {self.seeds}{rounding}{perturbed}")
-        for heading in ("task", "variation", "successes", "95 % interval", "median time", "worst tip error"):
-            is_name = heading == "task"
-            table.add_column(
-                heading, justify="left" if is_name else "right", no_wrap=is_name, overflow="fold"
-            )
         for (task, variation), rate in rates(self.outcomes).items():
             outcomes = self.of(task, variation)
             low, high = rate.interval
-            table.add_row(
-                task,
-                str(variation),
-                f"{rate.successes}/{rate.trials}",
-                f"{low:.1%} to {high:.1%}",
-                f"{median(outcome.ticks for outcome in outcomes) / CONTROL_HZ:.1f} s",
-                f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control == "expert" else "",
+            rows.append(
+                (
+                    task,
+                    variation,
+                    f"{rate.successes}/{rate.trials}",
+                    f"{low:.1%} to {high:.1%}",
+                    f"{median(outcome.ticks for outcome in outcomes) / CONTROL_HZ:.1f} s",
+                    f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control == "expert" else "",
+                )
             )
-        console.print(table)
+        print_table(headings, rows, f"{self.control} on {self.split} seeds {self.seeds}{rounding}{perturbed}")
         for outcome in self.outcomes:
             if self.control == "expert" and not outcome.success:
                 console.print(_failure(outcome), highlight=False, soft_wrap=True)

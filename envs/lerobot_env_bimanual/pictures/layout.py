@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,8 +63,25 @@ def gallery(panels: Sequence[Panel], columns: int = 3) -> Image.Image:
     return _grid(panels, columns, centred=True)
 
 
-def _grid(panels: Sequence[Panel], columns: int, centred: bool) -> Image.Image:
-    pictures = [_draw_panel(panel) for panel in panels]
+def moving_gallery(strips: Mapping[str, Sequence[NDArray[np.uint8]]], columns: int = 5) -> list[Image.Image]:
+    """Episodes in rows, each with its name, all moving at once.
+
+    Args:
+        strips: name of each episode -> its pictures, (height, width, 3) uint8, equally many of one shape.
+        columns: of episodes.
+
+    Returns:
+        One picture per moment.
+    """
+    moments = zip(*strips.values(), strict=True)
+    panels = [[Panel(rgb, name) for name, rgb in zip(strips, moment, strict=True)] for moment in moments]
+    return [_grid(moment, columns, centred=True, panel_width=moment[0].rgb.shape[1]) for moment in panels]
+
+
+def _grid(
+    panels: Sequence[Panel], columns: int, centred: bool, panel_width: int = PANEL_WIDTH
+) -> Image.Image:
+    pictures = [_draw_panel(panel, panel_width) for panel in panels]
     width, height = (side + GAP for side in pictures[0].size)
     columns = min(columns, len(pictures))
     rows = -(-len(pictures) // columns)
@@ -77,10 +94,10 @@ def _grid(panels: Sequence[Panel], columns: int, centred: bool) -> Image.Image:
     return sheet
 
 
-def _draw_panel(panel: Panel) -> Image.Image:
+def _draw_panel(panel: Panel, panel_width: int) -> Image.Image:
     first = Image.fromarray(panel.rgb)
-    height = round(PANEL_WIDTH * first.height / first.width)
-    pictures = [first.resize((PANEL_WIDTH, height), Image.Resampling.LANCZOS)]
+    height = round(panel_width * first.height / first.width)
+    pictures = [first.resize((panel_width, height), Image.Resampling.LANCZOS)]
     if panel.beside is not None:
         second = Image.fromarray(panel.beside)
         width = round(height * second.width / second.height)

@@ -12,21 +12,24 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import Move, run_expert
+from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
+from lerobot_env_bimanual.pictures.take import take
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up
 from lerobot_env_bimanual.world.rendering import Renderer
-from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
 CLEAREST = "clearest"
 THUMBNAIL_MOMENT = 0.8
 """Share of the episode that has passed in a task's one picture: the hands are on the things, the end is in sight."""
+STRIP_LENGTH, STRIP_WIDTH = 40, 208
+"""Pictures of an episode in the moving gallery, and their width in pixels."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,13 @@ class Shot:
         outcome: of the episode.
         thumbnail: (height, width, 3) uint8, a close-up that shows what the task is about.
         policy_view: (256, 256, 3) uint8, the same moment as the camera shows it to policies.
+        strip: `STRIP_LENGTH` small close-ups from start to end, (height, `STRIP_WIDTH`, 3) uint8; none without a film.
     """
 
     outcome: Outcome
     thumbnail: NDArray[np.uint8]
     policy_view: NDArray[np.uint8]
+    strip: Sequence[NDArray[np.uint8]]
 
 
 def shoot(order: Order) -> Shot:
@@ -103,15 +108,8 @@ def shoot(order: Order) -> Shot:
 
 def _shoot(order: Order) -> Shot:
     env = order.environment()
-    moves: list[tuple[str, int]] = []  # name of each move, and the tick at which it starts
-    states: list[SceneState] = []
-
-    def start_move(move: Move) -> None:
-        moves.append((move.name, len(states)))
-
-    with env.observed_by(lambda env, _: states.append(env.scene.save_state())):
-        outcome = run_expert(env, order.seed, on_move=start_move)
-    states.append(env.scene.save_state())
+    taken = take(env, order.seed, expert())
+    outcome, states, moves = taken.outcome, taken.states, taken.moves
 
     ends = [*(start for _, start in moves), outcome.ticks]
     camera = order.camera
@@ -127,15 +125,25 @@ def _shoot(order: Order) -> Shot:
         order.folder.mkdir(parents=True, exist_ok=True)
         panels = [_panel(outcome, moves, number, image(end), end) for number, end in enumerate(ends)]
         contact_sheet(order.task, (env.task_description, _imprint(outcome, camera)), panels).save(order.sheet)
+        moment = round(THUMBNAIL_MOMENT * outcome.ticks)
+        thumbnail = image(moment)
+        window = close_up(env.scene, camera, *options.size)
+        strip: list[NDArray[np.uint8]] = []
         if order.film:
             _film(order, map(image, range(len(states))))
-        moment = round(THUMBNAIL_MOMENT * outcome.ticks)
-        thumbnail = close_up(env.scene, camera, image(moment))
+            moments = np.linspace(0, outcome.ticks, STRIP_LENGTH).round().astype(int)
+            strip = [_small(image(tick)[window]) for tick in moments]
     with Renderer(env.scene, (camera,)) as renderer:  # in the size and quality of observations
         env.scene.restore_state(states[moment])
         policy_view = renderer.render()[camera][0]
     env.close()
-    return Shot(outcome, thumbnail, policy_view)
+    return Shot(outcome, thumbnail[window], policy_view, strip)
+
+
+def _small(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    picture = Image.fromarray(rgb)
+    height = round(STRIP_WIDTH * picture.height / picture.width)
+    return np.asarray(picture.resize((STRIP_WIDTH, height), Image.Resampling.LANCZOS))
 
 
 def _imprint(outcome: Outcome, camera: str) -> str:

@@ -50,22 +50,22 @@ def clearest_camera(scene: Scene, states: Sequence[SceneState]) -> str:
     return FIXED_CAMERAS[int(votes.sum(axis=1).argmax())].name
 
 
-def close_up(scene: Scene, camera: str, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The part of a picture around the middle between both hands, 1 / ZOOM as wide and as high.
+def close_up(scene: Scene, camera: str, height: int, width: int) -> tuple[slice, slice]:
+    """Rows and columns of a picture around the middle between both hands, 1 / ZOOM as high and as wide.
 
     Args:
         scene: the scene as it was when the picture was taken.
         camera: name of its camera.
-        rgb: (height, width, 3), the picture.
+        height: of the picture, pixels.
+        width: of the picture, pixels.
     """
-    height, width = rgb.shape[:2]
     extrinsics, intrinsics = calibration(scene, height, width)
     index = CAMERA_NAMES.index(camera)
     middle_m = np.mean([scene.tcp(arm).position for arm in ARMS], axis=0)
     pixel = project(middle_m, intrinsics.reshape(-1, 3, 3)[index], extrinsics.reshape(-1, 4, 4)[index])
     sides = np.rint(np.array([height, width]) / ZOOM).astype(int)
     top, left = np.clip(np.rint(pixel[[1, 0]] - sides / 2).astype(int), 0, (height, width) - sides)
-    return rgb[top : top + sides[0], left : left + sides[1]]
+    return slice(top, top + sides[0]), slice(left, left + sides[1])
 
 
 def _objects(scene: Scene) -> NDArray[np.int_]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
-from lerobot_bimanual.markdown_table import markdown_table
+from lerobot_bimanual.markdown_table import MarkdownTable
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.reading import chance
@@ -120,7 +120,7 @@ class Certified:
         return SuccessRate(sum(row["successes"] for row in rows), sum(row["trials"] for row in rows))
 
 
-def success_table(certified: Certified) -> str:
+def success_table(certified: Certified) -> MarkdownTable:
     """Experts and controls, successes of trials per task; of the two single arms the better one."""
     headings = (
         "task",
@@ -136,7 +136,7 @@ def success_table(certified: Certified) -> str:
     for task in certified.tasks:
         cells = [_cell(certified.rate(name, task)) for name in PLAYERS]
         rows.append((f"`{task}`", *cells, _one_arm(certified, task), _unread(certified, task)))
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
 def _one_arm(certified: Certified, task: str) -> str:
@@ -156,7 +156,7 @@ def _cell(rate: SuccessRate | None) -> str:
     return NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}"
 
 
-def evidence_table(certified: Certified) -> str:
+def evidence_table(certified: Certified) -> MarkdownTable:
     """What else was found out about the exact expert's episodes."""
     headings = (
         "task",
@@ -185,10 +185,10 @@ def evidence_table(certified: Certified) -> str:
                 f"{_acceptance(variations):.0%}",
             )
         )
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
-def paper_table(certified: Certified) -> str:
+def paper_table(certified: Certified) -> MarkdownTable:
     """Variations, items, keyframes, duration and oracle, here and in the paper."""
     headings = ("task", "variations", "items", "keyframes", "duration", "oracle of the original")
     rows = []
@@ -208,10 +208,10 @@ def paper_table(certified: Certified) -> str:
             )
         )
     rows.append(("all", sum(row[1] for row in rows), "", "", "", f"{ORIGINAL_ORACLE_MEAN:.1%}"))
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
-def coupling_table(certified: Certified) -> str:
+def coupling_table(certified: Certified) -> MarkdownTable:
     """The coupling of the arms as the physics shows it, beside the paper's taxonomy."""
     headings = (
         "task",
@@ -247,10 +247,10 @@ def coupling_table(certified: Certified) -> str:
                 f"{coupling('mirror_similarity'):.2f}",
             )
         )
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
-def strain_table(certified: Certified) -> str:
+def strain_table(certified: Certified) -> MarkdownTable:
     """The peaks of the experts' episodes beside their bounds."""
     headings = (
         "task",
@@ -274,7 +274,7 @@ def strain_table(certified: Certified) -> str:
             rows.append(
                 (f"*at most in `{task}`*", *_strain_cells(Strain(**BOUNDS | dict(own), penetrating="")), "")
             )
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
 def excess_sentence(certified: Certified) -> str:

@@ -12,7 +12,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.json_record import decode
-from lerobot_bimanual.markdown_table import markdown_table
+from lerobot_bimanual.markdown_table import MarkdownTable, markdown_table
 from lerobot_env_bimanual.pictures.visibility import Moment, TargetViews
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -56,7 +56,7 @@ class Visibility:
         return sorted(self.tasks, key=lambda name: get_task(name).spec.id)
 
 
-def targets_table(visibility: Visibility) -> str:
+def targets_table(visibility: Visibility) -> MarkdownTable:
     """Per task in how many views the arms' targets are seen, and which target is seen least."""
     headings = ("task", "targets", "seen in two views", "fewest views", "of", "before")
     rows = []
@@ -74,7 +74,7 @@ def targets_table(visibility: Visibility) -> str:
                 f"{moment.step + 1}. {moment.move} ({arm})",
             )
         )
-    return markdown_table(headings, rows)
+    return MarkdownTable(headings, rows)
 
 
 def pixels_table(visibility: Visibility) -> str:

@@ -32,11 +32,9 @@ def accuracy(config: AccuracyConfig) -> None:
     require_checkpoint(config.checkpoint)
     find_view(config.dataset)
 
-    from rich.console import Console
-
     from lerobot_policy_bimanual.inspection.accuracy import measure
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
 
     policy, preprocess = load_policy(config.checkpoint)
     dataset = open_dataset(config.dataset, policy.config)
-    Console().print(measure(policy, preprocess, dataset).table(f"{policy.name} on {config.dataset}"))
+    measure(policy, preprocess, dataset).print(f"{policy.name} on {config.dataset}")

@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from lerobot.datasets import LeRobotDataset
 from numpy.typing import NDArray
-from rich.table import Table
 from torch.utils.data import default_collate
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
+from lerobot_bimanual.terminal_table import print_table
 from lerobot_policy_bimanual.inspection.loading import Batch
 from lerobot_policy_bimanual.keypose.losses import distances
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
@@ -39,22 +39,20 @@ class Accuracy:
     gripper_wrong: NDArray[np.bool_]
     collisions_wrong: NDArray[np.bool_]
 
-    def table(self, title: str) -> Table:
+    def print(self, title: str) -> None:
         """One line per keypose and arm, and one for everything.
 
         Mean, median, 90 % quantile and maximum of the distances in centimetres, mean angle in degrees, and the shares
         of wrong grippers and collision flags.
         """
-        table = Table(title=title)
         headings = ("after", "arm", "rows", "cm", "median", "90 %", "worst", "deg", "gripper", "flag")
-        for heading in headings:
-            table.add_column(heading, justify="left" if heading == "arm" else "right")
-        for step in np.unique(self.keypose_step):
-            for arm in ARMS:
-                table.add_row(str(step), arm, *self._cells(self.keypose_step == step, arm))
-            table.add_section()
-        table.add_row("all", "both", *self._cells(np.ones(len(self.keypose_step), bool), None))
-        return table
+        rows = [
+            (str(step), str(arm), *self._cells(self.keypose_step == step, arm))
+            for step in np.unique(self.keypose_step)
+            for arm in ARMS
+        ]
+        rows.append(("all", "both", *self._cells(np.ones(len(self.keypose_step), bool), None)))
+        print_table(headings, rows, title)
 
     def _cells(self, rows: NDArray[np.bool_], arm: Arm | None) -> Iterator[str]:
         arms = slice(None) if arm is None else arm.ordinal

@@ -3,6 +3,7 @@
 import colorsys
 import re
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from lerobot_env_bimanual.task import TaskSpec
@@ -29,7 +30,7 @@ WORDS = {*HUES_DEG.values(), *GREYS.values()}
 
 def called(rgb: ArrayLike) -> str:
     """What a colour of three channels 0..1 is called."""
-    hue, saturation, value = colorsys.rgb_to_hsv(*map(float, rgb))
+    hue, saturation, value = colorsys.rgb_to_hsv(*np.asarray(rgb, float).tolist())
     if saturation >= LEAST_SATURATION and value >= min(GREYS):
         return next(word for limit, word in HUES_DEG.items() if hue * 360 <= limit)
     return next(word for limit, word in GREYS.items() if value <= limit)

@@ -13,7 +13,7 @@ type Pattern = Callable[[NDArray, NDArray], NDArray]
 
 
 def _clouds(rows: NDArray, columns: NDArray) -> NDArray:
-    coarse, fine = (noise(cells, rows.shape, (cells, cells)) for cells in (4, 16))
+    coarse, fine = (noise(cells, (len(rows), len(rows)), (cells, cells)) for cells in (4, 16))
     return np.clip(1.4 * (0.7 * coarse + 0.3 * fine) - 0.2, 0, 1)
 
 

@@ -51,5 +51,6 @@ class ColourNoise(Axis):
         values *= round(gain * FRACTIONS)
         values += normal(rgb.shape, SIGMA_PER_STOP * magnitude * FRACTIONS, rng, np.int16)
         np.clip(values, 0, FRACTIONS * 256 - 1, out=values)
-        values >>= FRACTIONS.bit_length() - 1
-        return values.astype(np.uint8), depth_m
+        greys = values.view(np.uint16)  # by which NumPy divides twice as fast
+        greys //= FRACTIONS
+        return greys.astype(np.uint8), depth_m

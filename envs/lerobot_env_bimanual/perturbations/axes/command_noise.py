@@ -25,7 +25,7 @@ class CommandNoise(Axis):
 
     name = "command_noise"
     group = Group.ARMS
-    levels = (0.2, 0.4, 0.8)
+    levels = (0.2, 0.4, 0.6)
     unit = "degrees in each joint, at most"
     summary = "joint targets drift on a sine of 4 to 12 s with an amplitude of its own for each joint; grippers do not"
     source = "chosen here: joint zeros of arms that were calibrated well, in a hurry, and never"

@@ -41,5 +41,5 @@ class Instruction(Axis):
     def begin(self, start: EpisodeStart, magnitude: float, rng: np.random.Generator) -> None:
         """Draw one of the level's sentences."""
         templates = paraphrases()[start.task.spec.name][str(int(magnitude))]
-        template = templates[rng.integers(len(templates))]
+        template = templates[int(rng.integers(len(templates)))]
         start.progress.instruction = template.format(**start.progress.variation.words)

@@ -4,7 +4,7 @@ The right arm takes a block off the table and holds it up, and the left one foll
 this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its name. Once that is installed, every
 verb, `--env.task` and Gymnasium know it:
 
-    pip install -e examples/04_add_a_task
+    pip install -e examples/07_own_task
     lerobot-bimanual certify --task=raise_block --seeds=0:20
     lerobot-bimanual certify --task=raise_block --seeds=0:20 --control=blind
     lerobot-bimanual generate --task=raise_block --episodes=20 --root=data/raise_block

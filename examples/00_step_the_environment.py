@@ -1,6 +1,6 @@
 """Use the environment as any Gymnasium environment, with both kinds of action.
 
-python examples/02_step_the_environment.py
+python examples/00_step_the_environment.py
 """
 
 import gymnasium as gym

@@ -1,6 +1,6 @@
 """Watch an expert solve a task: writes a smooth mp4 of its motion and prints what happened.
 
-python examples/01_watch_an_expert.py --task=lift_ball --seed=3 --output=outputs/watch
+python examples/01_watch.py --task=lift_ball --seed=3 --output=outputs/watch
 """
 
 import argparse

@@ -1,0 +1,117 @@
+"""The verb `view`: an episode before one's eyes, in MuJoCo's viewer or as a film."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_env_bimanual.options import EnvOptions
+
+
+@dataclass
+class ViewConfig(EnvOptions):
+    """Flags of the verb `view`, and all options of the environment."""
+
+    task: str = "lift_ball"  # name of one task
+    seed: int = 0  # of the episode
+    # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a film the expert and the policy
+    # beside each other, in the same episode.
+    checkpoint: Path | None = None
+    film: bool = False  # write a film although there is a display
+    output: Path = Path("outputs/view")  # folder of the film and of its contact sheet
+
+
+def view(config: ViewConfig) -> None:
+    """Watch an expert, or a trained policy, at one episode.
+
+    Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
+    left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
+    before, up and down another variation; space pauses, backspace plays again. Closing the window ends the command.
+
+    Where there is none, or with `--film`, a film and a contact sheet are written instead.
+
+    A policy is shown what the options say, so give those it was trained with, as to `lerobot-eval`. LeRobot calls
+    whatever a checkpoint's files name: look at a stranger's with `check-checkpoint` first.
+
+    Examples:
+        lerobot-bimanual view --task=lift_ball
+        lerobot-bimanual view --task=handover_item --seed=3 --variation=2 --film
+        lerobot-bimanual view --task=handover_item_easy --image_size=128 --film \
+            --checkpoint=results/checkpoints/handover_item_easy
+    """
+    from lerobot_bimanual.output_file import check_output_folder
+    from lerobot_env_bimanual.viewer import no_window
+
+    _check(config)
+    reason = "--film was given" if config.film else no_window()
+    if reason:
+        os.environ.setdefault(
+            "MUJOCO_GL", "egl"
+        )  # before MuJoCo is loaded; a display may be there that does not open
+        check_output_folder(config.output)
+        _film(config, reason)
+    else:
+        _perform(config)
+
+
+def _check(config: ViewConfig) -> None:
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    if config.video_dir is not None or config.results_dir is not None:
+        raise BimanualError(
+            "view keeps no films and records of the environment: --output says where its film goes"
+        )
+
+
+def _film(config: ViewConfig, reason: str) -> None:
+    from tqdm import tqdm
+
+    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.expert.runner import expert
+    from lerobot_env_bimanual.pictures.beside import show_beside
+    from lerobot_env_bimanual.pictures.take import take
+
+    players = {"expert": expert()}
+    if config.checkpoint is not None:
+        from lerobot_env_bimanual.policy_player import policy_player
+
+        players["policy"] = policy_player(config.checkpoint)
+    env = BimanualEnv(config.task, options=_shown(config))
+    print(
+        f"{reason}, so {' and '.join(players)} are filmed"
+        if len(players) > 1
+        else f"{reason}, so it is filmed"
+    )
+    takes = {name: take(env, config.seed, player) for name, player in players.items()}
+    with tqdm(total=max(len(one.states) for one in takes.values()), desc="film", unit="picture") as bar:
+        files = show_beside(env, takes, config.output, bar.update)
+    env.close()
+    for name, one in takes.items():
+        outcome = one.outcome
+        print(
+            f"{name}: {'solved' if outcome.success else f'not solved: {outcome.failure}'} after {one.duration_s:.1f} s"
+        )
+    print("\n".join(map(str, files)))
+
+
+def _perform(config: ViewConfig) -> None:
+    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.expert.runner import expert
+    from lerobot_env_bimanual.policy_player import policy_player
+    from lerobot_env_bimanual.viewer import KEYS, Performance, Wish, mujoco_window
+
+    name, player = "expert", expert()
+    if config.checkpoint is not None:
+        name, player = "policy", policy_player(config.checkpoint)
+    env = BimanualEnv(config.task, options=_shown(config))
+    print(KEYS)
+    Performance(env, player, name, Wish(config.seed), mujoco_window()).run()
+    env.close()
+
+
+def _shown(config: ViewConfig) -> EnvOptions:
+    """The options; an expert looks at no images, so none are drawn for it."""
+    options = EnvOptions(**config.keywords())
+    return options if config.checkpoint is not None else replace(options, obs="state")

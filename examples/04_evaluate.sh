@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Score a policy on unseen placements, keep a record of every action, and set it beside the expert and the blind control.
+set -euo pipefail
+TASK=${TASK:-handover_item_easy}
+POLICY=${POLICY:-results/checkpoints/handover_item_easy}
+EPISODES=${EPISODES:-4}
+SEED=${SEED:-1000}
+SEEDS=${SEEDS:-1000:1004}
+OUT=${OUT:-outputs/evaluate}
+
+# A stranger's checkpoint is looked at before anything loads it.
+lerobot-bimanual check-checkpoint --checkpoint="$POLICY"
+
+# Images as in training; films of the whole motion, and records of every action.
+lerobot-eval --policy.path="$POLICY" --policy.device=cpu --seed="$SEED" \
+    --env.type=bimanual --env.task="$TASK" --env.image_size=128 \
+    --env.video_dir="$OUT/films" --env.results_dir="$OUT/records" \
+    --eval.n_episodes="$EPISODES" --eval.batch_size=2 --output_dir="$OUT/eval"
+
+# The same placements without any policy: what the scripts score that see the scene, and that do not.
+lerobot-bimanual certify --task="$TASK" --seeds="$SEEDS" --output="$OUT/expert.json"
+lerobot-bimanual certify --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
+    echo "the blind control scores more than it should; on few episodes that happens"
+
+# The first of them as a film and in pictures, the policy beside the expert.
+lerobot-bimanual view --task="$TASK" --seed="$SEED" --image_size=128 --checkpoint="$POLICY" --film --output="$OUT/view"

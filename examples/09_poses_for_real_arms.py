@@ -1,0 +1,69 @@
+"""What a keypose policy asks of real arms: feed it recorded camera frames, and print where each hand should go.
+
+python examples/09_poses_for_real_arms.py --dataset=data/handover/keyframes --episode=0
+
+The frames come from a dataset here. On real arms `observe` is the only part to replace: it returns what cameras,
+calibration and grippers say. docs/hardware.md says what the policy needs of them, and what becomes of the poses.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+from lerobot.datasets import LeRobotDataset
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from torch.utils.data import default_collate
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_policy_bimanual.checkpoint.config_file import read_config
+
+CHECKPOINT = Path(__file__).parents[1] / "results/checkpoints/handover_item_easy"
+
+
+def observe(row: dict, config) -> dict:
+    """One moment as the sensors give it: left arm first, metres, and the frame that the arms are commanded in.
+
+    RGB (3, h, w) from 0 to 1 and depth (1, h, w) in millimetres of each camera, five world_T_camera and five pinhole
+    matrices as flat vectors, joints and openings (16,), finger positions (4,), and how many keyposes have been executed.
+    """
+    return {key: row[key] for key in config.observation_keys} | {"task": row["task"]}
+
+
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument(
+    "--dataset", type=Path, required=True, help="one view that `lerobot-bimanual generate` made"
+)
+parser.add_argument("--checkpoint", type=Path, default=CHECKPOINT)
+parser.add_argument("--episode", type=int, default=0)
+arguments = parser.parse_args()
+
+config = read_config(arguments.checkpoint)  # as data: a stranger's checkpoint runs nothing here
+config.device = "cuda" if torch.cuda.is_available() else "cpu"
+policy = get_policy_class(config.type).from_pretrained(arguments.checkpoint, config=config)
+preprocess, _ = make_pre_post_processors(
+    config,
+    pretrained_path=str(arguments.checkpoint),
+    preprocessor_overrides={"device_processor": {"device": config.device}},
+)
+episode = LeRobotDataset(
+    f"local/{arguments.dataset.name}", root=arguments.dataset, episodes=[arguments.episode]
+)
+policy.reset()
+for index in range(len(episode) - 1):  # in the last row all keyposes have been executed
+    row = episode[index]
+    batch = preprocess(default_collate([observe(row, config)]))
+    action = policy.select_action(batch)[0].cpu().numpy()
+    answer, shown = (
+        BimanualKeypose.from_vector(vector) for vector in (action, row["observation.next_keypose"])
+    )
+    print(f"{row['task']!r}, {index} keyposes executed")
+    for arm in ARMS:
+        target = answer[arm]
+        error_cm = 100 * np.linalg.norm(target.pose.position - shown[arm].pose.position)
+        print(
+            f"  {arm:5} hand: position {target.pose.position.round(3)} m, quat_wxyz {target.pose.quat_wxyz.round(3)}, "
+            f"{'open' if target.gripper_open else 'closed'}, "
+            f"{'straight' if target.ignore_collisions else 'around obstacles'}; {error_cm:.1f} cm from the demonstrated one"
+        )

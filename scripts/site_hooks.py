@@ -1,0 +1,133 @@
+"""What MkDocs asks for while it builds the site: pages that are generated, and files of the repository that pages name.
+
+The home page is README.md. Every page of a task is written from the registry, the certificates and the board of results.
+What a page links to outside docs/ becomes a page, too, below repository/.
+"""
+
+import posixpath
+import re
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+from site_films import FILMS, film_name
+
+from lerobot_bimanual.benchmark.leaderboard import read_rows, success_table
+from lerobot_env_bimanual.reports.certified import Certified
+from lerobot_env_bimanual.reports.task_page import TaskPages
+from lerobot_env_bimanual.reports.visibility import Visibility
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "results"
+TASKS_ENTRY = "Tasks"
+"""Of the navigation, to which the tasks' pages are added."""
+LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")
+CODE = {".py": "python", ".sh": "bash", ".yaml": "yaml", ".toml": "toml", ".cff": "yaml", "": "text"}
+"""Suffixes of files that are shown as a page, and their languages; others are copied as they are."""
+FILM = """\
+<video controls muted loop playsinline preload="metadata"><source src="{name}.mp4" type="video/mp4"></video>
+
+![The expert's episode, at the start and at the end of every keypose]({name}.png)
+"""
+NO_ROWS = "No policy has been scored on this task in this world yet."
+ROWS = """\
+Successes of unseen episodes, and their 95 % Wilson intervals; [results](../results.md) says how each was trained.
+
+{table}"""
+
+
+def on_config(config: MkDocsConfig) -> None:
+    """Add the tasks' pages to the navigation."""
+    assert config.nav is not None
+    pages: list[Any] = next(entry[TASKS_ENTRY] for entry in config.nav if TASKS_ENTRY in entry)
+    pages += [{task: f"tasks/{task}.md"} for task in _certified().tasks]
+
+
+def on_files(files: Files, config: MkDocsConfig) -> None:
+    """Add the home page, the tasks' pages with their films, and the files of the repository."""
+    for name, text in _task_pages().items():
+        files.append(File.generated(config, name, content=text))
+    for film in FILMS.glob("*.*"):
+        files.append(File.generated(config, f"tasks/{film.name}", abs_src_path=str(film)))
+    known = {Path("README.md"), *(path.relative_to(ROOT) for path in ROOT.glob("docs/**/*.md"))}
+    left = list(known)
+    while left:
+        source = left.pop()
+        for link, _ in LINK.findall(_text(source)) if (ROOT / source).suffix in ("", ".md") else ():
+            target = Path(posixpath.normpath((source.parent if (ROOT / source).is_file() else source) / link))
+            if target not in known and (ROOT / target).exists():
+                known.add(target)
+                left.append(target)
+    for path in known:
+        if path.parts[0] != "docs":
+            uri = _uri(path)
+            content = {"content": _text(path)} if uri.endswith(".md") else {"abs_src_path": str(ROOT / path)}
+            files.append(File.generated(config, uri, **content))
+            _SOURCES[uri] = path
+        elif path.suffix == ".md":
+            _SOURCES[_uri(path)] = path
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let links lead to where the site has what the repository has elsewhere."""
+    uri = page.file.src_uri
+    if uri not in _SOURCES:
+        return markdown
+    source = _SOURCES[uri]
+    folder = source.parent if (ROOT / source).is_file() else source
+
+    def moved(link: re.Match[str]) -> str:
+        target = Path(posixpath.normpath(folder / link[1]))
+        if not (ROOT / target).exists():
+            return link[0]
+        return f"]({posixpath.relpath(_uri(target), posixpath.dirname(uri) or '.')}{link[2] or ''})"
+
+    return LINK.sub(moved, markdown)
+
+
+_SOURCES: dict[str, Path] = {}
+"""Where in the repository the text of a page comes from."""
+
+
+def _certified() -> Certified:
+    return Certified.read(RESULTS / "certificates")
+
+
+def _task_pages() -> dict[str, str]:
+    pages = TaskPages(_certified(), Visibility.read(RESULTS / "visibility.json"))
+    rows = list(read_rows(RESULTS / "leaderboard").values())
+    texts = {}
+    for task in pages.tasks:
+        scored = [row for row in rows if row.task == task]
+        name = film_name(task)
+        pictures = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
+        policies = ROWS.format(table=success_table(scored)) if scored else NO_ROWS
+        texts[f"tasks/{task}.md"] = pages.page(task, pictures, policies)
+    return texts
+
+
+def _uri(path: Path) -> str:
+    """Where the site has a file or folder of the repository."""
+    if path == Path("README.md"):
+        return "index.md"
+    if path.parts[0] == "docs":
+        return PurePosixPath(*path.parts[1:]).as_posix()
+    place = f"repository/{path.as_posix()}"
+    if (ROOT / path).is_dir():
+        return f"{place}/index.md"
+    return f"{place}.md" if path.suffix in CODE else place
+
+
+def _text(path: Path) -> str:
+    """What a page shows of a file or folder: Markdown as it is, a folder's README or names, a program as one."""
+    whole = ROOT / path
+    if whole.is_dir():
+        readme = whole / "README.md"
+        names = sorted(each.name for each in whole.iterdir() if not each.name.startswith((".", "_")))
+        listing = "\n".join(f"- [`{name}`]({name})" for name in names if name != "README.md")
+        head = readme.read_text(encoding="utf-8") if readme.is_file() else f"# {path.as_posix()}\n"
+        return f"{head}\n{listing}\n"
+    text = whole.read_text(encoding="utf-8") if whole.suffix in (*CODE, ".md") else ""
+    return f"# {path.as_posix()}\n\n```{CODE[whole.suffix]}\n{text}\n```\n" if whole.suffix in CODE else text

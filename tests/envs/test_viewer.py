@@ -1,0 +1,113 @@
+"""Somebody at the viewer gets the episode that they ask for, and leaves when they like."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lerobot_env_bimanual import viewer
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.viewer import Key, Performance, Wish, no_window
+
+pytestmark = pytest.mark.sim
+
+
+class Screen:
+    """A window that notes what it shows, and presses keys when it shows something for the first time.
+
+    Args:
+        presses: text to look for, and the keys that are pressed when it is there; then the next pair. The window is
+            closed after the last.
+    """
+
+    def __init__(self, *presses: tuple[str, tuple[int, ...]]):
+        self.presses = list(presses)
+        self.shown: list[str] = []
+        self.places: list[np.ndarray] = []
+        self.cam = SimpleNamespace(lookat=np.zeros(3), distance=0.0, azimuth=0.0, elevation=0.0)
+        self.data: Any = None
+
+    @contextmanager
+    def open(self, model: Any, data: Any, key_callback: Callable[[int], None]) -> Iterator["Screen"]:
+        self.data, self.press = data, key_callback
+        yield self
+
+    def is_running(self) -> bool:
+        return bool(self.presses)
+
+    def set_texts(self, texts: tuple) -> None:
+        self.shown.append(texts[2])
+
+    def sync(self) -> None:
+        self.places.append(self.data.qpos.copy())
+        text, keys = self.presses[0]
+        if text in self.shown[-1]:
+            self.presses.pop(0)
+            for key in keys:
+                self.press(key)
+
+
+def watched(screen: Screen, task: str = "handover_item", **options) -> Screen:
+    env = BimanualEnv(task, obs="state", **options)
+    Performance(env, expert(), "expert", Wish(0), screen.open, sleep=lambda _: None).run()
+    env.close()
+    return screen
+
+
+def test_the_expert_plays_to_its_end_and_the_end_stays():
+    screen = watched(Screen(("solved", ()), ("solved", ())), "lift_ball")
+    assert "lift the ball\nexpert, seed 0, variation 0\n0.0 s" in screen.shown[0]
+    assert np.abs(screen.places[0] - screen.places[-1]).max() > 0.1
+    assert np.array_equal(screen.places[-1], screen.places[-2])
+    assert screen.cam.distance > 1
+
+
+def test_arrows_take_other_seeds_and_variations_in_the_middle_of_an_episode():
+    screen = watched(
+        Screen(
+            ("0.3 s", (Key.RIGHT,)),
+            ("seed 1, ", (Key.LEFT,)),
+            ("seed 0, ", (Key.LEFT,)),  # there is none before the first
+            ("seed 0, ", (Key.UP, Key.UP)),
+            ("0.1 s", (Key.BACKSPACE,)),
+            ("0.0 s", ()),
+        ),
+        variation=0,
+    )
+    assert not any("solved" in text for text in screen.shown)
+    assert {text.splitlines()[1] for text in screen.shown} == {
+        "expert, seed 0, variation 0",
+        "expert, seed 1, variation 0",
+        "expert, seed 0, variation 1",
+        "expert, seed 0, variation 2",
+    }
+
+
+def test_variations_go_round():
+    assert Wish(3).after(Key.DOWN, shown=0, variations=5) == Wish(3, 4)
+    assert Wish(3).after(Key.UP, shown=4, variations=5) == Wish(3, 0)
+    assert Wish(3).after(ord("H"), shown=4, variations=5) is None
+
+
+def test_space_stops_the_time_and_lets_it_go_on():
+    screen = watched(Screen(("0.2 s", (Key.SPACE,)), ("paused", ()), ("paused", (Key.SPACE,)), ("0.3 s", ())))
+    first, *_, last = (number for number, text in enumerate(screen.shown) if "paused" in text)
+    assert all(np.array_equal(place, screen.places[first]) for place in screen.places[first:last])
+
+
+def test_a_window_needs_a_display_that_opens(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert no_window() == "there is no display"
+    monkeypatch.setitem(os.environ, "DISPLAY", ":4711")
+    assert no_window() == "the display cannot be opened"
+
+
+def test_the_keys_that_are_shown_are_those_that_do_something():
+    for word in ("right/left", "up/down", "space", "backspace"):
+        assert word in viewer.KEYS

@@ -1,0 +1,44 @@
+"""Versions that are refused by name, and flags that LeRobot is about to rename."""
+
+import re
+import tomllib
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.recipe import GROUP
+from lerobot_bimanual.distributions import entries
+
+ROOT = Path(__file__).parents[2]
+TRACKERS = ("wandb", "trackio", "tracker")
+PYPROJECTS = (ROOT / "pyproject.toml", *ROOT.glob("*/pyproject.toml"))
+PROJECTS = [tomllib.loads(path.read_text())["project"] for path in PYPROJECTS]
+REQUIREMENTS = [
+    Requirement(line)
+    for project in PROJECTS
+    for lines in (project["dependencies"], *project.get("optional-dependencies", {}).values())
+    for line in lines
+]
+
+
+def test_every_distribution_that_names_mujoco_excludes_4_0_0_by_name() -> None:
+    named = [requirement for requirement in REQUIREMENTS if requirement.name == "mujoco"]
+    assert named
+    assert all("!=4.0.0" in str(requirement.specifier) for requirement in named)
+
+
+def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
+    page = (ROOT / "docs/compatibility.md").read_text()
+    stated = dict(re.findall(r"^\| `([\w-]+)` \| `([^`]+)` \|", page, re.MULTILINE))
+    declared = {
+        name: {str(found.specifier) for found in REQUIREMENTS if found.name.lower() == name}
+        for name in ("lerobot", "mujoco", "gymnasium", "torch", "transformers", "numpy", "av")
+    }
+    assert {name: {range_} for name, range_ in stated.items()} == declared
+
+
+def test_a_benchmark_passes_no_flag_of_an_experiment_tracker() -> None:
+    for policy in entries(GROUP):
+        plan = Plan.of(BenchmarkConfig(policy=policy))
+        assert not [flag for flag in plan.training_flags() if flag.partition(".")[0] in TRACKERS]

@@ -1,0 +1,84 @@
+"""The verb `view` where there is no display: a film and a sheet of an expert, or of a policy beside it."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from lerobot_bimanual.cli import main
+from lerobot_env_bimanual.pictures import beside
+from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
+from lerobot_env_bimanual.viewer import Performance
+
+CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/handover_item_easy"
+
+
+@pytest.fixture(autouse=True)
+def a_desk_without_a_screen(monkeypatch, tmp_path) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(beside, "SIZE", (48, 64))
+    monkeypatch.chdir(tmp_path)
+
+
+def frames(film: Path) -> list[np.ndarray]:
+    with av.open(str(film)) as opened:
+        return [frame.to_ndarray(format="rgb24").astype(float) for frame in opened.decode(video=0)]
+
+
+@pytest.mark.sim
+def test_without_a_display_one_line_says_so_and_a_film_is_written(capsys) -> None:
+    assert main(["view", "--task=lift_ball", "--seed=3", "--output=films"]) == 0
+    first, second, *files = capsys.readouterr().out.splitlines()
+    assert first == "there is no display, so it is filmed"
+    assert second.startswith("expert: solved after ")
+    film, sheet = map(Path, files)
+    assert film == Path("films/lift_ball_v0_test_seed3_expert.mp4")
+    pictures = frames(film)
+    assert len(pictures) > 50
+    assert np.abs(pictures[0] - pictures[-1]).mean() > 1
+    assert Image.open(sheet).width == beside.MOMENTS * (PANEL_WIDTH + GAP) + GAP
+
+
+@pytest.mark.slow
+def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
+    flags = ("--task=handover_item_easy", "--seed=1", "--image_size=128", "--output=films")
+    assert main(["view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
+    told = capsys.readouterr().out
+    assert "there is no display, so expert and policy are filmed" in told
+    assert "expert: solved after " in told
+    (film,) = Path("films").glob("*_expert_and_policy.mp4")
+    assert frames(film)[0].shape[1] == 2 * (PANEL_WIDTH + GAP) + GAP
+    (sheet,) = Path("films").glob("*.png")
+    row = Image.open(sheet)
+    assert row.width > row.height > 2 * 300  # two rows of panels
+
+
+def test_with_a_display_the_window_opens_unless_a_film_is_wished(monkeypatch, capsys) -> None:
+    played: list[str] = []
+    monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
+    monkeypatch.setattr("lerobot_env_bimanual.viewer.mujoco_window", lambda: None)
+    monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
+    assert main(["view", "--task=lift_ball"]) == 0
+    assert played == ["expert"]
+    assert "space: pause" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("flag", "message"),
+    [
+        ("--task=lift_bal", "Did you mean 'lift_ball'?"),
+        ("--variation=7", "has no variation 7"),
+        ("--seed=-1", "seed is -1"),
+        ("--checkpoint=nowhere", "no checkpoint at nowhere"),
+        ("--video_dir=films", "--output says where its film goes"),
+        ("--output=/proc/films", "cannot write /proc/films"),
+    ],
+)
+def test_what_cannot_be_shown_is_one_clear_line(capsys, flag, message) -> None:
+    assert main(["view", flag]) in (1, 2)
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
