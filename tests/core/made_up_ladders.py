@@ -1,9 +1,10 @@
-"""A made-up ladder: two axes, a policy that falls along one of them."""
+"""A made-up ladder, two axes and a policy that falls along one of them; and a certificate of rungs."""
 
 from dataclasses import replace
 
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung, RungEpisode
+from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate
 
 
 def rung(axis: str, level: int, outcomes: str, expert: str = "", blind: str = "", certificate=None) -> Rung:
@@ -50,6 +51,22 @@ LADDER = LadderResult(
         rung("mass", 1, "xxxxxxxxxx"),
         rung("mass", 2, "xxxxxxxx.."),
         rung("mass", 3, "xx........", expert="xxxx......"),
+    ),
+)
+
+CERTIFICATE = RungCertificate(
+    schema_version=1,
+    task="lift_ball",
+    split="test",
+    expert_seeds=(100, 200),
+    blind_seeds=(100, 130),
+    versions={"mujoco": "3"},
+    axes=AXES[1:],
+    not_applicable=("stiffness",),
+    rungs=(
+        CertifiedRung("", 0, "00", (), ()),
+        CertifiedRung("mass", 1, "01", (103, 150, 199), (101,)),
+        CertifiedRung("mass", 3, "03", (100, 101, 102, 103), ()),
     ),
 )
 

@@ -8,6 +8,7 @@ import pytest
 from drawn_damage import JSON_VALUES, check_clear, damaged_json, mangled
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up_ladders import CERTIFICATE as CERTIFICATE_OF_RUNGS
 from made_up_ladders import LADDER
 from made_up_rows import ROW
 from rich.console import Console
@@ -20,6 +21,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.ladder.result import LadderResult
+from lerobot_bimanual.ladder.rung_certificate import RungCertificate
 from lerobot_bimanual.statistics import SuccessRate
 
 pytestmark = pytest.mark.fuzz
@@ -40,6 +42,7 @@ READERS = {
     "worlds": (CERTIFICATE, read_worlds),
     "row": (json.loads(ROW.to_json()), ResultRow.read),
     "ladder": (asdict(LADDER), LadderResult.read),
+    "certificate of rungs": (asdict(CERTIFICATE_OF_RUNGS), RungCertificate.read),
     "any JSON": (MARKER, read_json),
 }
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_ladders import AXES, LADDER, ladder, rung
+from made_up_ladders import AXES, CERTIFICATE, LADDER, ladder, rung
 from PIL import Image
 
 from lerobot_bimanual.canvas import DESCRIPTION, VERMILION
@@ -17,28 +17,8 @@ from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
 from lerobot_bimanual.ladder.result import LadderResult
-from lerobot_bimanual.ladder.rung_certificate import (
-    CertifiedRung,
-    RungCertificate,
-    read_rung_certificates,
-)
+from lerobot_bimanual.ladder.rung_certificate import RungCertificate, read_rung_certificates
 from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
-
-CERTIFICATE = RungCertificate(
-    schema_version=1,
-    task="lift_ball",
-    split="test",
-    expert_seeds=(100, 200),
-    blind_seeds=(100, 130),
-    versions={"mujoco": "3"},
-    axes=AXES[1:],
-    not_applicable=("stiffness",),
-    rungs=(
-        CertifiedRung("", 0, "00", (), ()),
-        CertifiedRung("mass", 1, "01", (103, 150, 199), (101,)),
-        CertifiedRung("mass", 3, "03", (100, 101, 102, 103), ()),
-    ),
-)
 
 
 def changed(path: Path, **changes) -> Path:
