@@ -9,13 +9,21 @@ from typing import Literal
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.expert.campaign import Campaign
+from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Job, Keyposes
 from lerobot_env_bimanual.ladder.rungs import perturb_text
+from lerobot_env_bimanual.perturbations.registry import get_axis
 from lerobot_env_bimanual.tasks.registry import get_task
 
 type RungKey = tuple[str, int]
 """Axis and level."""
 type ControlOfRungs = Literal["expert", "blind"]
+
+
+def _player(control: ControlOfRungs, axis: str) -> ControlName:
+    """Who plays as a control on the rungs of an axis; scripts rely on nobody else moving things while they play."""
+    happens_later = axis and "disturb" in get_axis(axis).touches
+    return "rereading" if control == "expert" and happens_later else control
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,8 @@ class Controls:
     ) -> dict[RungKey, tuple[int, ...]]:
         """The seeds that a control solves on each rung, rising.
 
-        The blind control knows the variation, as a policy does from the instruction, and plays the mean keyposes of
+        Where things are moved after the start, the expert is the one that looks again then (`rereading`). The blind control
+        knows the variation, as a policy does from the instruction, and plays the mean keyposes of
         training episodes of level 0.
 
         Raises:
@@ -53,7 +62,7 @@ class Controls:
                 self.variation,
                 self.split,
                 seed,
-                control,
+                _player(control, rung[0]),
                 blind_keyposes=keyposes.get(variations[seed], ()),
                 perturb=perturb_text(*rung),
             )
