@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,7 +163,7 @@ def test_shadows_darken_something_and_leave_depth_alone():
 
 def see(name: str, level: int, rgb: np.ndarray, depth_m: np.ndarray, seed: int = 0):
     """What an axis makes of an image of the front camera, which is a pinhole of 45 degrees here."""
-    axis = get_axis(name)
+    axis: Any = get_axis(name)
     progress = SimpleNamespace(memory={})
     model = SimpleNamespace(camera=lambda _: SimpleNamespace(fovy=np.array([45.0])))
     start = SimpleNamespace(progress=progress, scene=SimpleNamespace(model=model))
@@ -233,7 +234,7 @@ def test_exposure_and_noise_are_as_strong_as_they_say(level):
 
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_as_many_cameras_are_black_as_the_level_says_and_the_front_one_stays(level):
-    axis = get_axis("fewer_cameras")
+    axis: Any = get_axis("fewer_cameras")
     gone = set()
     for seed in range(30):
         progress = SimpleNamespace(memory={})
@@ -332,6 +333,6 @@ def test_words_of_the_variation_that_are_in_every_instruction_are_in_these(task)
 
 
 def test_tasks_of_others_have_no_other_words():
-    axis = get_axis("instruction")
+    axis: Any = get_axis("instruction")
     assert axis.applies_to(get_task(TASK).spec, mujoco.MjSpec())
     assert not axis.applies_to(SimpleNamespace(name="somebody_elses_task"), mujoco.MjSpec())
