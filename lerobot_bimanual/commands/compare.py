@@ -27,9 +27,8 @@ class CompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
-    figure: Path | None = (
-        None  # PNG: the difference on each task, with its errors; of ladders, both rung by rung
-    )
+    # PNG: the difference on each task, with its errors; of ladders, both rung by rung
+    figure: Path | None = None
 
 
 def compare(config: CompareConfig) -> None:

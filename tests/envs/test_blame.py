@@ -76,7 +76,7 @@ def test_the_verb_says_who_lost_what_and_draws_it(tmp_path, capsys):
     record_of(EASY, episode).write(path)
     assert blame(BlameConfig(results=path, output=output, figure=figure, workers=1)) == 0
     printed = capsys.readouterr().out
-    assert re.search(rf"{SEED} +missed grasp +1 +left arm  ", printed)
+    assert re.search(rf"{SEED} +missed grasp +1 +left arm", printed)
     assert "1 episodes of handover_item_easy, 1 failed" in printed
     assert json.loads(output.read_text())[EASY][0]["recovers"] == [True, False]
     with Image.open(figure) as picture:

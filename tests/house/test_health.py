@@ -35,7 +35,7 @@ def test_a_version_outside_the_declared_range_fails_with_the_command_that_mends_
     pretend_versions(monkeypatch, mujoco="4.0.0", frankik=None)
     findings = {finding.subject: finding for finding in health.check_versions()}
     assert findings["mujoco"].level is Level.FAIL
-    assert findings["mujoco"].remedy == "pip install 'mujoco~=3.17.0'"
+    assert findings["mujoco"].remedy == "pip install 'mujoco!=4.0.0,~=3.17.0'"
     assert findings["frankik"].level is Level.FAIL
     assert findings["numpy"].level is Level.OK
 

@@ -24,9 +24,8 @@ class LadderConfig:
     first_seed: int = 0  # of the episodes, which are counted up
     split: Literal["val", "test"] = "test"  # the same seeds mean other episodes in each
     variation: str = "any"  # index, or `any` to draw one per episode
-    batch_size: int = (
-        2  # environments side by side; a network's answers differ in their last bits between sizes
-    )
+    # Environments side by side; a network's answers differ in their last bits between sizes.
+    batch_size: int = 2
     device: str | None = None  # of the policy; by default that of its config, or what there is
     workers: int = 0  # processes for expert and blind control; 0 takes one per core
     # The result, a JSON file; by default outputs/ladder/TASK_POLICY_HASH.json. Its figure and its records lie beside it.

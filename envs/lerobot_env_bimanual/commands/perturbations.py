@@ -21,10 +21,10 @@ WIDTH = 110
 class PerturbationsConfig:
     """Options of the verb `perturbations`."""
 
+    # What kind of difference the axes make.
     group: Literal["all", "seen", "clutter", "bodies", "arms", "words", "time"] = "all"
-    picture: Path | None = (
-        None  # file of a contact sheet, .jpg or .png: what is seen of each axis at each level
-    )
+    # File of a contact sheet, .jpg or .png: what is seen of each axis at each level.
+    picture: Path | None = None
     task: str = "push_box"  # of the picture
     seed: int = 0  # of the picture's episode, of the split `val`
     workers: int = 0  # processes for the picture; 0 takes one per core

@@ -99,7 +99,7 @@ class EpisodeReset:
         """Draw one placement; returns why it will not do, or None."""
         if not self._task.place(self._drawn_in, variation, rng):
             return "illegal placement"
-        return self._first_rehearsal.infeasibility(partial(self._task.script, variation=variation))
+        return self._first_rehearsal.infeasibility(lambda view: self._task.script(view, variation))
 
     def _is_feasible(self, variation: Variation) -> bool:
-        return self._rehearsal.infeasibility(partial(self._task.script, variation=variation)) is None
+        return self._rehearsal.infeasibility(lambda view: self._task.script(view, variation)) is None
