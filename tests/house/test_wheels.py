@@ -73,9 +73,7 @@ def run_clean(python: Path, *words: str) -> subprocess.CompletedProcess[str]:
 def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, wheels: dict[str, Path]) -> None:
     members = set(zipfile.ZipFile(wheels[name]).namelist())
     source = ROOT / FOLDERS[name] / name
-    kept = [
-        path for path in source.rglob("*") if path.suffix in (".py", ".md", ".yaml", ".html")
-    ]  # READMEs, recipes, pages
+    kept = [path for path in source.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     ours = {f"{name}/{path.relative_to(source)}" for path in kept} | {f"{name}/py.typed"}
     assert ours <= members
     assert {member.partition("/")[0] for member in members - ours} == {f"{name}-{version(name)}.dist-info"}
