@@ -1,4 +1,4 @@
-"""Set-up of every test process: one thread per library, off-screen rendering, no network, fixed seeds."""
+"""Set-up of every test process: one thread per library, off-screen, no network, one width, fixed seeds."""
 
 import os
 import sys
@@ -9,6 +9,7 @@ if not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
     os.environ.setdefault("MUJOCO_GL", "egl")  # before any test module imports mujoco
 os.environ["HF_HUB_OFFLINE"] = "1"
 os.environ["WANDB_MODE"] = "disabled"
+os.environ["COLUMNS"] = "160"  # tables fold alike whatever terminal runs the tests
 
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
