@@ -3,59 +3,76 @@
 from collections.abc import Iterator, Mapping
 
 from lerobot_bimanual.ladder.falls import Fall, falls, level_sums
-from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, LadderResult
+from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, AxisRecord, LadderResult
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_bimanual.statistics import SuccessRate
 
 UPPER_LEVELS = range(1, MAX_LEVEL + 1)
 SURE = 0.05
+HEADING = "# What policies survive, and where experts still succeed\n"
 LEGEND = (
-    "In bold: differs from level 0 on the same episodes, McNemar's exact test with p up to 0.05 as corrected by Holm for how "
-    "many axes have a certified rung of that level. In brackets: not certified, since the expert solves less than "
-    f"{LEAST_EXPERT_RATE:.0%}; counted in no sum.\n"
+    "Per task, policies side by side: episodes solved at levels 1, 2 and 3 of each axis, and above them at level 0. In bold: "
+    "differs from level 0 on the same episodes, McNemar's exact test with p up to 0.05 as corrected by Holm for how many axes "
+    "have a certified rung of that level. In brackets: not certified, since the expert solves less than "
+    f"{LEAST_EXPERT_RATE:.0%}; counted in no sum. A point: not played.\n"
 )
 """Of the tables of ladders."""
 
 
 def ladders_page(ladders: Mapping[str, LadderResult]) -> str:
-    """A section per ladder: successes of the policy at each level of each axis, and what is lost against level 0.
+    """A section per task: successes of its policies at each level of each axis, and what is lost against level 0.
 
     Args:
         ladders: by name.
     """
-    return "\n".join("\n".join(_ladder(name, ladder)) for name, ladder in ladders.items())
+    by_task: dict[str, dict[str, LadderResult]] = {}
+    for name, ladder in ladders.items():
+        by_task.setdefault(ladder.task, {})[name] = ladder
+    return "\n".join("\n".join(_task(task, by_task[task])) for task in sorted(by_task))
 
 
-def _ladder(name: str, ladder: LadderResult) -> Iterator[str]:
-    rates, found = ladder.level_0.rates, falls(ladder)
-    seeds = ladder.level_0.seeds
-    yield f"### {ladder.policy} on {ladder.task}: {name}\n"
-    yield (
-        f"Weights {ladder.checkpoint_sha256[:12]}, {ladder.options['split']} seeds {seeds[0]} to {seeds[-1]}, batches of "
-        f"{ladder.batch_size}. Level 0: {rates['policy'].successes} of {rates['policy'].trials}, expert "
-        f"{rates['expert'].successes}, blind {rates['blind'].successes}.\n"
-    )
-    rows = []
-    for axis in ladder.axes:
-        rungs = {rung.level: rung for rung in ladder.of_axis(axis.name)}
-        cells = [_cell(found.get(rungs[level].name)) if level in rungs else "" for level in UPPER_LEVELS]
-        magnitudes = ", ".join(f"{magnitude:g}" for magnitude in axis.magnitudes)
-        rows.append([f"{axis.name} ({magnitudes} {axis.unit})", *cells])
-    sums = level_sums(ladder)
-    together = [
-        f"{sums[level].successes} of {sums[level].trials}" if level in sums else "" for level in UPPER_LEVELS
-    ]
-    rows.append(["certified rungs together", *together])
-    yield markdown_table(["axis", *(f"level {level}" for level in UPPER_LEVELS)], rows) + "\n"
-    if ladder.not_applicable:
-        yield f"Not applicable: {', '.join(ladder.not_applicable)}.\n"
+def _task(task: str, ladders: Mapping[str, LadderResult]) -> Iterator[str]:
+    yield f"### {task}\n"
+    found = {name: falls(ladder) for name, ladder in ladders.items()}
+    axes = {(axis.group, axis.name, _magnitudes(axis)) for ladder in ladders.values() for axis in ladder.axes}
+    rows = [["level 0", *(_of(ladder.level_0.rates["policy"]) for ladder in ladders.values())]]
+    for _, axis, magnitudes in sorted(axes):
+        rungs = [f"{axis}:{level}" for level in UPPER_LEVELS]
+        played = [axis in (each.name for each in ladder.axes) for ladder in ladders.values()]
+        cells = [
+            " ".join(_cell(found[name].get(rung)) for rung in rungs) if has_axis else ""
+            for name, has_axis in zip(ladders, played, strict=True)
+        ]
+        rows.append([f"{axis} ({magnitudes})", *cells])
+    for level in UPPER_LEVELS:
+        sums = [level_sums(ladder).get(level) for ladder in ladders.values()]
+        rows.append([f"certified rungs of level {level}", *(_of(rate) if rate else "" for rate in sums)])
+    yield markdown_table(["axis", *ladders], rows) + "\n"
+    for name, ladder in ladders.items():
+        rates, seeds = ladder.level_0.rates, ladder.level_0.seeds
+        yield (
+            f"- {name}: {ladder.policy}, weights {ladder.checkpoint_sha256[:12]}, {ladder.options['split']} seeds {seeds[0]} "
+            f"to {seeds[-1]}, batches of {ladder.batch_size}; at level 0 expert {_of(rates['expert'])}, blind "
+            f"{_of(rates['blind'])}."
+        )
+    without = sorted({axis for ladder in ladders.values() for axis in ladder.not_applicable})
+    yield f"\nNot applicable: {', '.join(without)}.\n" if without else ""
+
+
+def _magnitudes(axis: AxisRecord) -> str:
+    return f"{', '.join(f'{magnitude:g}' for magnitude in axis.magnitudes)} {axis.unit}"
+
+
+def _of(rate: SuccessRate) -> str:
+    return f"{rate.successes} of {rate.trials}"
 
 
 def _cell(fall: Fall | None) -> str:
     """Successes; in bold where they differ from level 0; in brackets where the rung is not certified."""
     if fall is None:
-        return ""
+        return "."
     solved = str(fall.rung.rates["policy"].successes)
     if fall.p_holm is None:
         return f"({solved})"
@@ -104,8 +121,7 @@ def _certificate(certificate: RungCertificate) -> Iterator[str]:
     rows = []
     for axis in certificate.axes:
         cells = [_counts(certificate, certificate.find(axis.name, level)) for level in UPPER_LEVELS]
-        magnitudes = ", ".join(f"{magnitude:g}" for magnitude in axis.magnitudes)
-        rows.append([f"{axis.name} ({magnitudes} {axis.unit})", *cells])
+        rows.append([f"{axis.name} ({_magnitudes(axis)})", *cells])
     yield markdown_table(["axis", *(f"level {level}" for level in UPPER_LEVELS)], rows) + "\n"
     if certificate.not_applicable:
         yield f"Not applicable: {', '.join(certificate.not_applicable)}.\n"

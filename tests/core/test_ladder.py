@@ -208,8 +208,9 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
         RobustnessConfig(ladders=(folder,), certificates=tmp_path / "rungs", output=page, figure=figure)
     )
     text = page.read_text()
-    assert "| camera_moved (2, 5, 10 degrees) | 9 | 4 | **0** |" in text
-    assert "| mass (1.2, 1.5, 2 times the mass) | 10 | 8 | (2) |" in text
+    assert "| axis | mine |" in text
+    assert "| camera_moved (2, 5, 10 degrees) | 9 4 **0** |" in text
+    assert "| mass (1.2, 1.5, 2 times the mass) | 10 8 (2) |" in text
     assert "| mass | 1 of 1 |  | 0 of 1 (not lift_ball) |" in text
     assert "| mass (1.2, 1.5, 2 times the mass) | 97/100, 1/30 |  | (96/100, 0/30) |" in text
     assert "mine on lift_ball" in Image.open(figure).info[DESCRIPTION]

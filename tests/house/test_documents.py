@@ -160,9 +160,11 @@ def test_the_table_of_cameras_is_the_scene() -> None:
         assert f"| `{camera.name}` | {places} | {camera.fovy_deg:g}° |" in text
 
 
-def test_the_results_of_the_readme_are_those_of_the_board() -> None:
-    page = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert script("readme").with_results(page) == page, "run scripts/readme.py"
+def test_tables_of_pages_are_those_of_the_board_and_the_registry() -> None:
+    tables = script("tables")
+    for name, (place, _) in tables.TABLES.items():
+        page = (ROOT / place).read_text(encoding="utf-8")
+        assert tables.with_table(page, name) == page, "run scripts/tables.py"
 
 
 def test_drawings_are_what_their_scripts_draw() -> None:
