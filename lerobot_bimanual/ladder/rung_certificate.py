@@ -14,7 +14,7 @@ from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.statistics import SuccessRate
 
-CERTIFICATE_SCHEMA_VERSION = 1
+CERTIFICATE_SCHEMA_VERSION = 2
 MOST_SEEDS = 10**9
 
 
@@ -28,6 +28,8 @@ class CertifiedRung:
         world: version of what the task's world does there.
         expert_failed: seeds that the expert did not solve.
         blind_solved: seeds that the blind control solved.
+        planned_failed: of the expert's seeds those that an expert who planned at the reset, and never looked again, did not
+            solve; None where nothing is moved later.
 
     Raises:
         ValueError: it is no rung.
@@ -38,6 +40,7 @@ class CertifiedRung:
     world: str
     expert_failed: tuple[int, ...]
     blind_solved: tuple[int, ...]
+    planned_failed: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.level <= MAX_LEVEL or bool(self.axis) != bool(self.level):
@@ -100,17 +103,21 @@ class RungCertificate:
             for seeds, whole in (
                 (rung.expert_failed, self.expert_seeds),
                 (rung.blind_solved, self.blind_seeds),
+                (rung.planned_failed or (), self.expert_seeds),
             ):
                 if list(seeds) != sorted(set(seeds)) or not all(seed in range(*whole) for seed in seeds):
                     yield f"seeds of {rung.name} must rise and be among {whole[0]}:{whole[1]}"
 
     def rates(self, rung: CertifiedRung) -> dict[str, SuccessRate]:
-        """Success of the expert and the blind control on a rung."""
+        """Success of the expert, of the blind control, and where it was asked of who planned at the reset."""
         of_expert, of_blind = len(range(*self.expert_seeds)), len(range(*self.blind_seeds))
-        return {
+        rates = {
             "expert": SuccessRate(of_expert - len(rung.expert_failed), of_expert),
             "blind": SuccessRate(len(rung.blind_solved), of_blind),
         }
+        if rung.planned_failed is not None:
+            rates["planned_at_reset"] = SuccessRate(of_expert - len(rung.planned_failed), of_expert)
+        return rates
 
     def is_certified(self, rung: CertifiedRung) -> bool:
         """Whether the expert solves enough there."""

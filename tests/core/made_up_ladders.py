@@ -55,7 +55,7 @@ LADDER = LadderResult(
 )
 
 CERTIFICATE = RungCertificate(
-    schema_version=1,
+    schema_version=2,
     task="lift_ball",
     split="test",
     expert_seeds=(100, 200),

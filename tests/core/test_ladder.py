@@ -16,8 +16,9 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
-from lerobot_bimanual.ladder.result import LadderResult
-from lerobot_bimanual.ladder.rung_certificate import RungCertificate, read_rung_certificates
+from lerobot_bimanual.ladder.page import certificates_page
+from lerobot_bimanual.ladder.result import AxisRecord, LadderResult
+from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate, read_rung_certificates
 from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
 
 
@@ -116,7 +117,8 @@ def test_a_certificate_counts_what_it_lists():
         {"rungs": CERTIFICATE.rungs[1:]},
         {"rungs": (CERTIFICATE.rungs[0], replace(CERTIFICATE.rungs[1], expert_failed=(7,)))},
         {"axes": AXES},
-        {"schema_version": 2},
+        {"rungs": (CERTIFICATE.rungs[0], replace(CERTIFICATE.rungs[1], planned_failed=(7,)))},
+        {"schema_version": 1},
     ],
 )
 def test_a_certificate_that_contradicts_itself_is_refused(changes):
@@ -214,6 +216,16 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
     assert "| mass | 1 of 1 |  | 0 of 1 (not lift_ball) |" in text
     assert "| mass (1.2, 1.5, 2 times the mass) | 97/100, 1/30 |  | (96/100, 0/30) |" in text
     assert "mine on lift_ball" in Image.open(figure).info[DESCRIPTION]
+
+
+def test_a_page_shows_who_looks_again_beside_who_planned_at_the_reset():
+    nudged = CertifiedRung("nudge", 2, "02", (100,), (), planned_failed=(100, 101, 102))
+    axes = (*CERTIFICATE.axes, AxisRecord("nudge", "time", "centimetres", (1, 2, 3)))
+    page = certificates_page(
+        {"lift_ball": replace(CERTIFICATE, axes=axes, rungs=(*CERTIFICATE.rungs, nudged))}
+    )
+    assert "| lift_ball |  | 99 of 100, 97 of 100 |  |" in page
+    assert "Looking again" not in certificates_page({"lift_ball": CERTIFICATE})
 
 
 def test_robustness_without_results_or_with_two_of_one_name_says_so(tmp_path):

@@ -16,7 +16,7 @@ from lerobot_bimanual.ladder.rung_certificate import (
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog, versions
 from lerobot_env_bimanual.expert.world_version import world_version
-from lerobot_env_bimanual.ladder.controls import Controls, RungKey
+from lerobot_env_bimanual.ladder.controls import Controls, RungKey, has_late_moves
 from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text
 from lerobot_env_bimanual.options import ANY_VARIATION
 
@@ -80,16 +80,23 @@ class RungCertification:
         controls = Controls(campaign, self.task, ANY_VARIATION, SPLIT)
         expert = controls.solved("expert", keys, self.expert_seeds)
         blind = controls.solved("blind", keys, self.blind_seeds)
+        moved_later = [key for key in keys if has_late_moves(key[0])]
+        planned = controls.solved("planned_at_reset", moved_later, self.expert_seeds) if moved_later else {}
         return {
             key: CertifiedRung(
                 axis=key[0],
                 level=key[1],
                 world=worlds[key],
-                expert_failed=tuple(seed for seed in self.expert_seeds if seed not in expert[key]),
+                expert_failed=self._failed(expert[key]),
                 blind_solved=blind[key],
+                planned_failed=self._failed(planned[key]) if key in planned else None,
             )
             for key in keys
         }
+
+    def _failed(self, solved: tuple[int, ...]) -> tuple[int, ...]:
+        """The expert's seeds that are not among the solved ones."""
+        return tuple(seed for seed in self.expert_seeds if seed not in solved)
 
     def _before(self) -> RungCertificate | None:
         """The certificate in the file's place, if there is one."""

@@ -17,13 +17,17 @@ from lerobot_env_bimanual.tasks.registry import get_task
 
 type RungKey = tuple[str, int]
 """Axis and level."""
-type ControlOfRungs = Literal["expert", "blind"]
+type ControlOfRungs = Literal["expert", "blind", "planned_at_reset"]
+
+
+def has_late_moves(axis: str) -> bool:
+    """Whether things are moved after the start on an axis's rungs; level 0 is of no axis."""
+    return bool(axis) and get_axis(axis).moves_things_later
 
 
 def _player(control: ControlOfRungs, axis: str) -> ControlName:
     """Who plays as a control on the rungs of an axis; scripts rely on nobody else moving things while they play."""
-    happens_later = axis and "disturb" in get_axis(axis).touches
-    return "rereading" if control == "expert" and happens_later else control
+    return "rereading" if control == "expert" and has_late_moves(axis) else control
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,9 @@ class Controls:
     ) -> dict[RungKey, tuple[int, ...]]:
         """The seeds that a control solves on each rung, rising.
 
-        Where things are moved after the start, the expert is the one that looks again then (`rereading`). The blind control
-        knows the variation, as a policy does from the instruction, and plays the mean keyposes of
-        training episodes of level 0.
+        Where things are moved after the start, the expert is the one that looks again then (`rereading`), and
+        `planned_at_reset` the one that does not. The blind control knows the variation, as a policy does from the
+        instruction, and plays the mean keyposes of training episodes of level 0.
 
         Raises:
             BimanualError: an episode could not be played.

@@ -63,6 +63,11 @@ class Axis:
         """Whether it changes nothing but what is seen and said, and so no state."""
         return self.group in (Group.SEEN, Group.WORDS)
 
+    @property
+    def moves_things_later(self) -> bool:
+        """Whether things may be moved while an episode runs, so that who does not look again is led astray."""
+        return "disturb" in self.touches
+
     def applies_to(self, task: TaskSpec, model: mujoco.MjSpec) -> bool:
         """Whether a task has what is changed here.
 
