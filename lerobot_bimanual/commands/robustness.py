@@ -6,7 +6,13 @@ from pathlib import Path
 from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.heat_map import heat_map
-from lerobot_bimanual.ladder.page import HEADING, LEGEND, certificates_page, ladders_page
+from lerobot_bimanual.ladder.page import (
+    HEADING,
+    HEADING_OF_CERTIFICATES,
+    LEGEND,
+    certificates_page,
+    ladders_page,
+)
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
 from lerobot_bimanual.markdown_table import write_page
@@ -50,7 +56,7 @@ def robustness(config: RobustnessConfig) -> None:
         raise BimanualError(
             "there are no results of `lerobot-bimanual ladder` at --ladders, and no --certificates to write instead"
         )
-    parts = [HEADING, LEGEND, ladders_page(ladders)] if ladders else [HEADING]
+    parts = [HEADING, LEGEND, ladders_page(ladders)] if ladders else [HEADING_OF_CERTIFICATES]
     if config.certificates is not None:
         parts.append(certificates_page(read_rung_certificates(config.certificates)))
     write_page("\n".join(parts), config.output)

@@ -12,6 +12,7 @@ from lerobot_bimanual.statistics import SuccessRate
 UPPER_LEVELS = range(1, MAX_LEVEL + 1)
 SURE = 0.05
 HEADING = "# What policies survive, and where experts still succeed\n"
+HEADING_OF_CERTIFICATES = "# Where experts still succeed\n"
 LEGEND = (
     "Per task, policies side by side: episodes solved at levels 1, 2 and 3 of each axis, and above them at level 0. In bold: "
     "differs from level 0 on the same episodes, McNemar's exact test with p up to 0.05 as corrected by Holm for how many axes "
@@ -19,6 +20,11 @@ LEGEND = (
     f"{LEAST_EXPERT_RATE:.0%}; counted in no sum. A point: not played.\n"
 )
 """Of the tables of ladders."""
+LEGEND_OF_CERTIFICATES = (
+    "A rung is certified if the expert solves at least "
+    f"{LEAST_EXPERT_RATE:.0%} of its episodes. The first table counts tasks; in those of a task a field says what the expert and "
+    "the blind control solve, in brackets where the rung is not certified.\n"
+)
 
 
 def ladders_page(ladders: Mapping[str, LadderResult]) -> str:
@@ -94,6 +100,7 @@ def certificates_page(certificates: Mapping[str, RungCertificate]) -> str:
 
 
 def _overview(certificates: Mapping[str, RungCertificate]) -> Iterator[str]:
+    yield LEGEND_OF_CERTIFICATES
     yield "### Certified tasks\n"
     names = sorted({axis.name for certificate in certificates.values() for axis in certificate.axes})
     rows = [
