@@ -52,7 +52,9 @@ def test_the_commands_of_a_benchmark_are_valid(policy, recipe, tmp_path):
     assert not output.exists()
     checkpoints = 2 if recipe == "small" else 10
     programs = [words[0] for words in commands]
-    assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + ["lerobot-eval"] * (checkpoints + 1)
+    assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + ["lerobot-eval"] * (
+        checkpoints + 1
+    )
     *ours, training, first_evaluation = commands[:5]
     for words in (*ours, training, first_evaluation):  # the other evaluations have the same flags
         check(words)

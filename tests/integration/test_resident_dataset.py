@@ -15,7 +15,6 @@ from lerobot_policy_bimanual.training import resident_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 from lerobot_policy_bimanual.training.train import images_read
 
-
 CPU = torch.device("cpu")
 TICK_S = 0.05
 LEARNT_WITH = {

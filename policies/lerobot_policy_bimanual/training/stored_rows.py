@@ -34,15 +34,15 @@ class StoredRows:
         self._videos = _with_videos(dataset, self._video_keys)
         _leave_encoded(self._tables, self._images.intersection(dataset.meta.image_keys))
         of_row = dataset.hf_dataset.data.column("episode_index").to_numpy()
-        starts = np.flatnonzero(np.diff(of_row, prepend=-1))
-        self._lengths = np.diff(starts, append=len(of_row))
-        self._starts = starts
+        self._starts = np.flatnonzero(np.diff(of_row, prepend=-1))
+        self._lengths = np.diff(self._starts, append=len(of_row))
 
     @property
     def bounds(self) -> tuple[Tensor, Tensor]:
         """Of every row the first and the last row of its episode, (rows,) int64 each."""
-        starts, lengths = self._starts, self._lengths
-        return tuple(torch.from_numpy(np.repeat(ends, lengths)) for ends in (starts, starts + lengths - 1))
+        first = torch.from_numpy(np.repeat(self._starts, self._lengths))
+        last = torch.from_numpy(np.repeat(self._starts + self._lengths - 1, self._lengths))
+        return first, last
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """Every row: tensors, texts, and images as tensors, (channels, height, width).
@@ -90,8 +90,7 @@ def _leave_encoded(dataset: LeRobotDataset, images: Collection[str]) -> None:
     for key in images:
         unit = dataset.meta.features[key].get("info", {}).get("depth_unit", dataset.depth_output_unit)
         if unit == dataset.depth_output_unit:
-            table = dataset.reader.hf_dataset
-            dataset.reader.hf_dataset = table.cast_column(key, datasets.Image(decode=False))
+            dataset.reader.hf_dataset = dataset.hf_dataset.cast_column(key, datasets.Image(decode=False))
 
 
 def _decoded(image: dict[str, Any]) -> Tensor:
