@@ -69,7 +69,7 @@ def call(words: list[str]) -> int:
     defaults = {
         # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
         "HF_HUB_OFFLINE": "1",
-        # One core is left to the data loader; threads that wait for each other on a full machine crawl.
+        # One core is left to environments and the system; threads that wait for each other on a full machine crawl.
         "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
     }
     executable = Path(sys.executable).parent / program

@@ -1,6 +1,5 @@
 """Flags, folders and commands of a benchmark."""
 
-import os
 import shlex
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, fields, replace
@@ -141,7 +140,8 @@ class Plan:
     @property
     def dataset(self) -> Path:
         """The demonstrations."""
-        name = f"{self.recipe.view}_{self.protocol.image_size}_{self.protocol.demos}"
+        kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
+        name = f"{kind}_{self.protocol.image_size}_{self.protocol.demos}"
         return self.folder / perturbed(name, self.config.demos_perturb)
 
     @property
@@ -196,6 +196,7 @@ class Plan:
             "view": self.recipe.view,
             "image_size": self.protocol.image_size,
             "cameras": ",".join(self.recipe.cameras),
+            **({} if self.recipe.depth else {"depth": "false"}),
             **({"intermediate": INTERMEDIATE} if self.recipe.view == "keyframes" else {}),
             "root": self.dataset,
             "repo_id": self._repo_id,
@@ -229,8 +230,7 @@ class Plan:
             **self._device,
             "steps": self.recipe.steps,
             "batch_size": self.recipe.batch_size,
-            # A worker process per core beyond the one that trains; LeRobot's own default is four.
-            "num_workers": 0 if self._resident else min(4, max(1, (os.cpu_count() or 1) - 1)),
+            "num_workers": 0,  # the dataset is in memory
             "log_freq": max(1, self.recipe.save_freq // 5),
             "save_freq": self.recipe.save_freq,
             "seed": self.config.seed,
@@ -243,10 +243,7 @@ class Plan:
         """Train with a checkpoint every `save_freq` steps."""
         return Command(
             "train",
-            [
-                "lerobot-bimanual-train" if self._resident else "lerobot-train",
-                *flag_words(self.training_flags()),
-            ],
+            ["lerobot-bimanual-train", *flag_words(self.training_flags())],
             output=self.checkpoint(self.recipe.steps),
             training_folder=self.run_folder / "train",
         )
@@ -265,6 +262,7 @@ class Plan:
             **_unless_empty("env.perturb", self._perturb(split)),
             "env.image_size": self.protocol.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
+            **({} if self.recipe.depth else {"env.obs": "rgb"}),
             "env.results_dir": evaluation.parent,
             "eval.n_episodes": len(played),
             "eval.batch_size": 2,
@@ -288,11 +286,6 @@ class Plan:
 
     def _perturb(self, split: ScoredSplit) -> str:
         return self.config.perturb if split == "test" else ""
-
-    @property
-    def _resident(self) -> bool:
-        """Whether the dataset fits into memory: keyframes do, all frames do not."""
-        return self.recipe.view == "keyframes"
 
     @property
     def _device(self) -> dict[str, str]:

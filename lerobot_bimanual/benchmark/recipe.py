@@ -87,6 +87,12 @@ class Recipe:
         named = [name for name in CAMERA_NAMES if inputs & {schema.image_key(name), schema.depth_key(name)}]
         return tuple(named) or CAMERA_NAMES
 
+    @property
+    def depth(self) -> bool:
+        """Whether depth is among the inputs that the recipe names; true if it names none."""
+        inputs = self.sections["policy"].get("input_features", {}).keys()
+        return not inputs or bool(inputs & {schema.depth_key(name) for name in CAMERA_NAMES})
+
     def flags(self, image_size: int) -> dict[str, str]:
         """The recipe as flags of `lerobot-train` by name, for images of that many pixels a side."""
         flags: dict[str, str] = {}

@@ -10,10 +10,10 @@ from lerobot_bimanual.benchmark.task_check import check_task
 def benchmark(config: BenchmarkConfig) -> None:
     """Train a policy, choose its best checkpoint, score it on unseen seeds.
 
-    Generates demonstrations, scores the expert and the blind control, trains (from all frames with the stock
-    `lerobot-train`; from keyframes with `lerobot-bimanual-train`, the same loop with the dataset in memory), evaluates
-    every checkpoint with `lerobot-eval` on the validation split, and the best of them (of equals the latest) on the test
-    split. The result is one JSON file in OUTPUT/results, read by `lerobot-bimanual compare`.
+    Generates demonstrations, scores the expert and the blind control, trains with `lerobot-bimanual-train` (LeRobot's own
+    loop, with the dataset in memory), evaluates every checkpoint with `lerobot-eval` on the validation split, and the best
+    of them (of equals the latest) on the test split. The result is one JSON file in OUTPUT/results, read by
+    `lerobot-bimanual compare`.
 
     An interrupted benchmark continues where it stopped, a training from its last checkpoint.
 

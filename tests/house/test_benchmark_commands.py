@@ -52,13 +52,25 @@ def test_the_commands_of_a_benchmark_are_valid(policy, recipe, tmp_path):
     assert not output.exists()
     checkpoints = 2 if recipe == "small" else 10
     programs = [words[0] for words in commands]
-    trains = "lerobot-train" if policy == "act" else "lerobot-bimanual-train"
-    assert programs == ["lerobot-bimanual"] * 3 + [trains] + ["lerobot-eval"] * (checkpoints + 1)
+    assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + ["lerobot-eval"] * (
+        checkpoints + 1
+    )
     *ours, training, first_evaluation = commands[:5]
     for words in (*ours, training, first_evaluation):  # the other evaluations have the same flags
         check(words)
     splits = [word for words in commands for word in words if word.startswith("--env.split=")]
     assert splits == ["--env.split=val"] * checkpoints + ["--env.split=test"]
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_depth_is_recorded_and_rendered_only_for_policies_that_read_it(policy, tmp_path):
+    config = BenchmarkConfig(policy=policy, output=tmp_path)
+    generation, *_, evaluation = commands_of(config)
+    without = policy == "act"
+    assert ("--depth=false" in generation) == without
+    assert ("--env.obs=rgb" in evaluation) == without
+    # Demonstrations are shared by the policies of a task, but not by one that needs what is not in them.
+    assert ("_rgb_" in Plan.of(config).dataset.name) == without
 
 
 def test_the_demo_is_a_benchmark_of_one_checkpoint_with_films(tmp_path):

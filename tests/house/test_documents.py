@@ -95,7 +95,7 @@ def test_make_knows_every_target_that_is_named() -> None:
     subprocess.run(["make", "--dry-run", *sorted(named)], cwd=ROOT, check=True, capture_output=True)
 
 
-@pytest.mark.parametrize("program", ["lerobot-train", "lerobot-eval"])
+@pytest.mark.parametrize("program", ["lerobot-train", "lerobot-bimanual-train", "lerobot-eval"])
 def test_flags_of_lerobots_commands_parse(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
     import draccus
     from lerobot.configs.eval import EvalPipelineConfig
@@ -104,7 +104,7 @@ def test_flags_of_lerobots_commands_parse(program: str, monkeypatch: pytest.Monk
     import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
     from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
 
-    config_type = {"lerobot-train": TrainPipelineConfig, "lerobot-eval": EvalPipelineConfig}[program]
+    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
     found = list(commands(program))
     assert found
     for _, flags in found:

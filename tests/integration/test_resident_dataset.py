@@ -1,7 +1,11 @@
 """Batches from memory are those of the dataset."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 import torch
+from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from torch.utils.data import default_collate
 
@@ -9,14 +13,35 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual.training import resident_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
+from lerobot_policy_bimanual.training.train import images_read
+
+CPU = torch.device("cpu")
+TICK_S = 0.05
+LEARNT_WITH = {
+    "each row alone": {},
+    "a chunk of actions": {schema.ACTION: [0, 1, 2, 3, 4, 5, 6]},
+    "what was seen before": {
+        schema.ACTION: [-1, 0, 1],
+        schema.STATE: [-2, 0],
+        schema.image_key("front"): [-3, -1, 0],
+        schema.depth_key("left_wrist"): [-1, 0],
+        schema.image_key("left_wrist"): [0],
+    },
+}
+"""By a name the ticks that rows are learnt together with, by column."""
+
+
+def stored_in(folder: Path, ticks: dict[str, list[int]], **options) -> LeRobotDataset:
+    """A view as LeRobot loads it for training."""
+    seconds = {key: [tick * TICK_S for tick in of_key] for key, of_key in ticks.items()}
+    return LeRobotDataset(
+        "local/small", root=folder, return_uint8=True, delta_timestamps=seconds or None, **options
+    )
 
 
 @pytest.fixture(params=schema.VIEWS)
 def stored(request, generated) -> LeRobotDataset:
-    return LeRobotDataset("local/small", root=generated / request.param, return_uint8=True)
-
-
-CPU = torch.device("cpu")
+    return stored_in(generated / request.param, {})
 
 
 def as_lerobot_trains(batch: dict, colour_keys: set[str]) -> dict:
@@ -25,15 +50,14 @@ def as_lerobot_trains(batch: dict, colour_keys: set[str]) -> dict:
     return batch | {key: batch[key].float() / 255 for key in integers}
 
 
-def test_every_batch_is_the_one_that_lerobot_trains_on(stored):
-    held = ResidentDataset(stored, CPU)
-    assert len(held) == len(stored) == held.num_frames
-    rows = torch.randperm(len(stored)).tolist()
+def assert_same_batches(held: ResidentDataset, stored: LeRobotDataset, rows: list[int], left_out=()) -> None:
+    """Every batch of three of these rows is equal to the bit, but for keys that are left out of it."""
     for start in range(0, len(rows), 3):
         chosen = rows[start : start + 3]
         batch = held.batch(default_collate([held[row] for row in chosen]))
         expected = default_collate([stored[row] for row in chosen])
         expected = as_lerobot_trains(expected, set(stored.meta.camera_keys) - set(stored.meta.depth_keys))
+        expected = {key: value for key, value in expected.items() if key not in left_out}
         assert batch.keys() == expected.keys()
         for key, value in expected.items():
             assert type(batch[key]) is type(value)
@@ -42,6 +66,48 @@ def test_every_batch_is_the_one_that_lerobot_trains_on(stored):
                 assert torch.equal(batch[key], value)
             else:
                 assert batch[key] == value
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+@pytest.mark.parametrize("ticks", LEARNT_WITH.values(), ids=LEARNT_WITH)
+def test_every_batch_is_the_one_that_lerobot_trains_on(generated, view, ticks):
+    stored = stored_in(generated / view, ticks)
+    held = ResidentDataset(stored, CPU)
+    assert len(held) == len(stored) == held.num_frames
+    ends = {0, 1, len(stored) - 1} | {int(row) for row in held._last} | {int(row) for row in held._first}
+    others = set(torch.randperm(len(stored))[:9].tolist())
+    assert_same_batches(held, stored, sorted(ends | others))
+
+
+def test_chosen_episodes_are_learnt_with_their_own_rows(generated):
+    stored = stored_in(generated / "frames", LEARNT_WITH["a chunk of actions"], episodes=[1])
+    assert stored[0]["index"] > 0
+    assert_same_batches(ResidentDataset(stored, CPU), stored, [0, len(stored) // 2, len(stored) - 1])
+
+
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_images_that_nobody_reads_are_left_out_and_not_decoded(generated, view):
+    stored = stored_in(generated / view, LEARNT_WITH["a chunk of actions"])
+    front = schema.image_key("front")
+    held = ResidentDataset(stored, CPU, images={front})
+    left_out = set(stored.meta.camera_keys) - {front}
+    assert left_out.isdisjoint(held._columns)
+    assert_same_batches(held, stored, [0, 1, len(stored) - 1], left_out)
+
+
+def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(stored):
+    from lerobot.policies.act.configuration_act import ACTConfig
+
+    front = schema.image_key("front")
+    seen = PolicyFeature(FeatureType.VISUAL, (3, 32, 32))
+
+    def read(renamed: dict[str, str], *inputs: str) -> set[str]:
+        policy = ACTConfig(input_features=dict.fromkeys(inputs, seen), device="cpu")
+        return images_read(SimpleNamespace(policy=policy, rename_map=renamed), stored.meta)
+
+    assert read({}) == set(stored.meta.camera_keys)
+    assert read({}, front) == {front}
+    assert read({front: "observation.images.camera1"}, "observation.images.camera1") == {front}
 
 
 def test_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):

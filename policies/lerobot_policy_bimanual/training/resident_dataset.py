@@ -1,12 +1,8 @@
 """A dataset that is decoded once and then stays in memory, the main one or a GPU's."""
 
-import copy
-from pathlib import Path
+from collections.abc import Collection, Iterator
 from typing import Any
 
-import cv2
-import datasets
-import numpy as np
 import psutil
 import torch
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -15,6 +11,7 @@ from torch.utils.data import Dataset
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual.training.stored_rows import StoredRows
 
 MAX_SHARE = 0.7
 """Of the free memory, that may be taken."""
@@ -25,38 +22,51 @@ type Row = dict[str, Any]
 class ResidentDataset(Dataset):
     """The rows of a `LeRobotDataset` in memory, colours in 8 and depth in 16 bits, as they were recorded.
 
-    Training then moves no image: an item is a number and what is text, and `batch` looks up the rest on the device.
-    Attributes that are not found here are the dataset's.
+    Training then moves no image: an item is a number and what is text, and `batch` looks up the rest on the device, with
+    the rows before and after it that the dataset's `delta_timestamps` ask for. Every row is kept once, however many others
+    are learnt together with it. Attributes that are not found here are the dataset's.
 
     Args:
         dataset: what is read, once; so nothing random may be done to its rows.
         device: where the rows are kept.
         row_key: key of an item's number, different for datasets of one training.
+        images: keys of the images that are decoded and kept; by default all. Batches hold no others.
 
     Raises:
         DatasetError: it does not fit into memory, or an image cannot be decoded.
     """
 
-    def __init__(self, dataset: LeRobotDataset, device: torch.device, row_key: str = "row"):
+    def __init__(
+        self,
+        dataset: LeRobotDataset,
+        device: torch.device,
+        row_key: str = "row",
+        images: Collection[str] | None = None,
+    ):
         self.row_key = row_key
         self._dataset = dataset
         self._depth_keys = set(dataset.meta.depth_keys)
         self._colour_keys = set(dataset.meta.camera_keys) - self._depth_keys
         self._texts: list[dict[str, Any]] = []
         self._columns: dict[str, Tensor] = {}
-        encoded = _without_decoding(dataset, self._colour_keys | self._depth_keys)
-        for index in tqdm(range(len(dataset)), desc="decoding the dataset", unit="row"):
-            row: Any = encoded[index]  # pyright: ignore[reportArgumentType]
+        rows = StoredRows(dataset, dataset.meta.camera_keys if images is None else images)
+        self._first, self._last = (bound.to(device) for bound in rows.bounds)
+        progress = tqdm(rows, desc="decoding the dataset", unit="row", total=len(dataset))
+        for index, row in enumerate(progress):
             tensors = {
-                key: _decoded(value) if isinstance(value, dict) else self._packed(key, value)
-                for key, value in row.items()
-                if isinstance(value, Tensor | dict)
+                key: self._packed(key, value) for key, value in row.items() if isinstance(value, Tensor)
             }
             if index == 0:
                 self._columns = _room_for(len(dataset), tensors, device)
             for key, value in tensors.items():
                 self._columns[key][index] = value
             self._texts.append({key: value for key, value in row.items() if key not in tensors})
+        asked_for = dataset.reader.delta_indices or {}
+        self._offsets = {
+            key: torch.tensor(offsets, device=device)
+            for key, offsets in asked_for.items()
+            if key in self._columns
+        }
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -75,17 +85,33 @@ class ResidentDataset(Dataset):
     def batch(self, items: Row) -> Row:
         """What LeRobot's training loop makes of these rows: float tensors of colours in [0, 1], and all else.
 
+        Columns that the dataset has `delta_timestamps` for are (batch, offsets, ...); beyond the ends of an episode its
+        first or last row stands in, which `<column>_is_pad`, (batch, offsets), says.
+
         Args:
             items: items, collated.
         """
-        rows = items[self.row_key]
         texts = {key: value for key, value in items.items() if key != self.row_key}
-        return {key: self._unpacked(key, column[rows]) for key, column in self._columns.items()} | texts
+        return dict(self._looked_up(items[self.row_key].to(self._first.device))) | texts
+
+    def _looked_up(self, rows: Tensor) -> Iterator[tuple[str, Tensor]]:
+        """Columns of rows (batch,), and what is padding in them."""
+        first, last = self._first[rows, None], self._last[rows, None]
+        for key, column in self._columns.items():
+            if (offsets := self._offsets.get(key)) is None:
+                yield key, self._unpacked(key, column[rows])
+                continue
+            wanted = rows[:, None] + offsets
+            yield f"{key}_is_pad", (wanted < first) | (wanted > last)
+            found = self._unpacked(key, column[wanted.clamp(first, last)])
+            # LeRobot gives a single frame of a video without the axis of time.
+            single = len(offsets) == 1 and key in self._dataset.meta.video_keys
+            yield key, found[:, 0] if single else found
 
     def _packed(self, key: str, value: Tensor) -> Tensor:
         if key in self._depth_keys:
             # Whole millimetres, as signed numbers: PyTorch cannot look up unsigned ones on every device.
-            return value.to(torch.uint16).view(torch.int16)
+            return value if value.dtype == torch.int16 else value.to(torch.uint16).view(torch.int16)
         if key in self._colour_keys and value.is_floating_point():
             return (value * 255).round().to(torch.uint8)
         return value
@@ -96,40 +122,6 @@ class ResidentDataset(Dataset):
         return value.float() / 255 if key in self._colour_keys else value
 
 
-def _without_decoding(dataset: LeRobotDataset, images: set[str]) -> LeRobotDataset:
-    """The same dataset, of which rows hold the bytes of images that lie in tables.
-
-    LeRobot decodes an image by way of Pillow and floating point numbers, three times as long as it takes here. What it
-    takes from videos, or together with other rows, or in another unit than it is stored, is left to it.
-    """
-    info = dataset.meta.features
-    plain = [
-        key
-        for key in images
-        if info[key]["dtype"] == "image"
-        and key not in (dataset.reader.delta_indices or {})
-        and info[key].get("info", {}).get("depth_unit", dataset.depth_output_unit)
-        == dataset.depth_output_unit
-    ]
-    encoded = copy.copy(dataset)
-    encoded.reader = copy.copy(dataset.reader)
-    for key in plain:
-        encoded.reader.hf_dataset = encoded.hf_dataset.cast_column(key, datasets.Image(decode=False))
-    return encoded
-
-
-def _decoded(image: dict[str, Any]) -> Tensor:
-    """Colours (channels, height, width) uint8, or depth (1, height, width) as int16, of an encoded image."""
-    content = image["bytes"] or Path(image["path"]).read_bytes()
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise DatasetError(f"an image of {len(content)} bytes cannot be decoded")
-    if pixels.ndim == 2:  # depth, or one colour
-        return torch.from_numpy(pixels.view(np.int16) if pixels.dtype == np.uint16 else pixels)[None]
-    to_rgb = cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB
-    return torch.from_numpy(cv2.cvtColor(pixels, to_rgb)).permute(2, 0, 1)
-
-
 def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
     """Empty columns for rows like this one."""
     needed = rows * sum(value.nbytes for value in row.values())
@@ -137,7 +129,8 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
     if needed > MAX_SHARE * free:
         raise DatasetError(
             f"{rows} rows of this dataset take {needed / 1e9:.1f} GB of memory, more than {MAX_SHARE:.0%} of the "
-            f"{free / 1e9:.1f} GB that are free on {device}. Use `lerobot-train`, or fewer rows, or smaller images"
+            f"{free / 1e9:.1f} GB that are free on {device}. Use `lerobot-train`, or fewer rows, or smaller images, or "
+            "fewer of them, by naming the policy's inputs (--policy.input_features)"
         )
     return {
         key: torch.empty((rows, *value.shape), dtype=value.dtype, device=device) for key, value in row.items()

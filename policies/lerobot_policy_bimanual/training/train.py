@@ -92,10 +92,22 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     device = torch.device(getattr(cfg.trainable_config, "device", None) or "cpu")
     datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
     check_inputs(cfg, datasets[0].meta)
+    images = images_read(cfg, datasets[0].meta)
     return tuple(
-        None if dataset is None else ResidentDataset(dataset, device, row_key)
+        None if dataset is None else ResidentDataset(dataset, device, row_key, images)
         for dataset, row_key in zip(datasets, ROW_KEYS, strict=True)
     )
+
+
+def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
+    """Keys of the images that the policy reads: those among the inputs that it names, or all if it names none.
+
+    Args:
+        cfg: of the training.
+        meta: LeRobot's metadata of the dataset.
+    """
+    named = cfg.policy.input_features if cfg.policy is not None else None
+    return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
 
 
 _make_datasets = lerobot_train.make_train_eval_datasets
