@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import threading
 import time
 import warnings
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
@@ -15,6 +17,8 @@ from typing import Any, Protocol
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Player, run_episode
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.world.appearance import lent
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 
@@ -27,15 +31,20 @@ class Key(IntEnum):
     LEFT = 263
     DOWN = 264
     UP = 265
+    PAGE_UP = 266
+    PAGE_DOWN = 267
+    END = 269
 
 
-KEYS = "right/left: seed   up/down: variation   space: pause   backspace: again"
+KEYS = """\
+right/left: seed   up/down: variation   space: pause   backspace: again
+page down/up: perturbation   end: its next level"""
 PATIENCE_S = 0.05
 """Between two looks at the keys while nothing moves."""
 
 
-LOOK_AT_M, DISTANCE_M, AZIMUTH_DEG, ELEVATION_DEG = (0.2, 0.0, 0.9), 2.0, 180.0, -30.0
-"""Where the viewer looks from at first: roughly the front camera's place, a little higher."""
+FIRST_VIEW = {"lookat": (0.2, 0.0, 0.9), "distance": 2.0, "azimuth": 180.0, "elevation": -30.0}
+"""Where the viewer looks from at first, in m and degrees: roughly the front camera's place, a little higher."""
 
 
 class Window(Protocol):
@@ -54,6 +63,10 @@ class Window(Protocol):
         """Show the present state."""
         ...
 
+    def lock(self) -> AbstractContextManager[None]:
+        """Nobody looks at the state while a `with` block runs."""
+        ...
+
     def set_texts(self, texts: tuple[None, None, str, str]) -> None:
         """Write into a corner: font, place, left column, right column."""
         ...
@@ -61,6 +74,8 @@ class Window(Protocol):
 
 type OpenWindow = Callable[..., AbstractContextManager[Window]]
 """Opens a window on a model and its data, with `key_callback`, which is told the code of every key."""
+type Levels = tuple[str, ...]
+"""The levels of one perturbation, each as the environment's option says it."""
 
 
 @dataclass(frozen=True)
@@ -70,24 +85,34 @@ class Wish:
     Attributes:
         seed: of the reset.
         variation: index; None leaves it to the environment's options.
+        perturb: what is different from the world as it is, as the environment's option says it.
     """
 
     seed: int
     variation: int | None = None
+    perturb: str = ""
 
-    def after(self, key: int, shown: int, variations: int) -> Wish | None:
+    def after(self, key: int, shown: int, variations: int, perturbations: Sequence[Levels]) -> Wish | None:
         """The episode that a key asks for; None if the key asks for none.
 
         Args:
             key: code of GLFW.
             shown: variation of the present episode.
             variations: how many the task has.
+            perturbations: what there is to choose from; the present one is among them.
         """
+        step = 1 if key in (Key.RIGHT, Key.UP, Key.PAGE_DOWN, Key.END) else -1
         match key:
             case Key.RIGHT | Key.LEFT:
-                return Wish(max(0, self.seed + (1 if key == Key.RIGHT else -1)), self.variation)
+                return replace(self, seed=max(0, self.seed + step))
             case Key.DOWN | Key.UP:
-                return Wish(self.seed, (shown + (1 if key == Key.UP else -1)) % variations)
+                return replace(self, variation=(shown + step) % variations)
+            case Key.PAGE_DOWN | Key.PAGE_UP:
+                here = next(place for place, levels in enumerate(perturbations) if self.perturb in levels)
+                return replace(self, perturb=perturbations[(here + step) % len(perturbations)][0])
+            case Key.END:
+                levels = next(levels for levels in perturbations if self.perturb in levels)
+                return replace(self, perturb=levels[(levels.index(self.perturb) + step) % len(levels)])
             case Key.BACKSPACE:
                 return self
         return None
@@ -111,54 +136,79 @@ def no_window() -> str:
         return "" if glfw.init() else "the display cannot be opened"
 
 
-def mujoco_window() -> OpenWindow:
-    """MuJoCo's own, which runs in a thread beside ours."""
-    import mujoco.viewer
+@contextmanager
+def mujoco_window(
+    model: mujoco.MjModel, data: mujoco.MjData, key_callback: Callable[[int], None] | None = None
+) -> Iterator[Window]:
+    """MuJoCo's own, which runs in a thread beside ours; that thread ends with the `with` block."""
+    from mujoco import viewer
 
-    def open_window(model: object, data: object, key_callback: Callable[[int], None]):
-        return mujoco.viewer.launch_passive(
-            model, data, key_callback=key_callback, show_left_ui=False, show_right_ui=False
-        )
-
-    return open_window
+    others = threading.enumerate()
+    window = viewer.launch_passive(
+        model, data, key_callback=key_callback, show_left_ui=False, show_right_ui=False
+    )
+    threads = [thread for thread in threading.enumerate() if thread not in others]
+    try:
+        yield window
+    finally:
+        window.close()
+        for thread in threads:  # one that outlives the interpreter crashes it
+            thread.join()
 
 
 class Performance:
     """Plays episodes in a window until it is closed.
 
+    Every perturbation is a world of its own, which may be built otherwise, so each has its own window.
+
     Args:
-        env: whose world is shown.
+        make_env: makes the environment of a perturbation.
         player: who plays.
         name: of the player, as it is shown.
         wish: the first episode.
+        perturbations: what the keys can choose; the first episode's is among them.
         open_window: MuJoCo's viewer, or what stands for it.
         sleep: waits for some seconds.
     """
 
     def __init__(
         self,
-        env: BimanualEnv,
+        make_env: Callable[[str], BimanualEnv],
         player: Player,
         name: str,
         wish: Wish,
+        perturbations: Sequence[Levels],
         open_window: OpenWindow,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        self._env, self._player, self._name = env, player, name
+        self._make_env, self._player, self._name = make_env, player, name
         self._wish: Wish | None = wish
+        self._perturbations = perturbations
         self._open_window, self._sleep = open_window, sleep
-        self._keys: SimpleQueue[int] = SimpleQueue()
+        self._view: dict[str, Any] = dict(FIRST_VIEW)
         self._paused = False
         self._due_s = 0.0
 
     def run(self) -> None:
-        """Play until the window is closed."""
+        """Play until a window is closed.
+
+        Raises:
+            InvalidChoice: the first perturbation finds nothing to change in the task.
+        """
+        while self._wish is not None:
+            with closing(self._make_env(self._wish.perturb)) as self._env:
+                self._perform(self._wish.perturb)
+
+    def _perform(self, perturb: str) -> None:
+        """Play in one window until it is closed or somebody wishes another perturbation."""
         scene = self._env.scene
+        self._keys: SimpleQueue[int] = SimpleQueue()
         with self._open_window(scene.model, scene.data, key_callback=self._keys.put) as self._window:
             camera = self._window.cam
-            camera.lookat[:], camera.distance = LOOK_AT_M, DISTANCE_M
-            camera.azimuth, camera.elevation = AZIMUTH_DEG, ELEVATION_DEG
-            while self._wish is not None:
+            camera.lookat[:] = self._view["lookat"]
+            for name in ("distance", "azimuth", "elevation"):
+                setattr(camera, name, self._view[name])
+            while self._wish is not None and self._wish.perturb == perturb:
                 try:
                     verdict = self._play(self._wish)
                     while True:  # the last state stays until somebody asks for another episode
@@ -166,6 +216,7 @@ class Performance:
                         self._sleep(PATIENCE_S)
                 except _OtherEpisode as other:
                     self._wish = other.wish
+            self._view = {name: copy.copy(getattr(camera, name)) for name in self._view}
 
     def _play(self, wish: Wish) -> str:
         self._due_s = time.monotonic()
@@ -188,17 +239,20 @@ class Performance:
 
     def _show(self, state: str) -> None:
         """Draw, and leave the episode if the window was closed or somebody wishes another."""
-        env, window = self._env, self._window
+        env, window, scene = self._env, self._window, self._env.scene
         if not window.is_running():
             raise _OtherEpisode(None)
-        text = f"{env.task_description}\n{self._name}, seed {env.progress.seed}, variation {env.variation}"
-        window.set_texts((None, None, f"{text}\n{state}\n{KEYS}", ""))
-        window.sync()
+        world = f"with {env.options.perturb}" if env.options.perturb else "the world as it is"
+        episode = f"{self._name}, seed {env.progress.seed}, variation {env.variation}, {world}"
+        window.set_texts((None, None, f"{env.task_description}\n{episode}\n{state}\n{KEYS}", ""))
+        with lent(scene.model, scene.data, scene.appearance.fields):
+            window.sync()
         while (key := self._next_key()) is not None:
             if key == Key.SPACE:
                 self._paused = not self._paused
             assert self._wish is not None  # while an episode is played
-            wish = self._wish.after(key, env.variation, len(env.task_definition.spec.variations))
+            variations = len(env.task_definition.spec.variations)
+            wish = self._wish.after(key, env.variation, variations, self._perturbations)
             if wish is not None:
                 raise _OtherEpisode(wish)
 

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import logging
 import sys
-from typing import Any
 
 import numpy as np
-from lerobot.teleoperators.teleoperator import Teleoperator
-from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.dataset import schema
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_bimanual_keyboard import BimanualKeyboardConfig
-from lerobot_robot_bimanual.leader_arms import LeaderArms
+from lerobot_robot_bimanual.leader import Leader
 from lerobot_robot_bimanual.terminal_keys import TerminalKeys
 
 logger = logging.getLogger(__name__)
@@ -40,15 +35,11 @@ gripper   f (opens, closes)
 next      h (both hands home: the next episode begins)"""
 
 
-class BimanualKeyboard(Teleoperator):
+class BimanualKeyboard(Leader[TerminalKeys]):
     """A pair of leader arms, moved hand by hand with the keys of a terminal.
 
-    LeRobot shows a teleoperator nothing of the robot, so this one has arms of its own, like the leader arms of real
-    robots: they begin at home, and their joints are the action. A key is one step of the chosen hand; keeping it down
-    repeats the step. No display is needed, and it works through ssh.
-
-    Where LeRobot hands over from a policy to a person (`lerobot-rollout --strategy.type=dagger`), it moves these arms
-    to where the robot is.
+    A key is one step of the chosen hand; keeping it down repeats the step. It works through ssh. Where standard input is no
+    terminal, `connect` raises `NoTerminal`.
     """
 
     config_class = BimanualKeyboardConfig
@@ -57,87 +48,21 @@ class BimanualKeyboard(Teleoperator):
     def __init__(self, config: BimanualKeyboardConfig):
         super().__init__(config)
         self.config = config
-        self._arms = LeaderArms(PANDA_PAIR)
         self._hands: tuple[Arm, ...] = (Arm.LEFT,)
-        self._keys: TerminalKeys | None = None
 
-    @property
-    def action_features(self) -> dict[str, Any]:
-        """The sixteen numbers of a joint action, by name."""
-        return dict.fromkeys(schema.JOINT_NAMES, float)
-
-    @property
-    def feedback_features(self) -> dict[str, Any]:
-        """Where the robot is, by the same names."""
-        return self.action_features
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether keys are being read."""
-        return self._keys is not None
-
-    @property
-    def is_calibrated(self) -> bool:
-        """A keyboard always is."""
-        return True
-
-    def calibrate(self) -> None:
-        """Nothing to do."""
-
-    def configure(self) -> None:
-        """Nothing to do."""
-
-    def enable_torque(self) -> None:
-        """Nothing to do; its presence tells LeRobot that these arms can be moved to where the robot is."""
-
-    def disable_torque(self) -> None:
-        """Nothing to do."""
-
-    @check_if_already_connected
-    def connect(self, calibrate: bool = True) -> None:
-        """Begin to read keys.
-
-        Raises:
-            NoTerminal: standard input is none.
-        """
-        self._keys = TerminalKeys(KEYS)
+    def _open(self) -> TerminalKeys:
+        keys = TerminalKeys(KEYS)
         logger.info("keys:\n%s", HELP)
+        return keys
 
-    @check_if_not_connected
-    def get_action(self) -> dict[str, float]:
-        """The leader arms' joints after the keys that were struck since the last call.
+    def _forget(self, device: TerminalKeys) -> None:
+        device.struck()
 
-        Raises:
-            DeviceNotConnectedError: before `connect`.
-        """
-        assert self._keys is not None
-        for key in self._keys.struck():
-            self._follow(key)
-        return dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+    def _follow(self, device: TerminalKeys) -> None:
+        for key in device.struck():
+            self._strike(key)
 
-    @check_if_not_connected
-    def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Move the leader arms to where the robot is; keys that were struck until now are forgotten.
-
-        Args:
-            feedback: joint targets and openings by name, of which some may be missing.
-
-        Raises:
-            DeviceNotConnectedError: before `connect`.
-        """
-        assert self._keys is not None
-        self._keys.struck()
-        present = dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
-        self._arms.go_to([feedback.get(name, value) for name, value in present.items()])
-
-    @check_if_not_connected
-    def disconnect(self) -> None:
-        """Give the terminal back."""
-        assert self._keys is not None
-        self._keys.stop()
-        self._keys = None
-
-    def _follow(self, key: str) -> None:
+    def _strike(self, key: str) -> None:
         if key in HANDS:
             self._hands = HANDS[key]
         elif key == HOME:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from lerobot.teleoperators.config import TeleoperatorConfig
 
 from lerobot_bimanual.errors import InvalidChoice
-
-MAX_STEP_M, MAX_STEP_DEG = 0.05, 15.0
+from lerobot_robot_bimanual.step_limits import MAX_STEP_DEG, MAX_STEP_M
 
 
 @TeleoperatorConfig.register_subclass("bimanual_keyboard")

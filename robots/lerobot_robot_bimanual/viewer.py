@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import atexit
 import os
-import threading
+from contextlib import ExitStack
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.viewer import mujoco_window
+from lerobot_env_bimanual.world.appearance import lent
 from lerobot_env_bimanual.world.scene import Scene
 
 
@@ -34,28 +36,23 @@ class Viewer:
     def __init__(self, scene: Scene):
         if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise NoDisplay
-        from mujoco import viewer
-
         self._scene = scene
         self._shown = mujoco.MjData(scene.model)
-        others = threading.enumerate()
-        self._window = viewer.launch_passive(
-            scene.model, self._shown, show_left_ui=False, show_right_ui=False
-        )
-        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        self._closing = ExitStack()
+        self._window = self._closing.enter_context(mujoco_window(scene.model, self._shown))
         atexit.register(self.close)
         self.show()
 
     def show(self) -> None:
         """Show the scene's present state; nothing happens after the window was closed."""
         if self._window.is_running():
+            scene = self._scene
             with self._window.lock():
-                mujoco.mj_copyData(self._shown, self._scene.model, self._scene.data)
-            self._window.sync()
+                mujoco.mj_copyData(self._shown, scene.model, scene.data)
+            with lent(scene.model, self._shown, scene.appearance.fields):
+                self._window.sync()
 
     def close(self) -> None:
-        """Close the window, and wait for its thread: one that outlives the interpreter crashes it."""
+        """Close the window."""
         atexit.unregister(self.close)
-        self._window.close()
-        for thread in self._threads:
-            thread.join()
+        self._closing.close()

@@ -46,9 +46,10 @@ def test_lerobot_finds_the_environment_and_the_policies(discovery: Any) -> None:
     assert discovery["policies"]["peract2"].startswith("lerobot_policy_bimanual.")
 
 
-def test_lerobot_finds_the_robot_and_the_keyboard(discovery: Any) -> None:
+def test_lerobot_finds_the_robot_the_keyboard_and_the_gamepad(discovery: Any) -> None:
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
-    assert discovery["teleoperators"]["bimanual_keyboard"].startswith("lerobot_robot_bimanual.")
+    for name in ("bimanual_keyboard", "bimanual_gamepad"):
+        assert discovery["teleoperators"][name].startswith("lerobot_robot_bimanual.")
 
 
 def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:

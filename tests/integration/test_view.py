@@ -1,5 +1,8 @@
 """The verb `view` where there is no display: a film and a sheet of an expert, or of a policy beside it."""
 
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import av
@@ -42,6 +45,35 @@ def test_without_a_display_one_line_says_so_and_a_film_is_written(capsys) -> Non
     assert Image.open(sheet).width == beside.MOMENTS * (PANEL_WIDTH + GAP) + GAP
 
 
+@pytest.mark.sim
+def test_a_film_shows_another_world_and_says_which(capsys) -> None:
+    flags = ("--task=lift_ball", "--output=films")
+    for perturb in ("", "light:3,arm_late:1"):
+        assert main(["view", *flags, f"--perturb={perturb}"]) == 0
+    told = capsys.readouterr().out
+    as_it_is, dark = (
+        Path(f"films/lift_ball_v0_test_seed0{name}_expert.mp4") for name in ("", "_arm_late1_light3")
+    )
+    assert f"{dark}\n" in told
+    colours = [frames(film)[0].mean((0, 1)) for film in (as_it_is, dark)]
+    assert np.abs(colours[0] - colours[1]).max() > 5
+
+
+@pytest.mark.parametrize("perturb", ["", "light:2", "light:2,mass:1"])
+def test_at_a_display_every_axis_of_the_task_can_be_chosen_and_what_was_asked_for(
+    monkeypatch, perturb
+) -> None:
+    choices: list[tuple[str, ...]] = []
+    monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
+    monkeypatch.setattr(Performance, "run", lambda self: choices.extend(self._perturbations))
+    assert main(["view", "--task=push_box", f"--perturb={perturb}"]) == 0
+    assert choices[0] == ("",)
+    assert ("light:1", "light:2", "light:3") in choices
+    assert "stiffness:1" not in {level for levels in choices for level in levels}  # a box has no joints
+    assert [levels for levels in choices if perturb in levels] != []
+    assert ((perturb,) in choices) == (perturb != "light:2")
+
+
 @pytest.mark.slow
 def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     flags = ("--task=handover_item_easy", "--seed=1", "--image_size=128", "--output=films")
@@ -59,11 +91,35 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
 def test_with_a_display_the_window_opens_unless_a_film_is_wished(monkeypatch, capsys) -> None:
     played: list[str] = []
     monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
-    monkeypatch.setattr("lerobot_env_bimanual.viewer.mujoco_window", lambda: None)
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
     assert main(["view", "--task=lift_ball"]) == 0
     assert played == ["expert"]
     assert "space: pause" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt-get install xvfb")
+def test_mujocos_own_windows_open_one_after_the_other_and_close_in_peace() -> None:
+    program = """
+from lerobot_bimanual.cli import main
+from lerobot_env_bimanual.viewer import Key, Performance
+
+def tick(self):
+    self._show("as fast as it goes")
+    if self._env.progress.ticks == 2:
+        print(self._env.options.perturb or "as it is", flush=True)
+        if self._env.options.perturb == "arm_late:2":
+            self._window.close()
+        else:
+            self._keys.put(Key.END if self._env.options.perturb else Key.PAGE_DOWN)
+
+Performance._tick = tick
+raise SystemExit(main(["view", "--task=lift_ball"]))
+"""
+    command = ("xvfb-run", "--auto-servernum", sys.executable, "-c", program)
+    child = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert child.returncode == 0, child.stderr[-4000:]
+    assert child.stdout.splitlines()[-3:] == ["as it is", "arm_late:1", "arm_late:2"]
 
 
 @pytest.mark.parametrize(
@@ -73,6 +129,8 @@ def test_with_a_display_the_window_opens_unless_a_film_is_wished(monkeypatch, ca
         ("--variation=7", "has no variation 7"),
         ("--seed=-1", "seed is -1"),
         ("--checkpoint=nowhere", "no checkpoint at nowhere"),
+        ("--perturb=fog:1", "fog"),
+        ("--perturb=grip_force:9", "with levels 0 to 3"),
         ("--video_dir=films", "--output says where its film goes"),
         ("--output=/proc/films", "cannot write /proc/films"),
     ],

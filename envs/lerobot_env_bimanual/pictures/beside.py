@@ -37,14 +37,17 @@ def show_beside(
         ticked: called after every picture of the film.
 
     Returns:
-        The film and the sheet; their names are those of the task, its variation, split and seed.
+        The film and the sheet; their names are those of the task, its variation, split, seed and perturbation.
 
     Raises:
         BimanualError: they cannot be written, or not be drawn.
     """
     first = next(iter(takes.values()))
     outcome = first.outcome
+    perturb = env.options.perturb
     name = f"{outcome.task}_v{outcome.variation}_{outcome.split}_seed{outcome.seed}"
+    if perturb:
+        name += f"_{perturb.replace(':', '').replace(',', '_')}"
     camera = clearest_camera(
         env.scene, [*first.states[:: len(first.states) // MOMENTS + 1], first.states[-1]]
     )
@@ -63,7 +66,8 @@ def show_beside(
         sheet = folder / f"{name}_{'_and_'.join(takes)}.png"
         lines = (
             env.task_description,
-            f"{outcome.split} seed {outcome.seed}, variation {outcome.variation}, seen from {camera}",
+            f"{outcome.split} seed {outcome.seed}, variation {outcome.variation}, "
+            f"{f'with {perturb}' if perturb else 'the world as it is'}, seen from {camera}",
         )
         draw_sheet(outcome.task, lines, takes, image).save(sheet)
     return film, sheet

@@ -34,6 +34,7 @@ from lerobot_env_bimanual.verification.bookkeeping import BOOKKEEPING_CHECKS, TA
 from lerobot_env_bimanual.verification.fault import Fault
 from lerobot_env_bimanual.verification.plan import check_plan
 from lerobot_env_bimanual.verification.statistics import STATISTICS_FILE, check_dataset_statistics
+from lerobot_env_bimanual.verification.subtasks import LANGUAGE_FEATURES, check_subtasks
 
 NAMED_FILES = (CARD_FILE, SEAL_FILE, INFO_FILE, STATISTICS_FILE, TASKS_FILE, PROVENANCE_FILE, PICTURE_FILE)
 """Files that every dataset has, besides tables and videos."""
@@ -110,6 +111,8 @@ def check_schema(root: Path) -> Iterator[Fault]:
     if not MIN_IMAGE_SIDE <= min(height, width) <= max(height, width) <= MAX_IMAGE_SIDE:
         yield Fault(f"images have {height}x{width} pixels, beyond {MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE}")
     wanted = expected_features(dataset.cameras, height, width, dataset.view, dataset.has_depth)
+    if features.keys() & LANGUAGE_FEATURES.keys():
+        wanted |= LANGUAGE_FEATURES
     for key in sorted(wanted.keys() - features.keys()):
         yield Fault(f"{key} is missing")
     for key in sorted(features.keys() - wanted.keys()):
@@ -148,7 +151,11 @@ def check_tables(root: Path) -> Iterator[Fault]:
                 f"{place} differs from the declared features by {sorted(columns.keys() ^ features.keys())}"
             )
         for key in sorted(columns.keys() & features.keys()):
-            if features[key]["dtype"] not in IMAGE_TYPES and _element(columns[key]) != features[key]["dtype"]:
+            looked_at = features[key]["dtype"] not in (
+                *IMAGE_TYPES,
+                "language",
+            )  # those have checks of their own
+            if looked_at and _element(columns[key]) != features[key]["dtype"]:
                 yield Fault(f"{key} in {place} holds {columns[key]}, not {features[key]['dtype']}")
 
 
@@ -225,6 +232,7 @@ METADATA_CHECKS: dict[str, Callable[[Path], Iterator[Fault]]] = {
     "statistics of the dataset": check_dataset_statistics,
     "provenance": check_provenance,
     "plan": check_plan,
+    "subtasks": check_subtasks,
     "card": check_card,
 }
 

@@ -1,0 +1,66 @@
+"""What the expert does, stage by stage and in words, in the columns that LeRobot keeps for language.
+
+lerobot-bimanual generate --task=lift_ball --episodes=10 --root=data/lift_ball
+python examples/10_subtasks.py --root=data/lift_ball
+lerobot-bimanual verify --root=data/lift_ball
+
+Experts know their stages by name. `generate` leaves the names out, as LeRobot's recorder has no language columns; LeRobot adds
+them to finished datasets, and so does this. docs/datasets.md says who reads them.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from lerobot.annotations.steerable_pipeline.reader import iter_episodes
+from lerobot.annotations.steerable_pipeline.staging import EpisodeStaging
+from lerobot.annotations.steerable_pipeline.writer import LanguageColumnsWriter
+from lerobot.datasets import LeRobotDataset
+from lerobot.datasets.io_utils import load_info, write_info
+from lerobot.datasets.language import language_feature_info
+
+from lerobot_bimanual.dataset.schema import KEYPOSE_STEP
+from lerobot_bimanual.dataset.seal import write_seal
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.runner import expert, run_episode
+
+
+def stage_names(task: str, split: str, variation: int, seed: int) -> list[str]:
+    """The expert's stages of an episode, which its key determines."""
+    env = BimanualEnv(task, obs="state", control_mode="keypose", split=split)
+    names: list[str] = []
+    run_episode(env, seed, expert(), lambda move: names.append(move.name), variation)
+    env.close()
+    return names
+
+
+def annotate(view: Path) -> None:
+    """Write the language columns of one view, declare them, and seal it again."""
+    episodes = list(iter_episodes(view))
+    with tempfile.TemporaryDirectory() as folder:
+        for episode in episodes:
+            rows = episode.frames_df()
+            key = rows.iloc[0]
+            names = stage_names(key["task_name"], key["split"], int(key["variation"]), int(key["seed"]))
+            steps = rows[KEYPOSE_STEP].map(lambda step: int(step[0]))
+            begins_s = rows["timestamp"].groupby(steps).first()
+            subtasks = [
+                {"role": "assistant", "style": "subtask", "content": name, "timestamp": float(begins_s[step])}
+                for step, name in enumerate(names)
+            ]
+            EpisodeStaging(Path(folder), episode.episode_index).write("plan", subtasks)
+        LanguageColumnsWriter().write_all(episodes, Path(folder), view)
+    info = load_info(view)
+    info.features = {**info.features, **language_feature_info()}
+    write_info(info, view)
+    write_seal(view)
+
+
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--root", type=Path, required=True, help="what `lerobot-bimanual generate` was given")
+arguments = parser.parse_args()
+
+for view in sorted(path.parent.parent for path in arguments.root.glob("**/meta/info.json")):
+    annotate(view)
+    for subtask in LeRobotDataset(f"local/{view.name}", root=view)[0]["language_persistent"]:
+        print(f"{view}: from {subtask['timestamp']:.2f} s on: {subtask['content']}")

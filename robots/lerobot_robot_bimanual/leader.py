@@ -1,0 +1,129 @@
+"""What every device that moves the leader arms has in common: LeRobot's contract of a teleoperator."""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, Protocol
+
+from lerobot.teleoperators.config import TeleoperatorConfig
+from lerobot.teleoperators.teleoperator import Teleoperator
+from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
+
+from lerobot_bimanual.dataset import schema
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_robot_bimanual.leader_arms import LeaderArms
+
+
+class Device(Protocol):
+    """What an operator holds."""
+
+    def stop(self) -> None:
+        """Let go of it; it may be opened again."""
+        ...
+
+
+class Leader[D: Device](Teleoperator):
+    """A pair of leader arms, which a device moves.
+
+    LeRobot shows a teleoperator nothing of the robot, so this one has arms of its own, like the leader arms of real
+    robots: they begin at home, and their joints are the action. No display is needed.
+
+    Where LeRobot hands over from a policy to a person (`lerobot-rollout --strategy.type=dagger`), it moves these arms
+    to where the robot is.
+    """
+
+    def __init__(self, config: TeleoperatorConfig):
+        super().__init__(config)
+        self._arms = LeaderArms(PANDA_PAIR)
+        self._device: D | None = None
+
+    @abc.abstractmethod
+    def _open(self) -> D:
+        """The device, ready to be read."""
+
+    @abc.abstractmethod
+    def _follow(self, device: D) -> None:
+        """Move the arms by what was done to the device since the last call."""
+
+    @abc.abstractmethod
+    def _forget(self, device: D) -> None:
+        """Have no effect of what was done to the device since the last call."""
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """The sixteen numbers of a joint action, by name."""
+        return dict.fromkeys(schema.JOINT_NAMES, float)
+
+    @property
+    def feedback_features(self) -> dict[str, Any]:
+        """Where the robot is, by the same names."""
+        return self.action_features
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the device is being read."""
+        return self._device is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Arms in thought always are."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing to do."""
+
+    def configure(self) -> None:
+        """Nothing to do."""
+
+    def enable_torque(self) -> None:
+        """Nothing to do; its presence tells LeRobot that these arms can be moved to where the robot is."""
+
+    def disable_torque(self) -> None:
+        """Nothing to do."""
+
+    @check_if_already_connected
+    def connect(self, calibrate: bool = True) -> None:
+        """Begin to read the device.
+
+        Raises:
+            BimanualError: it is not there; the class of the device says which error.
+            DeviceAlreadyConnectedError: it is being read.
+        """
+        self._device = self._open()
+
+    @check_if_not_connected
+    def get_action(self) -> dict[str, float]:
+        """The leader arms' joints after what was done to the device since the last call.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._device is not None
+        self._follow(self._device)
+        return dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+
+    @check_if_not_connected
+    def send_feedback(self, feedback: dict[str, Any]) -> None:
+        """Move the leader arms to where the robot is; what was done to the device until now is forgotten.
+
+        Args:
+            feedback: joint targets and openings by name, of which some may be missing.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._device is not None
+        self._forget(self._device)
+        present = dict(zip(schema.JOINT_NAMES, self._arms.joint_action.tolist(), strict=True))
+        self._arms.go_to([feedback.get(name, value) for name, value in present.items()])
+
+    @check_if_not_connected
+    def disconnect(self) -> None:
+        """Let go of the device.
+
+        Raises:
+            DeviceNotConnectedError: before `connect`.
+        """
+        assert self._device is not None
+        self._device.stop()
+        self._device = None
