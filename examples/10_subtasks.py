@@ -42,8 +42,7 @@ def annotate(view: Path) -> None:
             rows = episode.frames_df()
             key = rows.iloc[0]
             names = stage_names(key["task_name"], key["split"], int(key["variation"]), int(key["seed"]))
-            steps = rows[KEYPOSE_STEP].map(lambda step: int(step[0]))
-            begins_s = rows["timestamp"].groupby(steps).first()
+            begins_s = rows.groupby(KEYPOSE_STEP)["timestamp"].first()
             subtasks = [
                 {"role": "assistant", "style": "subtask", "content": name, "timestamp": float(begins_s[step])}
                 for step, name in enumerate(names)

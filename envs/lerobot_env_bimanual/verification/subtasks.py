@@ -30,10 +30,7 @@ def check_subtasks(root: Path) -> Iterator[Fault]:
     columns = ["episode_index", "timestamp", schema.KEYPOSE_STEP, SUBTASKS, EVENTS]
     for path in sorted(root.glob("data/*/*.parquet")):
         table = pq.read_table(path, columns=columns)
-        episodes, times_s, steps = (
-            np.array(table[key].combine_chunks().flatten() if key == schema.KEYPOSE_STEP else table[key])
-            for key in columns[:3]
-        )
+        episodes, times_s, steps = (np.array(table[key]) for key in columns[:3])
         words, events = table[SUBTASKS].to_pylist(), table[EVENTS].to_pylist()
         for episode in np.unique(episodes):
             rows = np.flatnonzero(episodes == episode)
