@@ -27,6 +27,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
+from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.keypose import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import real_vector
@@ -116,7 +117,8 @@ def _start_fork_server() -> None:
     """Have the process that workers are forked from import what they need, while LeRobot loads the policy."""
     use_scratch_folder()
     multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
-    forkserver.ensure_running()
+    with interrupts_ignored():
+        forkserver.ensure_running()
 
 
 class LazyVectorEnv(VectorEnv):

@@ -12,7 +12,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
-from multiprocessing import connection
+from multiprocessing import connection, forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
 from types import TracebackType
@@ -21,6 +21,7 @@ from typing import Any, Self
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_env_bimanual.scratch import use_scratch_folder
 from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed, end_of
 
@@ -202,6 +203,8 @@ class WorkerPool:
                     return worker
                 self._dismiss([worker])
                 break
+        with interrupts_ignored():
+            forkserver.ensure_running()
         worker = Worker(self._context, *self._preparation)
         self._workers.append(worker)
         return worker

@@ -8,12 +8,10 @@ import json
 import os
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -21,6 +19,7 @@ from rich.console import Console
 
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.output_file import check_output_folder, write_file
@@ -73,21 +72,12 @@ def call(words: list[str]) -> int:
         "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
     }
     executable = Path(sys.executable).parent / program
-    with _interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
+    with interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
         process = subprocess.Popen([executable, *flags], env=defaults | os.environ)
     try:
         return process.wait()
     finally:
         _end(process)
-
-
-@contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
