@@ -53,7 +53,7 @@ class BimanualEnv(gym.Env):
 
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
-    joint-space motions because an arm could not follow them) and the episode's `seed`.
+    joint-space motions because an arm could not follow them), and the episode's `seed` and `instruction`.
 
     An episode is determined by task, split, seed, variation and perturbations, bit for bit. Building the environment is cheap:
     the world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.

@@ -142,6 +142,7 @@ def test_info_is_complete_and_without_success_at_reset(state_env):
         assert not all(info["conditions"].values())
         assert info["failure"] == ""
         assert (info["ticks"], info["line_fallbacks"]) == (0, 0)
+        assert info["instruction"] == state_env.unwrapped.task_description
         _, _, _, _, info = state_env.step(state_env.scene.commanded)
         assert info["is_success"] is False
         assert info["ticks"] == 1

@@ -74,4 +74,5 @@ class EpisodeProgress:
             "ticks": self.ticks,
             "line_fallbacks": self.line_fallbacks,
             "seed": self.seed,
+            "instruction": self.instruction,
         }
