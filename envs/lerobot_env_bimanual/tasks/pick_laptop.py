@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
@@ -38,6 +37,9 @@ SUCCESS_HEIGHT_M = 1.00
 
 LAPTOP_OFFSET_M = (-0.015, -0.019, (HOLDER.size_m[2] + LAPTOP.base_size_m[2]) / 2)
 """In the holder's axes: the near edge lies 4.5 mm inside the holder's (decoded from RLBench's task file)."""
+
+NEAR_M = 0.10
+"""From here both hands come straight: which edge is meant, and where it lies, may be seen from where they wait."""
 
 # The left hand: closed, straight down, its broad side against the edge opposite to the one that goes over.
 OUTSIDE_M = 0.03  # from the holder's edge, when it comes down
@@ -85,75 +87,53 @@ class PickLaptop(Task):
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
-        """Both hands beside the laptop, push an edge of it between the other hand's fingers, lift."""
-        edge = max((Edge.of(scene, quarter) for quarter in range(4)), key=lambda edge: edge.ease(scene))
-        yield Stage("beside", edge.behind, edge.grasp, left_open=False, right_open=True, planned=True)
-        yield Stage("push", left=edge.pushed, right_open=False, right_holds="laptop")
-        back, up = AWAY_M
-        away = edge.pushed.translated((*(back * edge.frame.rotation[:2, 1]), up))
-        yield Stage("lift", away, edge.grasp.translated((0, 0, LIFT_M)))
+        """Both hands near, then beside the laptop, push an edge of it between the other hand's fingers, lift."""
+        way = max((_over_edge(scene, quarter) for quarter in range(4)), key=lambda way: way.ease(scene))
+        above, behind, pushed, away = way.left
+        before, grasp, lifted = way.right
+        yield Stage("near", above, before, left_open=False, right_open=True, planned=True)
+        yield Stage("beside", behind, grasp)
+        yield Stage("push", left=pushed, right_open=False, right_holds="laptop")
+        yield Stage("lift", away, lifted)
 
 
 @dataclass(frozen=True)
-class Edge:
-    """One of the laptop's edges, and where the hands go to push it over the holder's and to take it.
+class Way:
+    """Where the hands go, in this order, to push one of the laptop's edges over the holder's and to take it."""
 
-    Attributes:
-        frame: of the laptop, turned so that the edge lies at -y.
-        half_m: from the middle to the edge.
-        gap_m: from the edge to the holder's, over which it goes.
-        far_gap_m: the same on the opposite side.
-    """
-
-    frame: Pose
-    half_m: float
-    gap_m: float
-    far_gap_m: float
-
-    @classmethod
-    def of(cls, scene: SceneView, quarter: int) -> Edge:
-        """The near edge, turned by so many quarters."""
-        holder, laptop = scene.pose("holder"), scene.pose("laptop")
-        frame = laptop @ Pose.upright((0, 0, 0), quarter * np.pi / 2)
-        along = quarter % 2 == 0
-        half_m, holder_half_m = LAPTOP.base_size_m[along] / 2, HOLDER.size_m[along] / 2
-        offset_m = frame.inverse().apply(holder.position)[1]
-        return cls(frame, half_m, holder_half_m - half_m - offset_m, holder_half_m - half_m + offset_m)
-
-    @property
-    def behind(self) -> Pose:
-        """The left hand beside the holder, at the height of the push."""
-        return self._left_hand(self.half_m + self.far_gap_m + OUTSIDE_M)
-
-    @property
-    def pushed(self) -> Pose:
-        """The left hand at the end of the push."""
-        return self._left_hand(self.half_m + FINGER_HALF_M - self.gap_m - OVERHANG_M)
-
-    @property
-    def grasp(self) -> Pose:
-        """The right hand where the edge comes to lie between its fingers."""
-        x, y, _ = self.frame.apply((0, INSIDE_EDGE_M - self.half_m - self.gap_m - OVERHANG_M, 0))
-        approach = np.cos(TILT_RAD) * self.frame.rotation[:, 1] - (0, 0, np.sin(TILT_RAD))
-        return Pose.looking((x, y, GRASP_Z_M), approach=approach, opening=(0, 0, -1))
+    left: tuple[Pose, ...]
+    right: tuple[Pose, ...]
 
     def ease(self, scene: SceneView) -> float:
         """How far the tightest joint stays from its limits, as a share of its range; negative out of reach."""
-        kinematics = scene.arm_pair.kinematics
-        lifted = self.grasp.translated((0, 0, LIFT_M))
-        poses = (
-            (Arm.LEFT, self.behind),
-            (Arm.LEFT, self.pushed),
-            (Arm.RIGHT, self.grasp),
-            (Arm.RIGHT, lifted),
-        )
         return min(
-            kinematics[arm].margins(kinematics[arm].ik(pose.matrix)).min(axis=1).max(initial=-1.0)
-            for arm, pose in poses
+            arm.margins(arm.ik(pose.matrix)).min(axis=1).max(initial=-1.0)
+            for arm, poses in zip(scene.arm_pair.kinematics.values(), (self.left, self.right), strict=True)
+            for pose in poses
         )
 
-    def _left_hand(self, y_m: float) -> Pose:
-        """Straight down on the laptop's middle line; of two such rolls that whose opening points to the right arm."""
-        x, y, _ = self.frame.apply((0, y_m, 0))
-        edge = self.frame.rotation[:, 0]
-        return Pose.looking((x, y, PUSH_Z_M), approach=(0, 0, -1), opening=edge if edge[0] > 0 else -edge)
+
+def _over_edge(scene: SceneView, quarter: int) -> Way:
+    """The way over the holder's near edge, turned by so many quarters."""
+    holder, laptop = scene.pose("holder"), scene.pose("laptop")
+    frame = laptop @ Pose.upright((0, 0, 0), quarter * np.pi / 2)  # the edge lies at its -y
+    along, inward = frame.rotation[:, 0], frame.rotation[:, 1]
+    half_m, holder_half_m = (prop_m[quarter % 2 == 0] / 2 for prop_m in (LAPTOP.base_size_m, HOLDER.size_m))
+    holder_y_m = frame.inverse().apply(holder.position)[1]
+    shift_m = holder_half_m - half_m - holder_y_m + OVERHANG_M
+
+    def left_hand(y_m: float) -> Pose:
+        # Of the two rolls the one whose opening points to the right arm.
+        x, y, _ = frame.apply((0, y_m, 0))
+        return Pose.looking((x, y, PUSH_Z_M), approach=(0, 0, -1), opening=along if along[0] > 0 else -along)
+
+    behind = left_hand(holder_y_m + holder_half_m + OUTSIDE_M)
+    pushed = left_hand(half_m + FINGER_HALF_M - shift_m)
+    away = pushed.translated((*(AWAY_M[0] * inward[:2]), AWAY_M[1]))
+    x, y, _ = frame.apply((0, INSIDE_EDGE_M - half_m - shift_m, 0))
+    approach = np.cos(TILT_RAD) * inward - (0, 0, np.sin(TILT_RAD))
+    grasp = Pose.looking((x, y, GRASP_Z_M), approach=approach, opening=(0, 0, -1))
+    return Way(
+        left=(behind.translated((0, 0, NEAR_M)), behind, pushed, away),
+        right=(grasp.advanced(-NEAR_M), grasp, grasp.translated((0, 0, LIFT_M))),
+    )
