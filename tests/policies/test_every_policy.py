@@ -208,6 +208,23 @@ def test_without_horizon_and_dataset_the_flag_is_named(make_policy, stats):
         make_policy(dataset_stats=stats, keypose_horizon=None)
 
 
+def test_whoever_is_not_told_the_keyposes_so_far_does_not_need_them(make_policy, make_batch, tmp_path):
+    policy = make_policy(use_keypose_step=False, keypose_horizon=None).eval()
+    batch = make_batch()
+    told = dict(batch)
+    batch.pop(KEYPOSE_STEP)
+    policy.save_pretrained(tmp_path)
+    restored = type(policy).from_pretrained(tmp_path)
+
+    action = policy.select_action(batch)
+
+    assert KEYPOSE_STEP not in policy.config.observation_keys
+    for step in (0, 7):
+        told[KEYPOSE_STEP] = torch.full((1, 1), float(step))
+        assert torch.equal(policy.select_action(told), action)
+    assert torch.equal(restored.select_action(batch), action)
+
+
 @pytest.mark.slow
 def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
     policy = make_policy(augmentation=False).train()

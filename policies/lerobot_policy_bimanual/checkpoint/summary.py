@@ -15,7 +15,8 @@ def summary(checkpoint: CheckedCheckpoint) -> str:
         "weights": f"{weights.parameters:,} numbers in {weights.tensors} tensors, {' and '.join(weights.dtypes)}",
     }
     if isinstance(config, KeyposePolicyConfig):
-        lines["sizes"] = f"{config.voxel_size} voxels per axis, {config.keypose_horizon} keyposes"
+        time = f"{config.keypose_horizon} keyposes" if config.use_keypose_step else "no count of keyposes"
+        lines["sizes"] = f"{config.voxel_size} voxels per axis, {time}"
         lines["cameras"] = ", ".join(config.cameras)
         unchecked = ""
         if config.language_encoder != LEARNED_LANGUAGE:

@@ -69,6 +69,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
     voxel_size: int = whole(100, 1, 512)
     # Width of the rotation bins in degrees; 5 makes 72 bins per axis.
     rotation_bin_deg: float = real(5.0, 0.5, 180)
+    # Tell the network how many keyposes were executed, as the paper does. Experts take a constant number of them, so it
+    # tells the stage; without, a policy must see it (docs/learning.md).
+    use_keypose_step: bool = flag(True)
     # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
     # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
     # short tasks.
@@ -173,7 +176,13 @@ class KeyposePolicyConfig(PreTrainedConfig):
     def observation_keys(self) -> tuple[str, ...]:
         """Batch keys that the policy reads, apart from `task`."""
         images = [key(camera) for camera in self.cameras for key in (image_key, depth_key)]
-        return (*images, CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, KEYPOSE_STEP)
+        return (*images, *self.vector_keys)
+
+    @property
+    def vector_keys(self) -> tuple[str, ...]:
+        """Those of them that are no images."""
+        step = (KEYPOSE_STEP,) if self.use_keypose_step else ()
+        return (CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, *step)
 
     def validate_features(self) -> None:
         """Keep the inputs that the policy reads, and check that none is missing.

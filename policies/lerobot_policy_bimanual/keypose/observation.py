@@ -55,7 +55,11 @@ class Observation:
 
 
 def observe(
-    batch: dict[str, Any], *, cameras: Sequence[str], keypose_horizon: int, motion: Tensor | None = None
+    batch: dict[str, Any],
+    *,
+    cameras: Sequence[str],
+    keypose_horizon: int | None,
+    motion: Tensor | None = None,
 ) -> Observation:
     """Read a batch.
 
@@ -63,7 +67,7 @@ def observe(
         batch: keys of `lerobot_bimanual.dataset.schema`: RGB float in [0, 1] (b, 3, h, w), depth in
             millimetres (b, 1, h, w), calibration of all five cameras, state, fingers, keypose step, `task`.
         cameras: cameras to use. Their image sizes may differ.
-        keypose_horizon: keyposes over which the time feature falls from +1 to -1.
+        keypose_horizon: keyposes over which the time feature falls from +1 to -1; None for no time, which is 0.
         motion: (b, 4, 4) world-frame motion of the whole scene, or None.
     """
     extrinsics = batch[CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))
@@ -83,13 +87,16 @@ def observe(
     )
 
 
-def proprioception(batch: dict[str, Any], keypose_horizon: int) -> Tensor:
+def proprioception(batch: dict[str, Any], keypose_horizon: int | None) -> Tensor:
     """Proprioception (b, 8) as described in `Observation`.
 
     Time counts executed keyposes, in training and at inference, and stays at -1 after the horizon.
     """
     opening = batch[STATE].float().unflatten(-1, (len(ARMS), -1))[..., -1:]  # (b, arms, 1)
     fingers = batch[GRIPPER_FINGERS].float().unflatten(-1, (len(ARMS), -1)) / FINGER_TRAVEL_M  # (b, arms, 2)
-    step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
-    time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
+    if keypose_horizon is None:
+        time = torch.zeros_like(opening)
+    else:
+        step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
+        time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
     return torch.cat([(opening > OPEN_ABOVE).float(), fingers.clamp(0, 1), time], dim=-1).flatten(1)

@@ -30,7 +30,7 @@ from lerobot_bimanual.dataset.schema import (
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_policy_bimanual.errors import BadObservation
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.observation_form import READ_VECTORS, TASK, check_form
+from lerobot_policy_bimanual.keypose.observation_form import TASK, check_form
 
 PLAUSIBLE_DEPTH_MM = 20.0
 """No scene is as near as this, and no depth in metres is as large."""
@@ -81,7 +81,7 @@ class ObservationCheck:
             BadObservation: something is missing, of another form, or cannot be true.
         """
         check_form(batch, self._config)
-        images, vectors = _measure(batch, self._config.cameras)
+        images, vectors = _measure(batch, self._config.cameras, self._config.vector_keys)
         self._check_depth(images)
         self._check_rgb(images)
         _check_proprioception(vectors)
@@ -183,7 +183,7 @@ class ObservationCheck:
 
 
 def _measure(
-    batch: Mapping[str, Any], cameras: tuple[str, ...]
+    batch: Mapping[str, Any], cameras: tuple[str, ...], keys: tuple[str, ...]
 ) -> tuple[NDArray[np.floating], dict[str, NDArray[np.floating]]]:
     """What is judged, brought from the device in one go.
 
@@ -199,18 +199,18 @@ def _measure(
         # On a CPU amin and amax are many times faster than aminmax.
         numbers.append(torch.stack([depth.amin(1), depth.amax(1), colours.amin(1), colours.amax(1)], dim=1))
     images = torch.stack(numbers)
-    vectors = torch.cat([batch[key].float().reshape(samples, -1) for key in READ_VECTORS], dim=1)
+    vectors = torch.cat([batch[key].float().reshape(samples, -1) for key in keys], dim=1)
     on_host = torch.cat([images.flatten(), vectors.flatten()]).detach().cpu().numpy()
     parts = np.split(
         on_host[images.numel() :].reshape(samples, -1),
-        np.cumsum([len(VECTORS[key]) for key in READ_VECTORS])[:-1],
+        np.cumsum([len(VECTORS[key]) for key in keys])[:-1],
         axis=1,
     )
-    return on_host[: images.numel()].reshape(images.shape), dict(zip(READ_VECTORS, parts, strict=True))
+    return on_host[: images.numel()].reshape(images.shape), dict(zip(keys, parts, strict=True))
 
 
 def _check_proprioception(vectors: Mapping[str, NDArray[np.floating]]) -> None:
-    for key in (STATE, GRIPPER_FINGERS, KEYPOSE_STEP):
+    for key in (key for key in (STATE, GRIPPER_FINGERS, KEYPOSE_STEP) if key in vectors):
         if not np.isfinite(vectors[key]).all():
             raise BadObservation(f"{key} holds {_first_not_finite(vectors[key])}, but must hold numbers")
     openings = vectors[STATE].reshape(len(vectors[STATE]), len(ARMS), -1)[..., -1]
@@ -221,7 +221,7 @@ def _check_proprioception(vectors: Mapping[str, NDArray[np.floating]]) -> None:
         furthest = float(values.flat[np.abs(values).argmax()])
         if abs(furthest) > largest:
             raise BadObservation(f"{key} is {furthest:.4g}, but must be {unit}")
-    if (lowest := float(vectors[KEYPOSE_STEP].min())) < 0:
+    if KEYPOSE_STEP in vectors and (lowest := float(vectors[KEYPOSE_STEP].min())) < 0:
         raise BadObservation(
             f"{KEYPOSE_STEP} is {lowest:.4g}, but counts the keyposes executed so far, from 0"
         )

@@ -10,11 +10,6 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.dataset.schema import (
-    CAMERA_EXTRINSICS,
-    CAMERA_INTRINSICS,
-    GRIPPER_FINGERS,
-    KEYPOSE_STEP,
-    STATE,
     VECTORS,
     depth_key,
     image_key,
@@ -23,7 +18,6 @@ from lerobot_policy_bimanual.errors import BadObservation
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 
 TASK = "task"
-READ_VECTORS = (CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, KEYPOSE_STEP)
 
 
 def check_form(batch: Mapping[str, Any], config: KeyposePolicyConfig) -> None:
@@ -36,7 +30,7 @@ def check_form(batch: Mapping[str, Any], config: KeyposePolicyConfig) -> None:
     samples = _check_instructions(batch[TASK])
     for camera in config.cameras:
         _check_images(batch, camera, samples)
-    for key in READ_VECTORS:
+    for key in config.vector_keys:
         _check_vector(key, batch[key], samples)
 
 

@@ -58,7 +58,7 @@ class KeyposePolicy(PreTrainedPolicy):
         config.validate_features()
         if dataset_meta is not None:
             config.remember_dataset(dataset_meta)
-        self.keypose_horizon = config.fit_keypose_horizon(dataset_stats)
+        self.keypose_horizon = config.fit_keypose_horizon(dataset_stats) if config.use_keypose_step else None
         self.codec = config.codec
         self.augmentation = SceneAugmentation(
             workspace=config.workspace,
