@@ -45,7 +45,7 @@ def entry_of(row: ResultRow, benchmark: str) -> EvalResultEntry:
         date=row.date,
         notes=(
             f"{rate.successes} of {rate.trials} unseen episodes solved (95 % Wilson {low:.0%} to {high:.0%}); "
-            f"{row.policy}, recipe {row.recipe}, {len(row.dataset.seeds)} demonstrations, training seed "
+            f"{row.learner}, recipe {row.recipe}, {len(row.dataset.seeds)} demonstrations, training seed "
             f"{row.flags['seed']}, world {row.world}, weights {row.checkpoint_sha256[:12]}"
         ),
     )

@@ -26,7 +26,8 @@ Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not ed
 Each cell is one training with one seed, successes of unseen episodes of the split `test` and their 95 % Wilson interval, or
 several trainings, successes of each, their mean and the standard deviation between trainings. The checkpoint was chosen on
 the split `val`. The expert acts on the same episodes, and so does the blind control, which plays the mean keyposes of 30
-training episodes whatever the scene; of a task with variations it plays each, on all seeds.
+training episodes whatever the scene; of a task with variations it plays each, on all seeds. `_on_` says that one network
+has learned from the demonstrations of several tasks, so many of each; its last checkpoint is tested on all of them.
 
 {success}
 {figure}
@@ -72,7 +73,7 @@ def render(folder: Path, certificates: Path | None = None, figure: str | None = 
     _check_worlds(rows, folder, certificates)
     lines = [
         (row, _config_of(path, row))
-        for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].policy))
+        for path, row in sorted(rows.items(), key=lambda item: (_place(item[1]), item[1].learner))
     ]
     configs = [config for _, config in lines if config is not None]
     return PAGE.format(
@@ -120,9 +121,9 @@ def check_likeness(rows: Mapping[Path, ResultRow]) -> None:
             f"world of {row.task}": row.world,
             f"expert on {place}": _played(row.expert),
             f"blind on {place}": _played(row.blind),
-            f"flags of {row.policy} on {place}": sorted(row.flags),
+            f"flags of {row.learner} on {place}": sorted(row.flags),
             **{
-                f"flag {flag} of {row.policy} on {place}": value
+                f"flag {flag} of {row.learner} on {place}": value
                 for flag, value in row.flags.items()
                 if flag != "seed"
             },
@@ -143,7 +144,7 @@ def _check_trainings(rows: Mapping[Path, ResultRow]) -> None:
                 f"{path}: its test was stopped as soon as it differed from another policy, which favours one side of its "
                 "rate; it is for `lerobot-bimanual compare`, and a table needs a test without --stop_when_sure"
             )
-        elsewhere = first.setdefault((_place(row), row.policy, row.checkpoint_sha256), path)
+        elsewhere = first.setdefault((_place(row), row.learner, row.checkpoint_sha256), path)
         if elsewhere != path:
             raise BimanualError(
                 f"{path}: it has the weights of {elsewhere}, so it is no other training; leave one out"
@@ -182,7 +183,7 @@ def success_table(rows: Sequence[ResultRow]) -> str:
     """The policies, the expert and the blind control side by side, one line per task."""
     cells: defaultdict[tuple[str, str], list[ResultRow]] = defaultdict(list)
     for row in rows:
-        cells[_place(row), row.policy].append(row)
+        cells[_place(row), row.learner].append(row)
     policies = sorted({policy for _, policy in cells})
     lines = []
     for place in sorted({place for place, _ in cells}):
@@ -215,7 +216,7 @@ def _training(trained: Sequence[tuple[ResultRow, BenchmarkConfig | None]]) -> st
         steps = f"{row.checkpoint_step} of {row.flags['steps']}"
         words = None if config is None else beyond_recipe(config)
         beyond = NOT_INSTALLED if words is None else f"`{words}`" if words else ABSENT
-        policy = f"`{row.policy}`"
+        policy = f"`{row.learner}`"
         lines.append([f"`{_place(row)}`", policy, demos, steps, minutes, machine, validated, beyond])
     headings = ["task", "policy", "demos", "steps", "minutes", "machine", "on `val`, by steps"]
     return markdown_table([*headings, "beyond the recipe"], lines)

@@ -24,3 +24,19 @@ def run_name(policy: str, recipe: str, seed: int) -> str:
 def result_name(place: str, run: str) -> str:
     """What the file of a row is called."""
     return f"{place}_{run}.json"
+
+
+def dataset_name(task: str, variation: str, trained_on: str) -> str:
+    """What the folder of the demonstrations of a task, or of several, is called.
+
+    Args:
+        task: the one that is scored.
+        variation: of it.
+        trained_on: several tasks and suites, separated by commas; empty for the task alone.
+    """
+    return trained_on.replace(",", ".") if trained_on else place_name(task, variation)
+
+
+def learner_name(name: str, trained_on: str) -> str:
+    """A policy's or training's name, with the tasks that it learned from if there are several."""
+    return f"{name}_on_{trained_on.replace(',', '.')}" if trained_on else name

@@ -1,46 +1,28 @@
 """Flags, folders and commands of a benchmark."""
 
-import shlex
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Self
 
-from lerobot_bimanual.benchmark.names import perturbed, place_name, result_name, run_name
+from lerobot_bimanual.benchmark.flag_text import (
+    OWN_EVALUATION_FLAGS,
+    OWN_TRAINING_FLAGS,
+    further_flags,
+)
+from lerobot_bimanual.benchmark.names import (
+    dataset_name,
+    learner_name,
+    perturbed,
+    place_name,
+    result_name,
+    run_name,
+)
 from lerobot_bimanual.benchmark.pipeline import Command, flag_words
 from lerobot_bimanual.benchmark.protocol import INTERMEDIATE, PROTOCOLS, Protocol, ScoredSplit
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
-
-OWN_TRAINING_FLAGS = (
-    "dataset.repo_id",
-    "dataset.root",
-    "policy.type",
-    "policy.path",
-    "steps",
-    "batch_size",
-    "save_freq",
-    "seed",
-    "output_dir",
-    "resume",
-    "config_path",
-)
-OWN_EVALUATION_FLAGS = (
-    "policy.path",
-    "env.type",
-    "env.task",
-    "env.variation",
-    "env.split",
-    "env.perturb",
-    "env.image_size",
-    "env.results_dir",
-    "eval.n_episodes",
-    "seed",
-    "output_dir",
-    "config_path",
-)
-"""Flags that the benchmark sets from its own, which `--train_flags` and `--eval_flags` therefore cannot hold."""
 
 PERTURBATIONS = ("perturb", "demos_perturb")
 
@@ -52,6 +34,9 @@ class BenchmarkConfig:
     policy: str = "peract2"  # type of the policy, as for lerobot-train
     task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual tasks` lists them
     variation: str = "any"  # index, or `any` for one that each seed draws
+    # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
+    # and its last checkpoint is scored. By default it learns from this task alone.
+    trained_on: str = ""
     recipe: str = "small"  # file of the policy's training, and the numbers of the protocol: small or paper
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
@@ -107,6 +92,11 @@ class Plan:
             raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
         if config.variation != "any" and not config.variation.isdecimal():
             raise BimanualError(f"variation is {config.variation!r}, but must be an index or any")
+        if config.trained_on == config.task:
+            config = replace(config, trained_on="")
+        if config.trained_on:
+            _check_several(config)
+            config = replace(config, val_episodes=0)
         levels = {name: levels_text(parse_levels(getattr(config, name))) for name in PERTURBATIONS}
         config = replace(config, **levels)
         recipe = Recipe.find(config.policy, config.recipe)
@@ -119,7 +109,7 @@ class Plan:
             further_flags("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
             further_flags("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS),
         )
-        if not plan.protocol.val_episodes and len(plan.checkpoint_steps) > 1:
+        if not plan.protocol.val_episodes and len(plan.checkpoint_steps) > 1 and not config.trained_on:
             raise BimanualError(
                 "val_episodes is 0, so that nothing would choose among the checkpoints after "
                 f"{', '.join(map(str, plan.checkpoint_steps))} steps; leave one with --save_freq={plan.recipe.steps}"
@@ -138,23 +128,34 @@ class Plan:
         return self.config.output.resolve() / place_name(self.config.task, self.config.variation)
 
     @property
+    def source(self) -> Path:
+        """Where the demonstrations lie, and beside them the policies that were trained on those of several tasks."""
+        config = self.config
+        return config.output.resolve() / dataset_name(config.task, config.variation, config.trained_on)
+
+    @property
     def dataset(self) -> Path:
         """The demonstrations."""
         kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
         name = f"{kind}_{self.protocol.image_size}_{self.protocol.demos}"
-        return self.folder / perturbed(name, self.config.demos_perturb)
+        return self.source / perturbed(name, self.config.demos_perturb)
+
+    @property
+    def training_folder(self) -> Path:
+        """The training."""
+        return self.source / self._run_name
 
     @property
     def run_folder(self) -> Path:
-        """Training and evaluations."""
-        return self.folder / self._run_name
+        """The evaluations, beside the training unless that is of several tasks."""
+        return self.folder / learner_name(self._run_name, self.config.trained_on)
 
     @property
     def result(self) -> Path:
         """The result's file."""
         config = self.config
         place = perturbed(place_name(config.task, config.variation), config.perturb)
-        return self.folder.parent / "results" / result_name(place, self._run_name)
+        return self.folder.parent / "results" / result_name(place, self.run_folder.name)
 
     @property
     def _run_name(self) -> str:
@@ -169,7 +170,7 @@ class Plan:
     def checkpoint(self, step: int) -> Path:
         """The policy after so many steps."""
         digits = max(6, len(str(self.recipe.steps)))  # as LeRobot writes them
-        return self.run_folder / "train" / "checkpoints" / f"{step:0{digits}d}" / "pretrained_model"
+        return self.training_folder / "train" / "checkpoints" / f"{step:0{digits}d}" / "pretrained_model"
 
     def weights(self, step: int) -> Path:
         """The weights of the policy after so many steps."""
@@ -189,7 +190,7 @@ class Plan:
     def generation(self) -> Command:
         """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
         flags = {
-            "task": self.config.task,
+            "task": self.config.trained_on or self.config.task,
             "variation": self.config.variation,
             "episodes": self.protocol.demos,
             "split": "train",
@@ -234,7 +235,7 @@ class Plan:
             "log_freq": max(1, self.recipe.save_freq // 5),
             "save_freq": self.recipe.save_freq,
             "seed": self.config.seed,
-            "output_dir": self.run_folder / "train",
+            "output_dir": self.training_folder / "train",
             **self.more_training,
         }
         return {name: str(value) for name, value in flags.items()}
@@ -245,7 +246,7 @@ class Plan:
             "train",
             ["lerobot-bimanual-train", *flag_words(self.training_flags())],
             output=self.checkpoint(self.recipe.steps),
-            training_folder=self.run_folder / "train",
+            training_folder=self.training_folder / "train",
         )
 
     def evaluation(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Command:
@@ -293,7 +294,7 @@ class Plan:
 
     @property
     def _repo_id(self) -> str:
-        return f"benchmark/{self.folder.name}"
+        return f"benchmark/{self.source.name}"
 
     def seeds(self, split: ScoredSplit) -> range:
         """Seeds of the evaluations on a split."""
@@ -303,6 +304,23 @@ class Plan:
     @property
     def _test_seeds(self) -> str:
         return f"{self.seeds('test').start}:{self.seeds('test').stop}"
+
+
+def _check_several(config: BenchmarkConfig) -> None:
+    """What does not go with a network for several tasks."""
+    if not all(name.isidentifier() for name in config.trained_on.split(",")):
+        raise BimanualError(
+            f"trained_on is {config.trained_on!r}, but must be tasks and suites, separated by commas"
+        )
+    if config.variation != "any":
+        raise BimanualError(
+            f"variation is {config.variation}, but --trained_on={config.trained_on} has demonstrations of any: leave it out"
+        )
+    if config.val_episodes:
+        raise BimanualError(
+            f"val_episodes is {config.val_episodes}, but of a network for several tasks (--trained_on) the last checkpoint is "
+            "scored, since each task would choose another: leave it out"
+        )
 
 
 def _unless_empty(flag: str, value: str) -> dict[str, str]:
@@ -318,26 +336,3 @@ def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:
         if number < least:
             raise BimanualError(f"{name} is {number}, but must be at least {least}")
     return given
-
-
-def further_flags(option: str, text: str, own: Collection[str]) -> dict[str, str]:
-    """Flags in the text of one option, by name.
-
-    Raises:
-        BimanualError: the text is not a list of `--name=value`, or sets what the benchmark sets itself.
-    """
-    try:
-        words = shlex.split(text)
-    except ValueError as error:
-        raise BimanualError(f"--{option} is {text!r}, which no shell could read: {error}") from error
-    flags: dict[str, str] = {}
-    for word in words:
-        name, equals, value = word.removeprefix("--").partition("=")
-        if not (word.startswith("--") and equals):
-            raise BimanualError(f"--{option} holds {word!r}, but must hold flags of the form --name=value")
-        if name in own:
-            raise BimanualError(
-                f"--{option} sets --{name}, which the benchmark sets itself from its own flags"
-            )
-        flags[name] = value
-    return flags

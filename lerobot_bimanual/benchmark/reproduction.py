@@ -30,13 +30,14 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
         policy=row.policy,
         task=row.task,
         variation=row.variation,
+        trained_on=row.trained_on,
         recipe=row.recipe,
         demos=len(row.dataset.seeds),
         image_size=row.dataset.image_size,
         steps=int(row.flags["steps"]),
         batch_size=int(row.flags["batch_size"]),
         save_freq=int(row.flags["save_freq"]),
-        val_episodes=len(row.validation[0].episodes) if row.validation else 0,
+        val_episodes=_val_episodes(row),
         test_episodes=len(row.episodes),
         seed=int(row.flags["seed"]),
         first_seed=min(episode.seed for episode in row.episodes),
@@ -48,6 +49,12 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
     config = replace(asked, **said_anyway, train_flags=_further_flags(row, Plan.of(asked).training_flags()))
     Plan.of(config)  # nobody is shown a command that would be refused
     return config
+
+
+def _val_episodes(row: ResultRow) -> int | None:
+    if row.trained_on:
+        return None  # its last checkpoint is scored anyway
+    return len(row.validation[0].episodes) if row.validation else 0
 
 
 def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:

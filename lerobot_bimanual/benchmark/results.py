@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import date
@@ -11,7 +10,15 @@ from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
-from lerobot_bimanual.benchmark.names import perturbed, place_name, result_name, run_name
+from lerobot_bimanual.benchmark.flag_text import command_flags
+from lerobot_bimanual.benchmark.names import (
+    dataset_name,
+    learner_name,
+    perturbed,
+    place_name,
+    result_name,
+    run_name,
+)
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -42,7 +49,7 @@ class DatasetRecord:
     Attributes:
         command: command line that makes the dataset again, with every option.
         image_size: side of its images in pixels.
-        seeds: seed of each demonstration, in the split `train`.
+        seeds: seed of each demonstration of the task that is scored, in the split `train`.
         versions: package -> version with which it was made.
     """
 
@@ -84,7 +91,7 @@ class ResultRow:
         checkpoint_step: optimiser steps of the checkpoint that was tested.
         checkpoint_sha256: of its `model.safetensors`.
         validation: every checkpoint on the validation split, from which the tested one was chosen; empty where there
-            was only one, so that nothing was to be chosen.
+            was only one, so that nothing was to be chosen, or where the last was taken, as of a network for several tasks.
         split: split of `episodes`, `expert` and `blind`.
         options: of the environment in which the policy was tested, by name.
         batch_size: environments side by side then.
@@ -160,8 +167,10 @@ class ResultRow:
         yield "flags", positive, "steps, batch_size and save_freq must be at least 1"
         printable = "".join([*self.flags, *self.flags.values()]).isprintable()
         yield "flags", printable, "must hold flags of one line each"
-        place = place_name(self.task, self.variation)
-        for flag, value in (("policy.type", self.policy), ("dataset.repo_id", f"benchmark/{place}")):
+        named = all(name.isidentifier() for name in self.trained_on.split(",")) or not self.trained_on
+        yield "dataset", named, "--task of its command must be names of tasks and suites, separated by commas"
+        demonstrated = dataset_name(self.task, self.variation, self.trained_on)
+        for flag, value in (("policy.type", self.policy), ("dataset.repo_id", f"benchmark/{demonstrated}")):
             got = self.flags.get(flag)
             yield (
                 "flags",
@@ -173,7 +182,7 @@ class ResultRow:
         yield "dataset", rising, "its seeds must be there and rise"
         recorded = command_flags(self.dataset.command)
         for flag, value in {
-            "task": self.task,
+            "task": self.trained_on or self.task,
             "variation": self.variation,
             "split": "train",
             "episodes": str(len(seeds)),
@@ -198,7 +207,8 @@ class ResultRow:
         count = -(-steps // every)
         saved = [every * number for number in range(1, min(count, len(self.validation) + 1))] + [steps]
         validated = [validation.step for validation in self.validation]
-        complete = validated == saved or (count == 1 and not validated)
+        nothing_to_choose = count == 1 or bool(self.trained_on)
+        complete = validated == saved or (nothing_to_choose and not validated)
         yield (
             "validation",
             complete,
@@ -258,7 +268,19 @@ class ResultRow:
     def file_name(self) -> str:
         """What a benchmark calls the row's file."""
         run = run_name(self.policy, self.recipe, int(self.flags["seed"]))
-        return result_name(self.place, perturbed(run, command_flags(self.dataset.command).get("perturb", "")))
+        run = perturbed(run, command_flags(self.dataset.command).get("perturb", ""))
+        return result_name(self.place, learner_name(run, self.trained_on))
+
+    @property
+    def trained_on(self) -> str:
+        """Tasks and suites from whose demonstrations the policy learned; empty if they are of its task alone."""
+        tasks = command_flags(self.dataset.command).get("task", self.task)
+        return "" if tasks == self.task else tasks
+
+    @property
+    def learner(self) -> str:
+        """The policy, and what it learned from if that is not its task alone; what its column is called."""
+        return learner_name(self.policy, self.trained_on)
 
     @property
     def rates(self) -> dict[str, SuccessRate]:
@@ -321,13 +343,3 @@ def _is_day(text: str) -> bool:
         return date.fromisoformat(text).isoformat() == text
     except ValueError:
         return False
-
-
-def command_flags(command: str) -> dict[str, str]:
-    """Flags of a recorded command by name; none of what is no command."""
-    try:
-        words = shlex.split(command)
-    except ValueError:
-        return {}
-    pairs = (word.removeprefix("--").partition("=") for word in words if word.startswith("--"))
-    return {name: value for name, _, value in pairs}

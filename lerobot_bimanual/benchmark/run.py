@@ -47,9 +47,10 @@ def show(plan: Plan, console: Console) -> None:
 def run(plan: Plan, console: Console) -> ResultRow:
     """Run what is not done yet, and write the result."""
     config, rival = plan.config, read_rival(plan)
+    Pipeline(plan.source, console).run(plan.generation())
     shared = Pipeline(plan.folder, console)
-    for command in (plan.generation(), plan.certification("expert"), plan.certification("blind")):
-        shared.run(command)
+    for control in ("expert", "blind"):
+        shared.run(plan.certification(control))
     expert, blind = (
         read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
         for control in ("expert", "blind")
@@ -60,8 +61,8 @@ def run(plan: Plan, console: Console) -> ResultRow:
             "measure both in one world"
         )
 
-    own = Pipeline(plan.run_folder, console)
-    own.run(plan.training())
+    training, own = Pipeline(plan.training_folder, console), Pipeline(plan.run_folder, console)
+    training.run(plan.training())
     validations = []
     for step in plan.checkpoint_steps if plan.protocol.val_episodes else ():
         own.run(plan.evaluation("val", step))
@@ -89,7 +90,7 @@ def run(plan: Plan, console: Console) -> ResultRow:
         stopped_against=None if rival is None else rival.checkpoint_sha256,
         expert=tuple(episode for episode in expert.episodes if episode.seed in seeds),
         blind=tuple(episode for episode in blind.episodes if episode.seed in seeds),
-        training_seconds=round(own.seconds(plan.training()), 1),
+        training_seconds=round(training.seconds(plan.training()), 1),
         machine=Machine.this(),
         versions=result_versions(),
         date=date.today().isoformat(),
@@ -167,7 +168,7 @@ def _dataset_record(plan: Plan) -> DatasetRecord:
         raise BimanualError(
             f"{plan.dataset} does not say where it comes from; remove it to generate it again"
         )
-    seeds = tuple(episode.seed for episode in provenance.episodes)
+    seeds = tuple(episode.seed for episode in provenance.episodes if episode.task == plan.config.task)
     return DatasetRecord(provenance.command, plan.protocol.image_size, seeds, dict(provenance.versions))
 
 

@@ -97,10 +97,10 @@ def success_figure(rows: Sequence[ResultRow]) -> Canvas:
 
 def _lines(rows: Sequence[ResultRow]) -> dict[str, list[_Line]]:
     """By task; the trainings of a policy in the order of their seeds."""
-    styles = dict(zip(sorted({row.policy for row in rows}), _in_turns(), strict=False))
+    styles = dict(zip(sorted({row.learner for row in rows}), _in_turns(), strict=False))
     trained: defaultdict[str, defaultdict[str, list[ResultRow]]] = defaultdict(lambda: defaultdict(list))
-    for row in sorted(rows, key=lambda row: (row.place, row.policy)):
-        trained[row.place][row.policy].append(row)
+    for row in sorted(rows, key=lambda row: (row.place, row.learner)):
+        trained[row.place][row.learner].append(row)
     lines: dict[str, list[_Line]] = {}
     for place, policies in trained.items():
         group = lines[place] = []

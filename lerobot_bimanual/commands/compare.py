@@ -72,7 +72,7 @@ def compare(config: CompareConfig) -> None:
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
         row = rows[shared[0]][0]
-        print(f"{name:<7} {row.policy} ({row.recipe}), {path}")  # too long for a column
+        print(f"{name:<7} {row.learner} ({row.recipe}), {path}")  # too long for a column
     _print(comparisons)
     for line in _remarks(comparisons):
         print(line)
@@ -86,7 +86,7 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     rows = [ResultRow.read(each) for each in paths]
     if not rows:
         raise BimanualError(f"{path} holds no results; `lerobot-bimanual benchmark` writes them")
-    policies = sorted({row.policy for row in rows})
+    policies = sorted({row.learner for row in rows})
     if policy is None and len(policies) > 1:
         raise BimanualError(
             f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
@@ -95,7 +95,7 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
         raise InvalidChoice(flag, policy, policies)
     found: defaultdict[str, list[ResultRow]] = defaultdict(list)
     for row in rows:
-        if policy in (None, row.policy):
+        if policy in (None, row.learner):
             found[row.place].append(row)
     return {
         place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from huggingface_hub import parse_eval_result_entries
-from made_up_rows import ROW, episodes, played, put, recorded, row_of
+from made_up_rows import ROW, episodes, generation, played, put, recorded, row_of
 
 from lerobot_bimanual.benchmark.episode_result import Validation
 from lerobot_bimanual.benchmark.leaderboard import render
@@ -39,6 +39,21 @@ def test_a_leaderboard_has_a_line_per_task_and_a_column_per_policy(results: Path
     ]
     beyond = "`--demos=2 --val_episodes=2 --test_episodes=4`"
     assert f"| `push_box` | `mine` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | {beyond} |" in lines
+
+
+def test_a_network_for_several_tasks_has_a_column_of_its_own_and_a_command_that_says_so(results: Path):
+    row = row_of("mine", "lift_ball")
+    dataset = replace(row.dataset, command=generation("lift_ball,push_box"))
+    flags = row.flags | {"dataset.repo_id": "benchmark/lift_ball.push_box"}
+    path = put(results, replace(row, dataset=dataset, flags=flags, validation=()))
+
+    page = render(results)
+
+    assert path.name == "lift_ball_mine_small_seed1000_on_lift_ball.push_box.json"
+    assert "| task | `mine` | `mine_on_lift_ball.push_box` | `other` | expert | blind |" in page
+    beyond = "--trained_on=lift_ball,push_box --demos=2 --test_episodes=4"
+    line = f"| `lift_ball` | `mine_on_lift_ball.push_box` | 2 | 4 of 4 | 0.0 | 2 cores |  | `{beyond}` |"
+    assert line in page
 
 
 def test_a_leaderboard_says_how_a_row_departs_from_todays_recipe(results: Path):

@@ -55,7 +55,7 @@ def test_the_file_shows_success_rates_to_readers():
         (["flags", "steps"], "9" * 5000, "'flags'.*must hold the numbers"),
         (["flags", "policy.type"], "other", "'flags'.*policy.type must be 'mine' and not 'other'"),
         (["dataset", "seeds"], [1, 0], "'dataset'.*must be there and rise"),
-        (["dataset", "command"], generation("push_box"), "--task of its command must be 'lift_ball'"),
+        (["dataset", "command"], generation("push_box"), "dataset.repo_id must be 'benchmark/push_box'"),
         (["dataset", "image_size"], 64, "--image_size of its command must be '64x64' and not '128x128'"),
         (["versions", "mujoco"], "4", "'versions'.*mujoco must be that of the dataset, '3', and not '4'"),
         (["machine", "gpu"], "a|b", "'machine'"),

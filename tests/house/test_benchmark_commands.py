@@ -7,7 +7,8 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan, further_flags
+from lerobot_bimanual.benchmark.flag_text import further_flags
+from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo
@@ -116,6 +117,14 @@ def test_what_is_no_task_of_the_environment_is_refused_before_anything_runs(
     assert not output.exists()
 
 
+def test_a_network_must_have_learned_from_the_task_that_is_scored(tmp_path):
+    config = BenchmarkConfig(task="lift_ball", trained_on="push_box,lift_tray", output=tmp_path, dry_run=True)
+    with pytest.raises(
+        BimanualError, match=r"of which 'lift_ball' is none.*score one of: push_box, lift_tray"
+    ):
+        benchmark(config)
+
+
 def test_the_demo_refuses_a_suite_too(tmp_path):
     with pytest.raises(BimanualError, match="a suite"):
         demo(DemoConfig(task="symmetric", output=tmp_path / "output"))
@@ -172,12 +181,42 @@ def test_further_flags_that_cannot_be_meant_are_refused(text, message):
         ({"task": "../../lift_ball"}, "is '../../lift_ball', but a benchmark is of one task"),
         ({"variation": "../1"}, "variation is '../1', but must be an index or any"),
         ({"policy": "../act"}, "policy is '../act', but must be one of: act, peract2"),
+        ({"trained_on": "../all"}, "trained_on is '../all', but must be tasks and suites"),
         ({"recipe": "../small"}, "recipe for peract2 is '../small', but must be one of: paper, small"),
     ],
 )
 def test_names_that_would_leave_the_folder_are_refused(names, message):
     with pytest.raises(BimanualError, match=re.escape(message)):
         Plan.of(BenchmarkConfig(**names))
+
+
+def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
+    one, other = (
+        Plan.of(BenchmarkConfig(task=task, trained_on="lift_ball,push_box", first_seed=7))
+        for task in ("lift_ball", "push_box")
+    )
+    alone = Plan.of(BenchmarkConfig(task="push_box", trained_on="push_box"))
+
+    assert one.generation() == other.generation()
+    assert one.training() == other.training()
+    assert "--task=lift_ball,push_box" in one.generation().words
+    *_, last = one.checkpoint_steps
+    assert len(one.commands(last)) == 5  # no validation
+    assert one.run_folder != other.run_folder
+    assert one.result.name == "lift_ball_peract2_small_seed1000_on_lift_ball.push_box.json"
+    assert alone == Plan.of(BenchmarkConfig(task="push_box"))
+
+
+@pytest.mark.parametrize(
+    ("also", "message"),
+    [
+        ({"variation": "0"}, "variation is 0, but --trained_on=all has demonstrations of any"),
+        ({"val_episodes": 20}, "val_episodes is 20, but of a network for several tasks"),
+    ],
+)
+def test_what_does_not_go_with_a_network_for_several_tasks_is_refused(also, message):
+    with pytest.raises(BimanualError, match=re.escape(message)):
+        Plan.of(BenchmarkConfig(trained_on="all", **also))
 
 
 def test_numbers_below_one_are_refused():
