@@ -2,6 +2,8 @@
 
 import io
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import run
 from lerobot_bimanual.checksums import sha256
 
+ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
@@ -59,3 +62,34 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     (resumed, *_) = begun_by(plan)
     assert resumed.startswith("lerobot-bimanual-train --config_path=")
     assert resumed.endswith("--resume=true")
+
+
+def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Path, tiny_flags):
+    tasks = ("lift_ball", "push_box")
+    rows, page = tmp_path / "rows", tmp_path / "results.md"
+    places = {"OUTPUT": tmp_path / "board", "ROWS": rows, "PAGE": page, "FIGURE": tmp_path / "results.png"}
+    flags = {
+        "trained_on": ",".join(tasks),
+        "demos": 1,
+        "image_size": 32,
+        "steps": 2,
+        "save_freq": 1,
+        "batch_size": 2,
+        "test_episodes": 1,
+        "train_flags": " ".join(tiny_flags["peract2"][1:]),
+        "eval_flags": "--eval.batch_size=1",
+    }
+    done = subprocess.run(
+        [ROOT / "scripts/board.sh", *(f"--{name}={value}" for name, value in flags.items())],
+        env=os.environ | {name: str(place) for name, place in places.items()} | {"TASKS": " ".join(tasks)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    scored = [ResultRow.read(path) for path in sorted(rows.glob("*.json"))]
+    assert [row.task for row in scored] == list(tasks)
+    assert {row.learner for row in scored} == {"peract2_on_lift_ball.push_box"}
+    assert len({row.checkpoint_sha256 for row in scored}) == 1
+    assert "`peract2_on_lift_ball.push_box`" in page.read_text()

@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Makes rows of the board: for each task, policy and training seed demonstrations, training, validation and test. An
+# interrupted run goes on where it stopped, and cells of one task share its demonstrations and controls.
+#
+#   scripts/board.sh
+#   TASKS="lift_ball push_box" POLICIES="peract2 rvt_lf" SEEDS="1000 2000" scripts/board.sh
+#   scripts/board.sh --trained_on=all --steps=15000    any flag of `lerobot-bimanual benchmark`, for all cells
+#
+# A cell takes about nine minutes of a core. Rows go to results/leaderboard when all are there, and the pages are written.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+bimanual=.venv/bin/lerobot-bimanual
+tasks="${TASKS:-$($bimanual tasks --format=json | .venv/bin/python -c 'import json, sys; print(*(task["name"] for task in json.load(sys.stdin)))')}"
+output="${OUTPUT:-outputs/board}"
+rows="${ROWS:-results/leaderboard}"
+
+for task in $tasks; do
+    for policy in ${POLICIES:-peract2}; do
+        for seed in ${SEEDS:-1000}; do
+            echo "== $task, $policy, training seed $seed"
+            # Seeds that no earlier weights have played.
+            $bimanual benchmark --task="$task" --policy="$policy" --seed="$seed" --device=cpu --workers="${WORKERS:-0}" \
+                --first_seed=2000000 --output="$output" "$@" || failed="${failed:-} $task/$policy/$seed"
+        done
+    done
+done
+[ -z "${failed:-}" ] || { echo "without a row:$failed; the same command goes on"; exit 1; }
+mkdir -p "$rows"
+cp "$output"/results/*.json "$rows"
+$bimanual leaderboard --results="$rows" --output="${PAGE:-docs/results.md}" --figure="${FIGURE:-docs/results.png}"
