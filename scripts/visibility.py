@@ -24,19 +24,27 @@ def main() -> None:
     parser.add_argument("--task", default="all", help="task and suite names, comma separated")
     parser.add_argument("--split", default="test")
     parser.add_argument("--seeds", default="61000:61010", help="first:stop, the same of every task")
-    parser.add_argument("--output", type=Path, help="JSON file")
+    parser.add_argument("--output", type=Path, help="JSON file; in one of the same seeds other tasks stay")
     options = parser.parse_args()
     if options.output is not None:
         check_output_file(options.output)
-    moments: dict[str, tuple[Moment, ...]] = {}
+    visibility = _stored(options.output, options.split, options.seeds)
     for task in sorted(resolve_tasks(options.task), key=lambda name: get_task(name).spec.id):
-        moments[task] = summarise(sights(task, parse_seeds(options.seeds), options.split))
-        _print(task, moments[task])
-    worlds = {task: world_version(task) for task in moments}
-    visibility = Visibility(options.split, options.seeds, worlds, moments)
+        visibility.tasks[task] = summarise(sights(task, parse_seeds(options.seeds), options.split))
+        visibility.worlds[task] = world_version(task)
+        _print(task, visibility.tasks[task])
     print(f"\n{targets_table(visibility)}")
     if options.output is not None:
         write_file(options.output, json.dumps(asdict(visibility), indent=1) + "\n")
+
+
+def _stored(path: Path | None, split: str, seeds: str) -> Visibility:
+    """What the file holds if it is of these seeds, otherwise nothing yet."""
+    if path is not None and path.exists():
+        stored = Visibility.read(path)
+        if (stored.split, stored.seeds) == (split, seeds):
+            return stored
+    return Visibility(split, seeds, worlds={}, tasks={})
 
 
 def _print(task: str, moments: tuple[Moment, ...]) -> None:
