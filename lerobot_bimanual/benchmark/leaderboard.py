@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from urllib.parse import quote
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult
@@ -27,7 +28,8 @@ Each cell is one training with one seed, successes of unseen episodes of the spl
 several trainings, successes of each, their mean and the standard deviation between trainings. The checkpoint was chosen on
 the split `val`. The expert acts on the same episodes, and so does the blind control, which plays the mean keyposes of 30
 training episodes whatever the scene; of a task with variations it plays each, on all seeds. `_on_` says that one network
-has learned from the demonstrations of several tasks, so many of each; its last checkpoint is tested on all of them.
+has learned from the demonstrations of several tasks, so many of each; its last checkpoint is tested on all of them. Means are
+over tasks, of policies that were scored on all.
 
 {success}
 {figure}
@@ -185,12 +187,29 @@ def success_table(rows: Sequence[ResultRow]) -> str:
     for row in rows:
         cells[_place(row), row.learner].append(row)
     policies = sorted({policy for _, policy in cells})
+    places = sorted({place for place, _ in cells})
+    beside = {
+        place: next(group[0] for (where, _), group in cells.items() if where == place) for place in places
+    }
     lines = []
-    for place in sorted({place for place, _ in cells}):
-        row = next(group[0] for (where, _), group in cells.items() if where == place)
+    for place in places:
+        rates = beside[place].rates
         scores = [_cell(cells[place, name]) if (place, name) in cells else ABSENT for name in policies]
-        lines.append([f"`{place}`", *scores, str(row.rates["expert"].successes), _score(row.rates["blind"])])
+        lines.append([f"`{place}`", *scores, str(rates["expert"].successes), _score(rates["blind"])])
+    if len(places) > 1:
+        means = [_mean([cells.get((place, name), []) for place in places]) for name in policies]
+        controls = [
+            f"{fmean(beside[place].rates[who].rate for place in places):.1%}" for who in ("expert", "blind")
+        ]
+        lines.append([f"mean of {len(places)}", *means, *controls])
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
+
+
+def _mean(cells: Sequence[Sequence[ResultRow]]) -> str:
+    """Over tasks, each by the mean of its trainings; of a policy that has been scored on all of them."""
+    if not all(cells):
+        return ABSENT
+    return f"{fmean(fmean(row.rates['policy'].rate for row in rows) for rows in cells):.1%}"
 
 
 def _cell(rows: Sequence[ResultRow]) -> str:

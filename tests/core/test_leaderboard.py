@@ -33,9 +33,10 @@ def test_a_leaderboard_has_a_line_per_task_and_a_column_per_policy(results: Path
     lines = render(results).splitlines()
     first = lines.index("| task | `mine` | `other` | expert | blind |")
     score, blind = "2/4 (15% to 85%)", "1/4 (5% to 70%)"
-    assert lines[first + 2 : first + 4] == [
+    assert lines[first + 2 : first + 5] == [
         f"| `lift_ball` | {score} | {score} | 4 | {blind} |",
         f"| `push_box` | {score} | – | 4 | {blind} |",
+        "| mean of 2 | 50.0% | – | 100.0% | 25.0% |",
     ]
     beyond = "`--demos=2 --val_episodes=2 --test_episodes=4`"
     assert f"| `push_box` | `mine` | 2 | 4 of 4 | 0.0 | 2 cores | 2: 0/2, 4: 1/2 | {beyond} |" in lines
