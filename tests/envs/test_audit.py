@@ -14,7 +14,7 @@ from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_t
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_record import decode
-from lerobot_env_bimanual.audit.episodes import EpisodeAuditor
+from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
 from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
@@ -177,3 +177,16 @@ def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(played):
     assert 50 * len(json.dumps(asdict(played))) < 500_000
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_no_two_placements_of_a_task_are_taken_for_one(task: str):
+    env = BimanualEnv(task, obs="state")
+    hashes = []
+    for seed in (0, 1, 0):
+        env.reset(seed=seed)
+        hashes.append(placement_hash(env))
+    env.close()
+
+    assert hashes[0] != hashes[1]
+    assert hashes[0] == hashes[2]

@@ -97,8 +97,9 @@ def expert_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
 
 
 def placement_hash(env: BimanualEnv) -> str:
-    """Hash of where everything stands."""
-    return hashlib.sha256(env.scene.data.qpos.tobytes()).hexdigest()
+    """Hash of where everything stands; what has no joint, such as a button's base, is placed in the model."""
+    data = env.scene.data
+    return hashlib.sha256(data.qpos.tobytes() + data.xpos.tobytes() + data.xquat.tobytes()).hexdigest()
 
 
 def _differences(played: PlayedEpisode, again: PlayedEpisode, ticks: list[int]) -> list[str]:
