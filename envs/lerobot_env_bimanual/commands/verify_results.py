@@ -107,7 +107,10 @@ def _audits(
 
 def _demonstrated(row: ResultRow, audits: list[EpisodeAudit]) -> Iterator[str]:
     from lerobot_env_bimanual.audit.controls import demonstrated_placements
+    from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
+    if row.trained_on and row.task not in resolve_tasks(row.trained_on):
+        yield f"it was trained on {row.trained_on}, of which {row.task} is none, and so on none of the demonstrations it names"
     placements = demonstrated_placements(row)
     for audit in audits:
         if audit.placement in placements:

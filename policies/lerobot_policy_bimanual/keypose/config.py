@@ -70,7 +70,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Width of the rotation bins in degrees; 5 makes 72 bins per axis.
     rotation_bin_deg: float = real(5.0, 0.5, 180)
     # Tell the network how many keyposes were executed, as the paper does. Experts take a constant number of them, so it
-    # tells the stage; without, a policy must see it (docs/learning.md).
+    # tells the stage; without, a policy must see it.
     use_keypose_step: bool = flag(True)
     # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
     # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
