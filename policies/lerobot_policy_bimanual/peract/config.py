@@ -44,6 +44,9 @@ class PerActConfig(KeyposePolicyConfig):
     # that it sees that many voxels further to every side. Places in the air, far from all things, want [3,9] at 25
     # voxels; none for one voxel (departure from the paper otherwise).
     projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
+    # With the factorised head, let the instruction write filters of the voxel stem, which look for what it names in every
+    # voxel (departure from the paper otherwise).
+    language_filters: bool = flag(False)
     activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):
@@ -62,6 +65,8 @@ class PerActConfig(KeyposePolicyConfig):
                 f"projection_dilations={list(self.projection_dilations)} must be [] without "
                 "translation_head=factorised"
             )
+        if self.language_filters and self.translation_head == "dense":
+            raise BadConfig("language_filters=true needs translation_head=factorised")
         require_multiple(self, "voxel_size", PATCH, "a patch is five voxels wide")
         require_multiple(self, "token_dim", 2, "half of a token is proprioception")
         require_multiple(self, "latent_dim", self.heads, "the heads share the latent evenly")

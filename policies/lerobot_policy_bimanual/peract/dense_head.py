@@ -110,8 +110,10 @@ class DenseTranslationHead(nn.Module):
         self.feature_dim = 4 * channels + 4 * token_dim + 4 * channels
 
     @staticmethod
-    def read(grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d) -> tuple[Tensor, Tensor]:
-        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2)."""
+    def read(
+        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: None = None
+    ) -> tuple[Tensor, Tensor]:
+        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2); without filters of words."""
         features = stem(grid)
         return features, patchify(features)
 

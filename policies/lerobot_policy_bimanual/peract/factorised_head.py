@@ -183,9 +183,11 @@ class FactorisedTranslationHead(nn.Module):
         self.feature_dim = channels + 4 * token_dim + 4 * token_dim + token_dim
 
     @staticmethod
-    def read(grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d) -> tuple[StemReading, Tensor]:
-        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2)."""
-        reading = StemReading(grid, stem, patchify)
+    def read(
+        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: Tensor | None
+    ) -> tuple[StemReading, Tensor]:
+        """The stem of a grid (b, 10, v, v, v), with the filters that words write, and its patches (b, p^3, token_dim / 2)."""
+        reading = StemReading(grid, stem, patchify, words)
         return reading, reading.tokens
 
     def forward(

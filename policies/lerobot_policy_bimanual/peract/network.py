@@ -11,6 +11,7 @@ from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
+from lerobot_policy_bimanual.peract.language_filters import LanguageFilters
 from lerobot_policy_bimanual.peract.perceiver import PerceiverIO
 from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS
 
@@ -37,6 +38,9 @@ class PerActNetwork(nn.Module):
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
         self.stem = PointwiseConv3d(GRID_CHANNELS, channels)
+        self.language_filters = (
+            LanguageFilters(config.language_dim, channels) if config.language_filters else None
+        )
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.
         self.patchify = PatchConv3d(channels, token_dim // 2, centred=dense)
@@ -65,7 +69,10 @@ class PerActNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
-        stem, patches = self.translation.read(grid, self.stem, self.patchify)  # (b, p^3, token_dim / 2)
+        words = None if self.language_filters is None else self.language_filters(language)
+        stem, patches = self.translation.read(
+            grid, self.stem, self.patchify, words
+        )  # (b, p^3, token_dim / 2)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
         voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)

@@ -5,7 +5,7 @@ from the grid, each in one pass, and going back all of them meet in one gradient
 """
 
 from functools import reduce
-from typing import Any
+from typing import Any, cast
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -26,14 +26,24 @@ class StemReading:
         grid: (b, c, v, v, v), without gradient.
         stem: its layer.
         patchify: the layer that makes tokens of patches that are not centred.
+        words: (b, channels, c + 1), what each sample adds to the stem's filters, the bias last; None for nothing.
 
     Attributes:
         tokens: (b, p^3, outputs of `patchify`), the last axis of the grid fastest.
         planes: maxima (b, channels, v, v) of the stem along x, y and z.
     """
 
-    def __init__(self, grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d):
-        self._stem = stem
+    def __init__(
+        self,
+        grid: Tensor,
+        stem: PointwiseConv3d,
+        patchify: PatchConv3d,
+        words: Tensor | None = None,
+    ):
+        self._weight = stem.conv.weight.flatten(1).expand(len(grid), -1, -1)
+        self._bias = cast(Tensor, stem.conv.bias).expand(len(grid), -1)
+        if words is not None:
+            self._weight, self._bias = self._weight + words[..., :-1], self._bias + words[..., -1]
         self._width = grid.shape[-1]
         p = self._width // PATCH
         rows = (
@@ -45,8 +55,8 @@ class StemReading:
         # (b, p, p, p, i, j, k, c): a patch lies together, as its token wants it
         self._rows = rows.permute(0, 1, 3, 5, 2, 4, 6, 7).contiguous()
         layers: tuple[Any, ...] = (
-            stem.conv.weight.flatten(1),
-            stem.conv.bias,
+            self._weight,
+            self._bias,
             patchify.row_weight(),
             patchify.conv.bias,
         )
@@ -79,7 +89,7 @@ class StemReading:
         voxels = self._rows.flatten(1, 6)
         index = row.flatten(1)[..., None].expand(-1, -1, voxels.shape[2])
         crops = voxels.gather(1, index)
-        crops = activate(F.linear(crops, self._stem.conv.weight.flatten(1), self._stem.conv.bias))
+        crops = activate(_filtered(crops, self._weight, self._bias))
         return torch.where(exists[..., None], crops.unflatten(1, row.shape[1:]), 0).movedim(-1, 3)
 
 
@@ -89,6 +99,11 @@ def row_offsets(width: int, device: torch.device) -> list[Tensor]:
     outer, inner = along // PATCH * PATCH**3, along % PATCH
     p = width // PATCH
     return [outer * p ** (2 - axis) + inner * PATCH ** (2 - axis) for axis in range(3)]
+
+
+def _filtered(rows: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """Rows (b, n, inputs) through filters (b, channels, inputs) and (b, channels) of their sample: (b, n, channels)."""
+    return torch.baddbmm(bias[:, None], rows, weight.transpose(1, 2))
 
 
 def _read(rows: Tensor, *layers: Any) -> tuple[Tensor, ...]:
@@ -107,7 +122,7 @@ class _Read(torch.autograd.Function):
         patch_weight: Tensor,
         patch_bias: Tensor,
     ) -> tuple[Tensor, ...]:
-        stem = activate(F.linear(rows, stem_weight, stem_bias))
+        stem = activate(_filtered(rows.flatten(1, 6), stem_weight, stem_bias)).view(*rows.shape[:-1], -1)
         tokens = F.linear(stem.flatten(4).flatten(1, 3), patch_weight, patch_bias)
         planes = [reduce(torch.maximum, _slices(stem, axis)) for axis in range(3)]
         ctx.save_for_backward(rows, stem, patch_weight, *planes)
@@ -126,11 +141,12 @@ class _Read(torch.autograd.Function):
             winner = _plain(_winner(_slices(stem, axis), plane))
             row = offsets[axis][winner.int()] + (first[:, None] + second)[..., None]
             grad.scatter_add_(1, row.flatten(1, 2), grad_plane.flatten(1, 2))
-        grad = torch.ops.aten.leaky_relu_backward(grad.view_as(stem), stem, LEAK, True).view(-1, channels)
+        grad = torch.ops.aten.leaky_relu_backward(grad.view_as(stem), stem, LEAK, True)
+        grad = grad.view(len(rows), -1, channels)
         return (
             None,
-            grad.T @ rows.view(-1, rows.shape[-1]),
-            grad.sum(0),
+            grad.transpose(1, 2) @ rows.flatten(1, 6),
+            grad.sum(1),
             grad_tokens.T @ stem.view(len(grad_tokens), -1),
             grad_tokens.sum(0),
         )
