@@ -53,6 +53,7 @@ def test_config_survives_saving(tmp_path):
         ({"translation_head": "factorised", "voxel_cells": 1}, BadConfig, "at least 2"),
         ({"projection_dilations": (3, 9)}, BadConfig, "translation_head=factorised"),
         ({"translation_head": "factorised", "projection_dilations": (0,)}, BadConfig, "numbers from 1"),
+        ({"language_filters": True}, BadConfig, "translation_head=factorised"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
         ({"dtype": "float16"}, InvalidChoice, "float32, bfloat16"),
         ({"optimizer": "sgd"}, InvalidChoice, "adamw, lamb"),

@@ -16,7 +16,7 @@ from lerobot_policy_bimanual.rvt.views import VIEWS, pixels_of_voxels, sum_over_
 HEADS = 2
 
 
-def tiny_network() -> RVTNetwork:
+def tiny_network(**options) -> RVTNetwork:
     config = RVTLFConfig(
         device="cpu",
         voxel_size=9,
@@ -29,6 +29,7 @@ def tiny_network() -> RVTNetwork:
         feedforward_multiplier=2,
         attention_dropout=0.0,
         language_dim=6,
+        **options,
     )
     network = RVTNetwork(config, proprio_dim=4).double()
     for parameter in network.parameters():
@@ -319,3 +320,16 @@ def test_a_batch_decodes_like_its_samples():
 def test_sizes_that_do_not_fit_are_refused(option, value, message):
     with pytest.raises(BimanualError, match=message):
         RVTLFConfig(device="cpu", **{option: value})
+
+
+def test_words_write_filters_of_what_the_views_show():
+    network, (views, proprio, language) = tiny_network(language_filters=True), make_inputs()
+    with torch.no_grad():
+        assert network.language_filters is not None
+        words = network.language_filters(language)
+        stem = network.read(views, language).unflatten(0, (2, 5))
+        for sample in range(2):
+            weight = network.stem.weight.flatten(1) + words[sample, :, :-1]
+            bias = network.stem.bias + words[sample, :, -1]
+            pixels = torch.einsum("oi,vihw->vohw", weight, views[sample]) + bias[:, None, None]
+            torch.testing.assert_close(stem[sample], leaky(pixels))

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from lerobot_policy_bimanual.nn.activation import LEAK
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.stem_reading import StemReading
 
@@ -41,6 +42,30 @@ def test_tokens_projections_and_crops_are_those_of_the_map_with_gradients(layers
 
     parameters = [stem.conv.weight, stem.conv.bias, patchify.conv.weight, patchify.conv.bias]
     probes = [torch.randn_like(each) for each in expected]
+    for got, want in zip(
+        torch.autograd.grad(actual, parameters, probes),
+        torch.autograd.grad(expected, parameters, probes),
+        strict=True,
+    ):
+        torch.testing.assert_close(got, want)
+
+
+def test_words_change_the_filters_of_their_own_sample_with_gradients(layers):
+    stem, patchify = layers
+    grid = torch.randn(2, 10, *[WIDTH] * 3, dtype=torch.float64)
+    place = torch.tensor([[[0, 1, 2]], [[2, 2, 0]]])[:, None]
+    words = torch.randn(2, 4, 11, dtype=torch.float64, requires_grad=True)
+
+    weight, bias = stem.conv.weight.flatten(1) + words[..., :-1], stem.conv.bias + words[..., -1]
+    features = torch.einsum("bixyz,boi->boxyz", grid, weight) + bias[..., None, None, None]
+    features = torch.nn.functional.leaky_relu(features, LEAK)
+    expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
+    reading = StemReading(grid, stem, patchify, words)
+    actual = [reading.tokens, *reading.planes, reading.crop(place)]
+    probes = [torch.randn_like(each) for each in expected]
+    for got, want in zip(actual, expected, strict=True):
+        torch.testing.assert_close(got, want)
+    parameters = [words, stem.conv.weight, stem.conv.bias]
     for got, want in zip(
         torch.autograd.grad(actual, parameters, probes),
         torch.autograd.grad(expected, parameters, probes),

@@ -86,6 +86,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
     language_tokens: int = whole(77, 1, 1024)
     # Width of a language token (CLIP: 512).
     language_dim: int = whole(512, 1, 8192)
+    # Let the instruction write filters of the first layer, so that a word can look for a colour or a height everywhere; a
+    # dense translation head has none (departure from the paper otherwise).
+    language_filters: bool = flag(False)
 
     # `bfloat16` runs the network under autocast. Geometry, softmax and losses stay in `float32`.
     dtype: str = choice("float32", DTYPES)

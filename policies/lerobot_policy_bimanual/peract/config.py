@@ -44,9 +44,6 @@ class PerActConfig(KeyposePolicyConfig):
     # that it sees that many voxels further to every side. Places in the air, far from all things, want [3,9] at 25
     # voxels; none for one voxel (departure from the paper otherwise).
     projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
-    # With the factorised head, let the instruction write filters of the voxel stem, which look for what it names in every
-    # voxel (departure from the paper otherwise).
-    language_filters: bool = flag(False)
     activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):

@@ -5,13 +5,13 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.activation import init_linear
+from lerobot_policy_bimanual.nn.language_filters import LanguageFilters
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
-from lerobot_policy_bimanual.peract.language_filters import LanguageFilters
 from lerobot_policy_bimanual.peract.perceiver import PerceiverIO
 from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS
 
@@ -39,7 +39,7 @@ class PerActNetwork(nn.Module):
         dense = config.translation_head == "dense"
         self.stem = PointwiseConv3d(GRID_CHANNELS, channels)
         self.language_filters = (
-            LanguageFilters(config.language_dim, channels) if config.language_filters else None
+            LanguageFilters(config.language_dim, GRID_CHANNELS, channels) if config.language_filters else None
         )
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.

@@ -6,6 +6,7 @@ from torch import Tensor, nn
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_policy_bimanual.nn.activation import activate, init_linear
 from lerobot_policy_bimanual.nn.attention import Block
+from lerobot_policy_bimanual.nn.language_filters import LanguageFilters
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.rvt.config import RVTConfig
@@ -40,6 +41,9 @@ class RVTNetwork(nn.Module):
         self.heatmap_sigma_px = config.heatmap_sigma_px
         self.patches = config.voxel_size // patch
         self.stem = Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
+        self.language_filters = (
+            LanguageFilters(config.language_dim, VIEW_CHANNELS, channels) if config.language_filters else None
+        )
         self.patchify = PatchConv2d(channels, token_dim // 2, patch)
         self.proprio = NormedLinear(proprio_dim, token_dim // 2)
         self.language = NormedLinear(config.language_dim, token_dim)
@@ -76,7 +80,7 @@ class RVTNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: ignored; nothing here is conditioned on the label.
         """
-        stem = self.stem(views.flatten(0, 1))  # (b 5, channels, size, size)
+        stem = self.read(views, language)  # (b 5, channels, size, size)
         answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)
         fine = self.join(activate(self.upsample(self.coarse(answers))), stem)
         logits = at_least_float32(self.heatmap(fine))  # (b 5, 1, size, size)
@@ -93,6 +97,17 @@ class RVTNetwork(nn.Module):
             gripper_open,
             ignore_collisions,
         )
+
+    def read(self, views: Tensor, language: Tensor) -> Tensor:
+        """The stem of views (b, 5, 10, size, size), with the filters that the words write: (b 5, channels, size, size)."""
+        if self.language_filters is None:
+            return self.stem(views.flatten(0, 1))
+        words = self.language_filters(language)  # (b, channels, 11)
+        weight = self.stem.weight.flatten(1) + words[..., :-1]
+        bias = self.stem.bias + words[..., -1]
+        pixels = torch.baddbmm(bias[..., None], weight, views.transpose(1, 2).flatten(2))
+        by_view = activate(pixels).unflatten(2, views.shape[1:2] + views.shape[3:])
+        return by_view.transpose(1, 2).flatten(0, 1)
 
     def _attend(self, patches: Tensor, proprio: Tensor, language: Tensor) -> Tensor:
         """What the transformer says about every patch.
