@@ -19,7 +19,7 @@ from lerobot_bimanual.benchmark.names import (
     run_name,
 )
 from lerobot_bimanual.benchmark.pipeline import Command, flag_words
-from lerobot_bimanual.benchmark.protocol import INTERMEDIATE, PROTOCOLS, Protocol, ScoredSplit
+from lerobot_bimanual.benchmark.protocol import PROTOCOLS, Protocol, ScoredSplit
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
@@ -189,6 +189,7 @@ class Plan:
 
     def generation(self) -> Command:
         """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
+        between = ",".join(map(str, self.protocol.intermediate))
         flags = {
             "task": self.config.trained_on or self.config.task,
             "variation": self.config.variation,
@@ -198,7 +199,7 @@ class Plan:
             "image_size": self.protocol.image_size,
             "cameras": ",".join(self.recipe.cameras),
             **({} if self.recipe.depth else {"depth": "false"}),
-            **({"intermediate": INTERMEDIATE} if self.recipe.view == "keyframes" else {}),
+            **({"intermediate": between} if between and self.recipe.view == "keyframes" else {}),
             "root": self.dataset,
             "repo_id": self._repo_id,
             **_unless_empty("perturb", self.config.demos_perturb),

@@ -16,19 +16,22 @@ class Protocol:
         val_episodes: episodes of the split `val` on which every checkpoint is scored, to choose the best; 0 where
             there is nothing to choose, because there is only one.
         test_episodes: episodes of the split `test` on which the chosen checkpoint is scored.
+        intermediate: where on the way to a keypose observations are kept in the view `keyframes`, as fractions of the
+            motion. The paper keeps every tenth frame. They are seen with the label of the keypose that the hand is
+            nearly at, which teaches a small network to stay where it is (docs/learning.md).
     """
 
     demos: int
     image_size: int
     val_episodes: int
     test_episodes: int
+    intermediate: tuple[float, ...]
 
 
 PROTOCOLS = {
-    "small": Protocol(demos=100, image_size=128, val_episodes=20, test_episodes=50),
-    "paper": Protocol(demos=100, image_size=256, val_episodes=100, test_episodes=100),
+    "small": Protocol(demos=100, image_size=128, val_episodes=20, test_episodes=50, intermediate=()),
+    "paper": Protocol(
+        demos=100, image_size=256, val_episodes=100, test_episodes=100, intermediate=(0.35, 0.7)
+    ),
 }
 """By the name of the recipe; the second is that of the PerAct2 paper."""
-
-INTERMEDIATE = "0.35,0.7"
-"""Where on the way to a keypose observations are kept in the view `keyframes`; the paper keeps every tenth frame."""
