@@ -21,7 +21,7 @@ for task in $tasks; do
             echo "== $task, $policy, training seed $seed"
             # Seeds that no earlier weights have played.
             $bimanual benchmark --task="$task" --policy="$policy" --seed="$seed" --device=cpu --workers="${WORKERS:-0}" \
-                --first_seed=2000000 --output="$output" "$@" || failed="${failed:-} $task/$policy/$seed"
+                --first_seed=4000000 --output="$output" "$@" || failed="${failed:-} $task/$policy/$seed"
         done
     done
 done
