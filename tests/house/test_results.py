@@ -89,3 +89,15 @@ def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
     seed = int(np.random.default_rng().integers(1000))
     config = VerifyResultsConfig(results=ROOT / "results" / "leaderboard", sample=4, controls=1, seed=seed)
     assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
+
+
+@pytest.mark.sim
+def test_a_row_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Path, capsys):
+    (path,) = [path for path in ROWS if path.name.startswith("lift_ball_peract2_small")]
+    row = json.loads(path.read_text())
+    row["dataset"]["command"] = row["dataset"]["command"].replace("lift_ball", "push_box")
+    row["flags"] = {name: value.replace("lift_ball", "push_box") for name, value in row["flags"].items()}
+    changed = tmp_path / path.name.replace("peract2", "peract2_on_push_box")
+    changed.write_text(json.dumps(row))
+    assert verify_results(VerifyResultsConfig(results=changed, sample=1, controls=0, workers=1)) == 1
+    assert "it was trained on push_box, of which lift_ball is none" in capsys.readouterr().out

@@ -70,12 +70,10 @@ class PerActNetwork(nn.Module):
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
         words = None if self.language_filters is None else self.language_filters(language)
-        stem, patches = self.translation.read(
-            grid, self.stem, self.patchify, words
-        )  # (b, p^3, token_dim / 2)
+        stem, patches = self.translation.read(grid, self.stem, self.patchify, words)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
-        voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim)
+        voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim), half of it from the patches
         tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
         # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
