@@ -24,6 +24,7 @@ from lerobot_env_bimanual.verification.subtasks import EVENTS, LANGUAGE_FEATURES
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
 EXAMPLE = Path(__file__).parents[2] / "examples/10_subtasks.py"
+TRAINED = Path(__file__).parents[2] / "results/checkpoints/handover_item_easy"
 STAGES = ["beside", "squeeze", "lift"]
 SAY_THE_SUBTASK = TrainingRecipe(
     messages=[
@@ -129,3 +130,10 @@ def test_lerobots_act_trains_on_annotated_datasets(annotated, tmp_path, view):
     child = subprocess.run(command, capture_output=True, text=True, check=False)
     assert child.returncode == 0, child.stderr[-4000:]
     assert (tmp_path / "act/checkpoints/last/pretrained_model/model.safetensors").is_file()
+
+
+def test_inspect_and_accuracy_read_an_annotated_dataset(annotated, tmp_path):
+    flags = [f"--checkpoint={TRAINED}", f"--dataset={annotated('keyframes')}"]
+    assert main(["accuracy", *flags]) == 0
+    assert main(["inspect", *flags, "--index=0", f"--output={tmp_path / 'sheets'}"]) == 0
+    assert list((tmp_path / "sheets").glob("*.png"))

@@ -89,7 +89,9 @@ SPECIMENS = {
     "peract2": Specimen(66_180_794, TINY_PERACTS),
     "peract_independent": Specimen(2 * 33_240_669, TINY_PERACTS),
     "peract_lf": Specimen(33_240_669 + 33_241_181, TINY_PERACTS),
-    "rvt_lf": Specimen(36_348_093 + 36_348_605, {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}),
+    "rvt_lf": Specimen(
+        36_348_093 + 36_348_605, {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}
+    ),
 }
 """By policy type. The parameter counts are those of the reference implementations (PerAct2 code)."""
 

@@ -7,14 +7,13 @@ import numpy as np
 import torch
 from lerobot.datasets import LeRobotDataset
 from numpy.typing import NDArray
-from torch.utils.data import default_collate
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
 from lerobot_bimanual.terminal_table import print_table
-from lerobot_policy_bimanual.inspection.loading import Batch
+from lerobot_policy_bimanual.inspection.loading import Batch, batch_of
 from lerobot_policy_bimanual.keypose.losses import distances
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
@@ -71,7 +70,7 @@ def measure(policy: KeyposePolicy, preprocess: Callable[[Batch], Batch], dataset
     starts = range(0, len(dataset), ROWS_AT_ONCE)
     for start in tqdm(starts, desc="predicting", unit_scale=ROWS_AT_ONCE, unit="row"):
         rows = range(start, min(start + ROWS_AT_ONCE, len(dataset)))
-        batch = preprocess(default_collate([dataset[row] for row in rows]))
+        batch = preprocess(batch_of(dataset, rows))
         predicted, label = policy.select_action(batch), batch[NEXT_KEYPOSE]
         distance_m, angle_rad = distances(predicted, label)
         flags = [vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) > 0.5 for vector in (predicted, label)]

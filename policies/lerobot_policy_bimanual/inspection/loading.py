@@ -1,6 +1,6 @@
 """A trained policy and a dataset that it can read, both as LeRobot loads them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -8,7 +8,7 @@ from typing import Any, cast
 from lerobot.configs import PreTrainedConfig
 from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-from torch.utils.data import default_collate
+from lerobot.utils.collate import lerobot_collate_fn
 
 from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
 from lerobot_bimanual.errors import SchemaMismatch
@@ -60,7 +60,13 @@ def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
     """
     opened = open_dataset(dataset, config)
     require_row(opened.root, index)
-    return default_collate([opened[index]])
+    return batch_of(opened, [index])
+
+
+def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
+    """Rows as LeRobot's loaders collate them: without language columns, whose length differs from row to row."""
+    found: list[Any] = [dataset[row] for row in rows]
+    return cast(Batch, lerobot_collate_fn(found))
 
 
 def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
