@@ -6,7 +6,7 @@
 #   TASKS="lift_ball push_box" POLICIES="peract2 rvt_lf" SEEDS="1000 2000" scripts/board.sh
 #   scripts/board.sh --trained_on=all --steps=15000    any flag of `lerobot-bimanual benchmark`, for all cells
 #
-# A cell takes about nine minutes of a core. Rows go to results/leaderboard when all are there, and the pages are written.
+# A cell takes about eight minutes of a core. Rows go to results/leaderboard when all are there, and the pages are written.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
