@@ -323,7 +323,7 @@ def test_sizes_that_do_not_fit_are_refused(option, value, message):
 
 
 def test_words_write_filters_of_what_the_views_show():
-    network, (views, proprio, language) = tiny_network(language_filters=True), make_inputs()
+    network, (views, _, language) = tiny_network(language_filters=True), make_inputs()
     with torch.no_grad():
         assert network.language_filters is not None
         words = network.language_filters(language)
