@@ -67,6 +67,11 @@ def section_of(path: Path, **changes) -> Section:
     return Section(result, **({"blames": {seed: blamed(seed) for seed in failed}} | changes))
 
 
+def worst() -> int:
+    """Index of the row with the most failed episodes."""
+    return max(range(len(ROWS)), key=lambda index: len(section_of(ROWS[index]).blames))
+
+
 def assert_closed(reader: Reader) -> None:
     """Nothing is loaded from elsewhere, and nothing runs."""
     assert set(reader.tags) <= TAGS
@@ -78,7 +83,8 @@ def assert_closed(reader: Reader) -> None:
 
 def test_a_page_of_all_committed_rows_holds_every_row_and_episode_and_loads_nothing():
     sections = [section_of(path) for path in ROWS]
-    sections[0] = replace(sections[0], films=[filmed(next(iter(sections[0].blames)))], left_out=2)
+    shown = worst()
+    sections[shown] = replace(sections[shown], films=[filmed(next(iter(sections[shown].blames)))], left_out=2)
     reader = Reader(results_page(sections))
     assert_closed(reader)
     assert reader.tags["section"] == len(ROWS)
@@ -102,7 +108,7 @@ def test_a_page_of_all_committed_rows_holds_every_row_and_episode_and_loads_noth
 
 
 def test_no_word_of_a_file_becomes_markup():
-    row = Result.read(ROWS[0])
+    row = Result.read(ROWS[worst()])
     record = row.record
     evil = replace(
         record,
@@ -158,7 +164,7 @@ class MadeUpPool:
 
 
 def test_films_are_of_different_failures_first_and_as_many_as_there_is_room_for():
-    section = max(map(section_of, ROWS), key=lambda section: len(section.blames))
+    section = section_of(ROWS[worst()])
     seeds = sorted(section.blames)
     kinds = [FailureClass.DROPPED, FailureClass.DROPPED, FailureClass.COLLISION, FailureClass.OUT_OF_TIME]
     section = replace(
