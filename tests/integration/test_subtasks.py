@@ -20,11 +20,11 @@ from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
 from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
 from lerobot_env_bimanual.verification.subtasks import EVENTS, LANGUAGE_FEATURES, SUBTASKS, check_subtasks
+from lerobot_policy_bimanual.inspection.loading import batch_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
 EXAMPLE = Path(__file__).parents[2] / "examples/10_subtasks.py"
-TRAINED = Path(__file__).parents[2] / "results/checkpoints/handover_item_easy"
 STAGES = ["beside", "squeeze", "lift"]
 SAY_THE_SUBTASK = TrainingRecipe(
     messages=[
@@ -132,8 +132,7 @@ def test_lerobots_act_trains_on_annotated_datasets(annotated, tmp_path, view):
     assert (tmp_path / "act/checkpoints/last/pretrained_model/model.safetensors").is_file()
 
 
-def test_inspect_and_accuracy_read_an_annotated_dataset(annotated, tmp_path):
-    flags = [f"--checkpoint={TRAINED}", f"--dataset={annotated('keyframes')}"]
-    assert main(["accuracy", *flags]) == 0
-    assert main(["inspect", *flags, "--index=0", f"--output={tmp_path / 'sheets'}"]) == 0
-    assert list((tmp_path / "sheets").glob("*.png"))
+def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated):
+    batch = batch_of(LeRobotDataset("local/annotated", root=annotated("keyframes")), range(3))
+    assert batch[schema.NEXT_KEYPOSE].shape == (3, 18)
+    assert not batch.keys() & LANGUAGE_FEATURES.keys()
