@@ -111,7 +111,7 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "a checkpoint not validated": (fewer("validation"), "'validation'.*must be of every checkpoint"),
     "validated on other seeds": (
         validated_elsewhere,
-        "'validation'.*must be on the same seeds from 4000000 on",
+        "'validation'.*must be on the same seeds from [0-9]+ on",
     ),
     "nothing validated": (setting("validation", value=[]), "'validation'.*must be of every checkpoint"),
     "another recipe": (setting("recipe", value="paper"), "its row is that of a file named"),

@@ -111,7 +111,7 @@ class DenseTranslationHead(nn.Module):
 
     @staticmethod
     def read(
-        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: None = None
+        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: None
     ) -> tuple[Tensor, Tensor]:
         """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2); without filters of words."""
         features = stem(grid)
