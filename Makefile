@@ -12,10 +12,11 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 	@scripts/setup.sh
 
 WATCH := outputs/watch
-watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU)
+TASK := handover_item_easy
+watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU); TASK=lift_ball is another
 	@echo "lerobot-eval says nothing for up to half a minute, while it is imported"
-	$(BIN)/lerobot-eval --policy.path=results/checkpoints/handover_item_easy --policy.device=cpu \
-	    --env.type=bimanual --env.task=handover_item_easy --env.image_size=128 --env.video_dir=$(WATCH)/films \
+	$(BIN)/lerobot-eval --policy.path=results/checkpoints/peract2_on_all --policy.device=cpu \
+	    --env.type=bimanual --env.task=$(TASK) --env.image_size=128 --env.video_dir=$(WATCH)/films \
 	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=$(WATCH)
 	@ls $(WATCH)/films/*
 

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parents[1]
-CHECKPOINT = HERE / "results/checkpoints/handover_item_easy"
+CHECKPOINT = HERE / "results/checkpoints/peract2_on_all"
 IMAGE_SIZE = 128
 FIRST_SEED = 1000
 

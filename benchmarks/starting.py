@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).parents[1]
-CHECKPOINT = HERE / "results/checkpoints/handover_item_easy"
+CHECKPOINT = HERE / "results/checkpoints/peract2_on_all"
 
 CLI = ["-m", "lerobot_bimanual.cli"]
 HIDE_OURS = """

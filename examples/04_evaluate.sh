@@ -2,10 +2,10 @@
 # Score a policy on unseen placements, keep a record of every action, and set it beside the expert and the blind control.
 set -euo pipefail
 TASK=${TASK:-handover_item_easy}
-POLICY=${POLICY:-results/checkpoints/handover_item_easy}
+POLICY=${POLICY:-results/checkpoints/peract2_on_all}
 EPISODES=${EPISODES:-4}
 SEED=${SEED:-1000}
-SEEDS=${SEEDS:-1000:1004}
+SEEDS=${SEEDS:-$SEED:$((SEED + EPISODES))}
 OUT=${OUT:-outputs/evaluate}
 
 # A stranger's checkpoint is looked at before anything loads it.

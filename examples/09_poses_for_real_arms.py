@@ -10,16 +10,14 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import torch
 from lerobot.datasets import LeRobotDataset
-from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch.utils.data import default_collate
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_policy_bimanual.checkpoint.config_file import read_config
+from lerobot_policy_bimanual.inspection.loading import load_policy
 
-CHECKPOINT = Path(__file__).parents[1] / "results/checkpoints/handover_item_easy"
+CHECKPOINT = Path(__file__).parents[1] / "results/checkpoints/peract2_on_all"
 
 
 def observe(row: dict, config) -> dict:
@@ -39,21 +37,15 @@ parser.add_argument("--checkpoint", type=Path, default=CHECKPOINT)
 parser.add_argument("--episode", type=int, default=0)
 arguments = parser.parse_args()
 
-config = read_config(arguments.checkpoint)  # as data: a stranger's checkpoint runs nothing here
-config.device = "cuda" if torch.cuda.is_available() else "cpu"
-policy = get_policy_class(config.type).from_pretrained(arguments.checkpoint, config=config)
-preprocess, _ = make_pre_post_processors(
-    config,
-    pretrained_path=str(arguments.checkpoint),
-    preprocessor_overrides={"device_processor": {"device": config.device}},
-)
+# It looks at the checkpoint first: LeRobot's own loader would call whatever class a stranger's file names.
+policy, preprocess = load_policy(arguments.checkpoint)
 episode = LeRobotDataset(
     f"local/{arguments.dataset.name}", root=arguments.dataset, episodes=[arguments.episode]
 )
 policy.reset()
 for index in range(len(episode) - 1):  # in the last row all keyposes have been executed
     row = episode[index]
-    batch = preprocess(default_collate([observe(row, config)]))
+    batch = preprocess(default_collate([observe(row, policy.config)]))
     action = policy.select_action(batch)[0].cpu().numpy()
     answer, shown = (
         BimanualKeypose.from_vector(vector) for vector in (action, row["observation.next_keypose"])

@@ -10,14 +10,19 @@ few="${seeds%%:*}:$((${seeds%%:*} + 50))"
 fewest="${seeds%%:*}:$((${seeds%%:*} + 20))"  # adversaries try several ways in each episode
 folder="${FOLDER:-results/certificates}"
 
+fail() {  # go on with the others, unless somebody has stopped this one
+    [ "$1" -ne 130 ] && [ "$1" -ne 143 ] || exit "$1"
+    failed="${failed:-} $2"
+}
+
 certify() {
     echo "== $1"
     if [ -z "${TASK:-}" ]; then
-        .venv/bin/lerobot-bimanual certify --output="$folder/$1.json" "${@:2}" || failed="${failed:-} $1"
+        .venv/bin/lerobot-bimanual certify --output="$folder/$1.json" "${@:2}" || fail $? "$1"
         return
     fi
     local renewed="$folder/renewed/$1.json"
-    .venv/bin/lerobot-bimanual certify --output="$renewed" "${@:2}" || failed="${failed:-} $1"
+    .venv/bin/lerobot-bimanual certify --output="$renewed" "${@:2}" || fail $? "$1"
     .venv/bin/python scripts/renew_certificate.py "$folder/$1.json" "$renewed"
     rm "$renewed"
     rmdir --ignore-fail-on-non-empty "$folder/renewed"

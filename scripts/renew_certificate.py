@@ -9,6 +9,7 @@ import json
 import re
 import sys
 import tempfile
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def main() -> int:
 
 
 def renewed(old: dict[str, Any], new: dict[str, Any]) -> str:
-    """The file's text, tasks in the order in which they were."""
+    """The file's text; episodes stay in the order in which their tasks were played, those of a further task come last."""
     worlds = old["worlds"] | new["worlds"]
     kept = [
         line for line in old["complaints"] if not any(re.match(rf"{task}\b", line) for task in new["worlds"])
@@ -49,7 +50,7 @@ def renewed(old: dict[str, Any], new: dict[str, Any]) -> str:
     fields = {
         "worlds": {task: worlds[task] for task in sorted(worlds)},
         "complaints": [*kept, *new["complaints"]],
-        "rates": _exchanged(old["rates"], new["rates"]),
+        "rates": sorted(_exchanged(old["rates"], new["rates"]), key=itemgetter("task", "variation")),
     }
     head = {name: fields.get(name, value) for name, value in old.items() if name != "episodes"}
     episodes = [json.dumps(line) for line in _exchanged(old["episodes"], new["episodes"])]

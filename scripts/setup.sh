@@ -17,7 +17,7 @@ version="$(<.python-version)"
 is_version="import sys; sys.exit(sys.argv[1] != '%d.%d' % sys.version_info[:2])"
 if ! .venv/bin/python -c "$is_version" "$version" 2>/dev/null || ! grep -qF "$PWD/.venv" .venv/bin/activate; then
     rm -rf .venv
-    "$uv" venv --quiet --python "$version" .venv
+    "$uv" venv --quiet --seed --python "$version" .venv
 fi
 rm -f "$stamp"
 export VIRTUAL_ENV="$PWD/.venv"

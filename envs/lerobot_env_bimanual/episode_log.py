@@ -24,6 +24,8 @@ from lerobot_env_bimanual.episode_recorder import OUT_OF_TIME, PLAYED
 from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 
+EPISODES_SUFFIX = "_episodes.json"
+"""Of the log that lies beside films."""
 MOST_REASONS = 5
 """In the last line, which has to stay readable."""
 RECORDED_OPTIONS = (
@@ -136,7 +138,7 @@ class EpisodeLog:
         )
 
     def _write(self, folder: Path, finished: list[FinishedEpisode]) -> Path:
-        path = folder / f"{self._task}_episodes.json"
+        path = folder / f"{self._task}{EPISODES_SUFFIX}"
         lines = ",\n ".join(json.dumps(asdict(episode)) for episode in finished)
         try:
             folder.mkdir(parents=True, exist_ok=True)

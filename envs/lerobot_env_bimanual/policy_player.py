@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Move, Player
-
-CONFIG = "config.json"
 
 
 def policy_player(checkpoint: Path) -> Player:
@@ -24,11 +23,7 @@ def policy_player(checkpoint: Path) -> Player:
     Raises:
         BimanualError: there is no checkpoint, or LeRobot cannot load it.
     """
-    if not (checkpoint / CONFIG).is_file():
-        raise BimanualError(
-            f"no checkpoint at {checkpoint}: it holds no {CONFIG}. Name the folder `pretrained_model` of a training, "
-            "for example outputs/peract2/checkpoints/last/pretrained_model"
-        )
+    Checkpoint.read(checkpoint)
     import torch
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.envs.utils import preprocess_observation

@@ -80,6 +80,7 @@ class TaskSpec:
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         strain_bounds: bounds of its own on what the expert asks of the arms, by name, where those of all tasks
             (`lerobot_env_bimanual.expert.strain`) are too low for it; the task's file says why.
+        random_rate: share of episodes that random keyposes may solve; beyond 0 the task's file says how.
     """
 
     name: str
@@ -92,6 +93,7 @@ class TaskSpec:
     horizon_ticks: int
     needs_both_arms: bool = False
     strain_bounds: Mapping[str, float] = field(default_factory=dict)
+    random_rate: float = 0.0
 
     def variation_index(self, variation: object) -> int | None:
         """Index that an option `variation` means; `None` to draw one per episode.

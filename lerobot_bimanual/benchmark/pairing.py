@@ -38,6 +38,11 @@ class Pairing:
             neither=outcomes.count((False, False)),
         )
 
+    @property
+    def p_value(self) -> float:
+        """Of McNemar's exact test, two-sided."""
+        return mcnemar_p_value(self.only_first, self.only_second)
+
     def __add__(self, other: "Pairing") -> "Pairing":
         return Pairing(
             self.both + other.both,
@@ -100,8 +105,10 @@ class Comparison:
     @property
     def p_value(self) -> float:
         """Of that test, two-sided."""
-        test = anytime_p_value if self.was_stopped else mcnemar_p_value
-        return test(self.pairing.only_first, self.pairing.only_second)
+        pairing = self.pairing
+        if self.was_stopped:
+            return anytime_p_value(pairing.only_first, pairing.only_second)
+        return pairing.p_value
 
     @property
     def difference(self) -> float:

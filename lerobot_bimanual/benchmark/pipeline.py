@@ -114,7 +114,8 @@ class Pipeline:
         An interrupted training goes on from its last checkpoint; other commands begin anew.
 
         Raises:
-            BimanualError: the command failed, a training with other flags is in its place, or its marker is damaged.
+            BimanualError: the command failed or left no output, an input cannot be read, checkpoints that cannot be gone
+                on from are in its place, or its marker is damaged.
         """
         marker = self._marker(command)
         if marker.done and (command.output is None or command.output.exists()):
@@ -143,6 +144,12 @@ class Pipeline:
                 f"{command.name!r} failed with exit code {code}; its output is above. "
                 f"The same command line continues from here. What failed was: {shlex.join(words)}"
             )
+        if command.output is not None and not command.output.exists():
+            raise BimanualError(
+                f"{command.name!r} ended without an error, but {command.output} is not there. Leave out what keeps it from being "
+                "written, as --save_checkpoint=false does, and start the same command line again. What ran was: "
+                f"{shlex.join(words)}"
+            )
         self._write(command, replace(marker, done=True))
         self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
 
@@ -165,7 +172,7 @@ class Pipeline:
 
     def _marker(self, command: Command) -> _Marker:
         """The marker of this very command and these inputs; a fresh one if they were never begun."""
-        inputs = {str(path): sha256(path) for path in command.inputs}
+        inputs = {str(path): made_before(path) for path in command.inputs}
         found = self._read(command)
         if found is not None and (found.command, found.inputs) == (str(command), inputs):
             return found
@@ -176,8 +183,16 @@ class Pipeline:
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The words that go on from the last checkpoint; None if there is none to go on from."""
-        last = folder / "checkpoints" / "last" / "pretrained_model" / "train_config.json"
+        config = Path("pretrained_model", "train_config.json")
+        link = folder / "checkpoints" / "last"
+        last = link / config
         if not last.is_file():
+            if kept := sorted(folder.glob(f"checkpoints/*/{config}")):
+                newest = kept[-1].parents[1].name
+                raise BimanualError(
+                    f"{folder} holds checkpoints, but {link} leads to none of them. To go on from the newest: "
+                    f"{shlex.join(['ln', '-sfn', newest, str(link)])}; to train anew, remove the folder"
+                )
             # lerobot-train refuses an existing folder, and in this one is nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
@@ -188,6 +203,21 @@ class Pipeline:
                 f"remove the folder to train anew with: {command}"
             )
         return [command.words[0], f"--config_path={last}", "--resume=true"]
+
+
+def made_before(path: Path) -> str:
+    """SHA-256 of a file that an earlier command has made.
+
+    Raises:
+        BimanualError: it cannot be read; the message names it.
+    """
+    try:
+        return sha256(path)
+    except OSError as error:
+        raise BimanualError(
+            f"{path} cannot be read ({error.strerror}), but was made by an earlier command; put it back, or choose another "
+            "--output to make it anew"
+        ) from error
 
 
 def flag_words(flags: Mapping[str, object]) -> list[str]:

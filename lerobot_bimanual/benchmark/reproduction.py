@@ -40,6 +40,8 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
         val_episodes=_val_episodes(row),
         test_episodes=len(row.episodes),
         seed=int(row.flags["seed"]),
+        perturb=row.evaluation.perturb,
+        demos_perturb=row.demos_perturb,
         first_seed=min(episode.seed for episode in row.episodes),
         device=row.flags.get("policy.device"),
     )

@@ -268,7 +268,7 @@ class ResultRow:
     def file_name(self) -> str:
         """What a benchmark calls the row's file."""
         run = run_name(self.policy, self.recipe, int(self.flags["seed"]))
-        run = perturbed(run, command_flags(self.dataset.command).get("perturb", ""))
+        run = perturbed(run, self.demos_perturb)
         return result_name(self.place, learner_name(run, self.trained_on))
 
     @property
@@ -278,9 +278,14 @@ class ResultRow:
         return "" if tasks == self.task else tasks
 
     @property
+    def demos_perturb(self) -> str:
+        """What was different in the demonstrations, `AXIS:LEVEL,...`."""
+        return command_flags(self.dataset.command).get("perturb", "")
+
+    @property
     def learner(self) -> str:
-        """The policy, and what it learned from if that is not its task alone; what its column is called."""
-        return learner_name(self.policy, self.trained_on)
+        """The policy, and what it learned from if that is not its task alone as it is; what its column is called."""
+        return learner_name(perturbed(self.policy, self.demos_perturb), self.trained_on)
 
     @property
     def rates(self) -> dict[str, SuccessRate]:

@@ -8,16 +8,24 @@ from itertools import batched
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.episode_result import Validation, best_checkpoint, success_rate
+from lerobot_bimanual.benchmark.flag_text import command_flags
 from lerobot_bimanual.benchmark.measurements import (
+    Certified,
     check_agreement,
     read_certificate,
     read_evaluation,
     read_record,
 )
-from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
+from lerobot_bimanual.benchmark.pipeline import Pipeline, made_before, show_command
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.results import PLACES, ROW_SCHEMA_VERSION, DatasetRecord, Machine, ResultRow
-from lerobot_bimanual.checksums import sha256
+from lerobot_bimanual.benchmark.results import (
+    PLACES,
+    ROW_SCHEMA_VERSION,
+    BadResult,
+    DatasetRecord,
+    Machine,
+    ResultRow,
+)
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
@@ -45,7 +53,11 @@ def show(plan: Plan, console: Console) -> None:
 
 
 def run(plan: Plan, console: Console) -> ResultRow:
-    """Run what is not done yet, and write the result."""
+    """Run what is not done yet, and write the result.
+
+    Raises:
+        BimanualError: a command failed, or what was measured at different times does not belong together.
+    """
     config, rival = plan.config, read_rival(plan)
     Pipeline(plan.source, console).run(plan.generation())
     shared = Pipeline(plan.folder, console)
@@ -55,6 +67,7 @@ def run(plan: Plan, console: Console) -> ResultRow:
         read_certificate(plan.certificate(control), control, config.task, plan.seeds("test"))
         for control in ("expert", "blind")
     )
+    _check_one_world(plan, expert, blind)
     if rival is not None and rival.world != expert.world:
         raise BimanualError(
             f"{config.stop_when_sure} is of the world {rival.world} of {config.task}, but here it is {expert.world}; "
@@ -69,41 +82,82 @@ def run(plan: Plan, console: Console) -> ResultRow:
         episodes = read_evaluation(plan.evaluation_file("val", step), plan.seeds("val"))
         validations.append(Validation(step, episodes))
     step = best_checkpoint(validations).step if validations else plan.recipe.steps
-    tested = _test(plan, own, step) if rival is None else play_until_sure(plan, own, step, rival)
+    if rival is None:
+        tested = _test(plan, own, step, expert.world)
+    else:
+        tested = play_until_sure(plan, own, step, rival)
     seeds = [episode.seed for episode in tested.episodes]
-    row = ResultRow(
-        schema_version=ROW_SCHEMA_VERSION,
-        task=config.task,
-        world=expert.world,
-        variation=config.variation,
-        policy=config.policy,
-        recipe=config.recipe,
-        flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
-        dataset=_dataset_record(plan),
-        checkpoint_step=step,
-        checkpoint_sha256=sha256(plan.weights(step)),
-        validation=tuple(validations),
-        split="test",
-        options=tested.options,
-        batch_size=tested.batch_size,
-        episodes=tested.episodes,
-        stopped_against=None if rival is None else rival.checkpoint_sha256,
-        expert=tuple(episode for episode in expert.episodes if episode.seed in seeds),
-        blind=tuple(episode for episode in blind.episodes if episode.seed in seeds),
-        training_seconds=round(training.seconds(plan.training()), 1),
-        machine=Machine.this(),
-        versions=result_versions(),
-        date=date.today().isoformat(),
-    )
+    try:
+        row = ResultRow(
+            schema_version=ROW_SCHEMA_VERSION,
+            task=config.task,
+            world=expert.world,
+            variation=config.variation,
+            policy=config.policy,
+            recipe=config.recipe,
+            flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
+            dataset=_dataset_record(plan),
+            checkpoint_step=step,
+            checkpoint_sha256=made_before(plan.weights(step)),
+            validation=tuple(validations),
+            split="test",
+            options=tested.options,
+            batch_size=tested.batch_size,
+            episodes=tested.episodes,
+            stopped_against=None if rival is None else rival.checkpoint_sha256,
+            expert=tuple(episode for episode in expert.episodes if episode.seed in seeds),
+            blind=tuple(episode for episode in blind.episodes if episode.seed in seeds),
+            training_seconds=round(training.seconds(plan.training()), 1),
+            machine=Machine.this(),
+            versions=result_versions(),
+            date=date.today().isoformat(),
+        )
+    except ValueError as error:
+        raise BadResult(
+            f"what was measured for {plan.result} does not belong together: {error}; choose another --output to measure anew"
+        ) from error
     write_file(plan.result, row.to_json())
     return row
 
 
-def _test(plan: Plan, pipeline: Pipeline, step: int, seeds: range | None = None) -> EvaluationRecord:
-    """Score a checkpoint on the test seeds, all or some of them."""
+def _check_one_world(plan: Plan, expert: Certified, blind: Certified) -> None:
+    """Demonstrations and controls may have been made long before, but must be of today's versions and of one world.
+
+    Raises:
+        BadResult: they are not; the message names what differs.
+    """
+    provenance = _provenance(plan)
+    for package, (recorded, installed) in provenance.other_versions().items():
+        raise BadResult(
+            f"{plan.dataset} was made with {package} {recorded}, but {installed} is installed, so a seed may mean another "
+            f"episode; choose another --output, or remove {plan.dataset} and the trainings beside it"
+        )
+    task = plan.config.task
+    worlds = {plan.certificate("expert"): expert.world, plan.certificate("blind"): blind.world}
+    if plan.config.demos_perturb == plan.config.perturb:  # else they differ because they were told to
+        worlds[plan.dataset] = provenance.worlds.get(task, "none")
+    (one, world), *others = worlds.items()
+    for path, other in others:
+        if other != world:
+            raise BadResult(
+                f"{one} is of the world {world} of {task}, but {path} of {other}: it has changed between them; choose "
+                "another --output, or remove the older one, of demonstrations with the trainings beside them"
+            )
+
+
+def _test(
+    plan: Plan, pipeline: Pipeline, step: int, world: str, seeds: range | None = None
+) -> EvaluationRecord:
+    """Score a checkpoint on the test seeds, all or some of them, in the world of the controls."""
     pipeline.run(plan.evaluation("test", step, seeds))
     played = plan.seeds("test") if seeds is None else seeds
-    record = read_record(plan.record_file("test", step, seeds), played)
+    path = plan.record_file("test", step, seeds)
+    record = read_record(path, played)
+    if record.world != world:
+        raise BadResult(
+            f"{path} is of the world {record.world} of {record.task}, but the controls in {plan.folder} are of {world}: it has "
+            f"changed between them; choose another --output, or remove {path.parent} if that is the older"
+        )
     check_agreement(record, read_evaluation(plan.evaluation_file("test", step, seeds), played))
     return record
 
@@ -112,14 +166,15 @@ def read_rival(plan: Plan) -> ResultRow | None:
     """The row that a test goes against until it is sure which is better, looked at before anything runs; None without one.
 
     Raises:
-        BimanualError: it is no row, of another task or variation, or has not played the seeds of the test.
+        BimanualError: it is no row, of another task, variation or perturbation, or has not played the seeds of the test.
     """
     path = plan.config.stop_when_sure
     if path is None:
         return None
     rival = ResultRow.read(path)
-    for name in ("task", "variation"):
-        if (got := getattr(rival, name)) != (wanted := getattr(plan.config, name)):
+    of = {"task": rival.task, "variation": rival.variation, "perturb": rival.evaluation.perturb}
+    for name, got in of.items():
+        if got != (wanted := getattr(plan.config, name)):
             raise BimanualError(
                 f"{path} is of the {name} {got!r}, but must be of {wanted!r}, as this benchmark is"
             )
@@ -136,7 +191,7 @@ def play_until_sure(plan: Plan, pipeline: Pipeline, step: int, rival: ResultRow)
     solved = {episode.seed: episode.success for episode in rival.episodes}
     records: list[EvaluationRecord] = []
     for seeds in batched(plan.seeds("test"), SEEDS_AT_A_TIME):
-        records.append(_test(plan, pipeline, step, range(seeds[0], seeds[-1] + 1)))
+        records.append(_test(plan, pipeline, step, rival.world, range(seeds[0], seeds[-1] + 1)))
         episodes = [episode for record in records for episode in record.episodes]
         wins = sum(episode.success and not solved[episode.seed] for episode in episodes)
         losses = sum(not episode.success and solved[episode.seed] for episode in episodes)
@@ -163,13 +218,23 @@ def report(row: ResultRow, plan: Plan, console: Console) -> None:
 
 
 def _dataset_record(plan: Plan) -> DatasetRecord:
+    provenance = _provenance(plan)
+    seeds = tuple(episode.seed for episode in provenance.episodes if episode.task == plan.config.task)
+    command = provenance.command
+    if plan.config.trained_on:
+        # It names every task of a suite; the row says of what the policy bears the name.
+        recorded = command_flags(command).get("task", "")
+        command = command.replace(f"--task={recorded}", f"--task={plan.config.trained_on}")
+    return DatasetRecord(command, plan.protocol.image_size, seeds, dict(provenance.versions))
+
+
+def _provenance(plan: Plan) -> Provenance:
     provenance = Provenance.read(plan.dataset)
     if provenance is None:
         raise BimanualError(
             f"{plan.dataset} does not say where it comes from; remove it to generate it again"
         )
-    seeds = tuple(episode.seed for episode in provenance.episodes if episode.task == plan.config.task)
-    return DatasetRecord(provenance.command, plan.protocol.image_size, seeds, dict(provenance.versions))
+    return provenance
 
 
 def _print_rates(title: str, rates: Mapping[str, SuccessRate]) -> None:

@@ -102,6 +102,7 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     values: dict[str, Any] = {} if path is None else _read_config(Path(path))
     for name, text in assignments.items():
         _put(values, name, _value(text, flags[name]))
+    _refuse_nothing(values, flags.values())
     try:
         return draccus.decode(config_type, values)
     except Exception as error:  # draccus lets through whatever a type's constructor raises
@@ -133,6 +134,18 @@ def _refuse_absence(flags: Iterable[Flag], given: Container[str]) -> None:
     required = [flag for flag in flags if flag.default is dataclasses.MISSING]
     if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in given]:
         raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
+
+
+def _refuse_nothing(values: dict[str, Any], flags: Iterable[Flag]) -> None:
+    """Of None, which YAML reads in `--seed=$UNSET`, draccus makes a value of any type."""
+    for flag in flags:
+        value: Any = values
+        for key in flag.name.split("."):
+            value = value.get(key, dataclasses.MISSING) if isinstance(value, dict) else dataclasses.MISSING
+        if value is None and not flag.optional:
+            raise BadCommandLine(f"--{flag.name} is empty or null, but must be {flag.value_name}")
+        if isinstance(value, list) and None in value:
+            raise BadCommandLine(f"--{flag.name} has an item that is empty or null")
 
 
 def _read_config(path: Path) -> dict[str, Any]:

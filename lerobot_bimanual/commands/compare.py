@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.benchmark.difference_figure import difference_figure
+from lerobot_bimanual.benchmark.likeness import check_trainings
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.canvas import check_figure_file
@@ -81,22 +82,23 @@ def compare(config: CompareConfig) -> None:
 
 
 def _rows(path: Path, policy: str | None, flag: str) -> Rows:
-    """Rows in a file or folder, by task, of one policy."""
+    """Rows in a file or folder, by task, of one policy whose trainings are alike."""
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    rows = [ResultRow.read(each) for each in paths]
+    rows = {each: ResultRow.read(each) for each in paths}
     if not rows:
         raise BimanualError(f"{path} holds no results; `lerobot-bimanual benchmark` writes them")
-    policies = sorted({row.learner for row in rows})
+    policies = sorted({row.learner for row in rows.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(
             f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
         )
     if policy is not None and policy not in policies:
         raise InvalidChoice(flag, policy, policies)
+    trained = {each: row for each, row in rows.items() if policy in (None, row.learner)}
+    check_trainings(trained)
     found: defaultdict[str, list[ResultRow]] = defaultdict(list)
-    for row in rows:
-        if policy in (None, row.learner):
-            found[row.place].append(row)
+    for row in trained.values():
+        found[row.place].append(row)
     return {
         place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()
     }

@@ -13,6 +13,7 @@ from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
+from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.output_file import write_file
 
 CARD_FILE = Path("README.md")
@@ -120,9 +121,8 @@ def _summary(provenance: Provenance, info: dict) -> Iterable[str]:
     intermediate = f" and the rows at {', '.join(map(str, fractions))} of each motion" if fractions else ""
     yield VIEW_TEXT[provenance.view].format(intermediate=intermediate.replace(" and the", ", the"))
     counts = Counter((key.task, key.variation) for key in provenance.episodes)
-    yield _table(
-        ("task", "variation", "episodes"), ((*which, count) for which, count in sorted(counts.items()))
-    )
+    rows = ((*which, count) for which, count in sorted(counts.items()))
+    yield markdown_table(("task", "variation", "episodes"), rows, of_words=True)
 
 
 def _use(provenance: Provenance, repo_id: str) -> Iterable[str]:
@@ -150,7 +150,7 @@ def _columns(info: dict) -> str:
             continue  # LeRobot's own bookkeeping
         shape = " x ".join(map(str, feature["shape"]))
         rows.append((f"`{key}`", feature["dtype"], shape, meaning))
-    return _table(("column", "type", "shape", "meaning"), rows)
+    return markdown_table(("column", "type", "shape", "meaning"), rows, of_words=True)
 
 
 def _conventions(info: dict) -> Iterable[str]:
@@ -178,10 +178,3 @@ def _origin(provenance: Provenance) -> Iterable[str]:
         f"{len(provenance.skipped)} of them were skipped because the expert did not solve them. The recipe of "
         "every episode and the reason of every skipped seed stand in `meta/bimanual.json`."
     )
-
-
-def _table(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    lines = [list(heads)]
-    lines.append(["---"] * len(lines[0]))
-    lines += [[str(cell) for cell in row] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

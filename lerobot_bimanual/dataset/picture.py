@@ -1,5 +1,6 @@
 """The picture of a dataset: its first episode in one strip, from the start over every keypose to the end."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.durable import move_durably
+from lerobot_bimanual.output_file import write_file
 
 PICTURE_FILE = Path("meta", "first_episode.jpg")
 CAMERA = "front"
@@ -19,7 +20,11 @@ GAP = 4
 
 
 def write_picture(root: Path) -> None:
-    """Draw the first episode as the front camera sees it, or the first camera that the dataset stores."""
+    """Draw the first episode as the front camera sees it, or the first camera that the dataset stores.
+
+    Raises:
+        UnwritableOutput: the picture cannot be written.
+    """
     dataset = RecordedDataset(root)
     camera = CAMERA if CAMERA in dataset.cameras else dataset.cameras[0]
     shown = {0, *np.flatnonzero(dataset.episode(0).columns[schema.KEYFRAME]).tolist()}
@@ -29,10 +34,9 @@ def write_picture(root: Path) -> None:
     strip = Image.new("RGB", (lefts[-1] - GAP, TILE_HEIGHT), "white")
     for tile, left in zip(tiles, lefts, strict=False):  # the last left is where another tile would begin
         strip.paste(tile, (left, 0))
-    target = root / PICTURE_FILE
-    partial = target.with_name(f".{target.stem}.partial{target.suffix}")
-    strip.save(partial, quality=85)
-    move_durably(partial, target)  # through no link, which may lead into the Hub's cache
+    drawn = BytesIO()
+    strip.save(drawn, "JPEG", quality=85)
+    write_file(root / PICTURE_FILE, drawn.getvalue())  # through no link, which may lead into the Hub's cache
 
 
 def _tile(rgb: NDArray[np.uint8]) -> Image.Image:

@@ -1,14 +1,13 @@
 """Two policies on the same ladder, rung by rung."""
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.ladder.falls import corrected_by_level
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, Rung
-from lerobot_bimanual.statistics import holm, mcnemar_p_value
 from lerobot_bimanual.terminal_table import print_table
 
 HEADINGS = ("rung", "first", "second", "only one solved", "p", "p (Holm)")
@@ -66,26 +65,15 @@ class LadderComparison:
         episodes = len(self.first.level_0.episodes)
         title = f"success on {self.first.task}, the same {episodes} episodes at every rung"
         pairings = {name: Pairing.of(one.solved, other.solved) for name, one, other in self.rungs}
-        p_values = {
-            name: mcnemar_p_value(pairing.only_first, pairing.only_second)
-            for name, pairing in pairings.items()
-        }
-        by_level: defaultdict[int, list[str]] = defaultdict(list)
-        for name, one, other in self.rungs:
-            if one.is_certified and other.is_certified:
-                by_level[one.level].append(name)
-        corrected = {
-            name: p_holm
-            for names in by_level.values()
-            for name, p_holm in zip(names, holm([p_values[name] for name in names]), strict=True)
-        }
+        certified = (one for _, one, other in self.rungs if one.is_certified and other.is_certified)
+        corrected = corrected_by_level(certified, pairings)
         rows = [
             (
                 name,
                 one.rates["policy"].successes,
                 other.rates["policy"].successes,
                 f"{pairings[name].only_first}, {pairings[name].only_second}",
-                f"{p_values[name]:.3g}",
+                f"{pairings[name].p_value:.3g}",
                 f"{corrected[name]:.3g}" if name in corrected else "not certified",
             )
             for name, one, other in self.rungs

@@ -1,11 +1,12 @@
 """What a rung costs a policy: the same episodes there and in the world as it is."""
 
 from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.ladder.result import LadderResult, Rung
-from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
+from lerobot_bimanual.statistics import SuccessRate, holm
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Fall:
     @property
     def p_value(self) -> float:
         """Of McNemar's exact test, before the correction."""
-        return mcnemar_p_value(self.pairing.only_first, self.pairing.only_second)
+        return self.pairing.p_value
 
 
 def falls(result: LadderResult) -> dict[str, Fall]:
@@ -39,17 +40,31 @@ def falls(result: LadderResult) -> dict[str, Fall]:
     pairings = {
         rung.name: Pairing.of(result.level_0.solved, rung.solved) for rung in result.rungs if rung.level
     }
-    by_level: defaultdict[int, list[str]] = defaultdict(list)
-    for name in pairings:
-        if (rung := result.by_name[name]).is_certified:
-            by_level[rung.level].append(name)
-    corrected: dict[str, float] = {}
-    for names in by_level.values():
-        p_values = [mcnemar_p_value(pairings[name].only_first, pairings[name].only_second) for name in names]
-        corrected |= zip(names, holm(p_values), strict=True)
+    corrected = corrected_by_level(
+        (rung for rung in result.rungs if rung.level and rung.is_certified), pairings
+    )
     return {
         name: Fall(result.by_name[name], pairing, corrected.get(name)) for name, pairing in pairings.items()
     }
+
+
+def corrected_by_level(rungs: Iterable[Rung], pairings: Mapping[str, Pairing]) -> dict[str, float]:
+    """McNemar's exact p-values, corrected by Holm for how many of these rungs are of the same level.
+
+    Args:
+        rungs: certified ones; of no other is there anything to say.
+        pairings: of these rungs and perhaps others, by name.
+
+    Returns:
+        By the names of the rungs.
+    """
+    by_level: defaultdict[int, list[str]] = defaultdict(list)
+    for rung in rungs:
+        by_level[rung.level].append(rung.name)
+    corrected: dict[str, float] = {}
+    for names in by_level.values():
+        corrected |= zip(names, holm([pairings[name].p_value for name in names]), strict=True)
+    return corrected
 
 
 def level_sums(result: LadderResult) -> dict[int, SuccessRate]:

@@ -13,6 +13,7 @@ from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.output_file import UnwritableOutput
 
 COMMAND = "lerobot-bimanual generate --task=lift_ball"
 
@@ -73,6 +74,18 @@ def test_the_picture_shows_start_keyposes_and_end_of_the_first_episode(root, mak
     tiles = np.split(np.pad(strip, ((0, 0), (0, 4), (0, 0))), len(shown), axis=1)
     for tile, image in zip(tiles, shown, strict=True):
         assert np.abs(tile[:, :-4].mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 4
+
+
+def test_a_folder_that_cannot_be_written_is_named_and_left_as_it_was(root, monkeypatch) -> None:
+    files = sorted(root.rglob("*"))
+    monkeypatch.setattr("os.fsync", full_disk)
+    with pytest.raises(UnwritableOutput, match=r"first_episode\.jpg: No space left"):
+        write_card(root, "me/lift_ball")
+    assert sorted(root.rglob("*")) == files
+
+
+def full_disk(_: int) -> None:
+    raise OSError(28, "No space left on device")
 
 
 def test_a_card_needs_provenance(datasets) -> None:

@@ -97,6 +97,32 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
 
 
 @pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"recipe": "paper"}, "recipe of mine is 'small', but 'paper' in"),
+        ({"flags": {"log_freq": "9"}}, "flag log_freq of mine on lift_ball is '9', but '1' in"),
+        (
+            {"dataset": replace(ROW.dataset, command=f"{ROW.dataset.command} --depth=false")},
+            "demonstrations' flags of mine on lift_ball is .*depth",
+        ),
+        (
+            {"dataset": replace(ROW.dataset, command=f"{ROW.dataset.command} --perturb=mass:1")},
+            r"several policies; choose one with --first_policy=mine\|mine_mass1",
+        ),
+    ],
+)
+def test_only_trainings_that_differ_in_nothing_but_their_seed_are_those_of_one_policy(
+    changes, message, tmp_path
+):
+    put(tmp_path, trained(1, "xxxx"))
+    other = trained(2, "....")
+    changes = changes | {"flags": other.flags | changes.get("flags", {})}
+    put(tmp_path, replace(other, **changes))
+    with pytest.raises(BimanualError, match=message):
+        compare(CompareConfig(first=tmp_path, second=tmp_path))
+
+
+@pytest.mark.parametrize(
     ("flags", "message"),
     [
         ({}, "several policies; choose one with --first_policy=mine|other"),
@@ -156,6 +182,7 @@ def test_a_test_goes_on_until_it_is_sure_or_over(outcomes, played, tmp_path):
         ({"test_episodes": 6}, r"rival\.json has not played the seeds \[4, 5\]"),
         ({"task": "push_box"}, r"rival\.json is of the task 'lift_ball', but must be of 'push_box'"),
         ({"variation": "0"}, r"rival\.json is of the variation 'any', but must be of '0'"),
+        ({"perturb": "mass:1"}, r"rival\.json is of the perturb '', but must be of 'mass:1'"),
         ({"stop_when_sure": Path("nowhere.json")}, r"nowhere\.json: .*No such file"),
     ],
 )

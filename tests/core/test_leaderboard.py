@@ -11,7 +11,7 @@ from made_up_rows import ROW, episodes, generation, played, put, recorded, row_o
 
 from lerobot_bimanual.benchmark.episode_result import Validation
 from lerobot_bimanual.benchmark.leaderboard import render
-from lerobot_bimanual.benchmark.results import BadResult
+from lerobot_bimanual.benchmark.results import BadResult, ResultRow
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
@@ -55,6 +55,35 @@ def test_a_network_for_several_tasks_has_a_column_of_its_own_and_a_command_that_
     beyond = "--trained_on=lift_ball,push_box --demos=2 --test_episodes=4"
     line = f"| `lift_ball` | `mine_on_lift_ball.push_box` | 2 | 4 of 4 | 0.0 | 2 cores |  | `{beyond}` |"
     assert line in page
+
+
+def test_what_was_perturbed_has_a_line_or_a_column_of_its_own_and_a_command_that_says_so(
+    results: Path, tmp_path: Path
+):
+    row = row_of("mine", "lift_ball")
+    folder = tmp_path / "certificates"
+    folder.mkdir()
+    worlds = {"lift_ball": ROW.world, "push_box": ROW.world}
+    (folder / "expert.json").write_text(json.dumps({"worlds": worlds}))
+    tested = put(
+        results, replace(row, world="ba9876543210", options=ROW.options | {"perturb": "light:2,mass:1"})
+    )
+    put(results, another_demonstration(row, " --perturb=mass:1"))
+
+    page = render(results, folder)
+
+    assert tested.name == "lift_ball_light2,mass1_mine_small_seed1000.json"
+    assert "| task | `mine` | `mine_mass1` | `other` | expert | blind |" in page
+    score = "2/4 (15% to 85%)"
+    assert f"| `lift_ball` | {score} | {score} | {score} | 4 |" in page
+    assert f"| `lift_ball_light2,mass1` | {score} | – | – | 4 |" in page
+    beyond = "--demos=2 --val_episodes=2 --test_episodes=4"
+    assert f"`{beyond} --perturb=light:2,mass:1` |" in page
+    assert f"`{beyond} --demos_perturb=mass:1` |" in page
+
+
+def another_demonstration(row: ResultRow, flag: str) -> ResultRow:
+    return replace(row, dataset=replace(row.dataset, command=row.dataset.command + flag))
 
 
 def test_a_leaderboard_says_how_a_row_departs_from_todays_recipe(results: Path):
@@ -166,6 +195,18 @@ def test_several_trainings_of_a_policy_share_a_cell(results: Path):
         (
             {"checkpoint_sha256": ROW.checkpoint_sha256},
             "it has the weights of .*seed1000.json, so it is no other",
+        ),
+        (
+            {"dataset": replace(ROW.dataset, command=ROW.dataset.command.replace("=2", "=1"), seeds=(0,))},
+            "demonstrations' flag episodes of mine on lift_ball is '1', but '2' in",
+        ),
+        (
+            {"dataset": replace(ROW.dataset, command=f"{ROW.dataset.command} --depth=false")},
+            "demonstrations' flags of mine on lift_ball is .*depth",
+        ),
+        (
+            {"options": ROW.options | {"max_keyposes": "40"}},
+            "test's options of mine on lift_ball is .*max_keyposes",
         ),
         ({"stopped_against": "0f" * 32}, "its test was stopped as soon as it differed"),
     ],

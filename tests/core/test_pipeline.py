@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -69,6 +70,23 @@ def test_a_command_runs_again_when_its_input_changed(tmp_path, pipeline):
     pipeline.run(command)
     weights.write_text("others")
     pipeline.run(command)
+    assert count(tmp_path) == 2
+
+
+def test_an_input_that_is_gone_is_named(tmp_path, pipeline):
+    command = counting(tmp_path, inputs=(tmp_path / "weights",))
+    with pytest.raises(BimanualError, match=r"weights cannot be read \(No such file.*put it back, or choose"):
+        pipeline.run(command)
+
+
+def test_a_command_that_leaves_no_output_has_not_succeeded(tmp_path, pipeline):
+    command = counting(tmp_path, output=tmp_path / "output")
+    for _ in range(2):
+        with pytest.raises(
+            BimanualError, match=r"ended without an error, but .*output is not there"
+        ) as caught:
+            pipeline.run(command)
+        assert str(caught.value).endswith(str(command))
     assert count(tmp_path) == 2
 
 
@@ -169,6 +187,28 @@ def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path,
     training.code = 0
     trainings.run(training_command(tmp_path))
     assert not (tmp_path / "train" / "rest").exists()
+
+
+@pytest.mark.parametrize("dangles", [False, True])
+def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
+    dangles, tmp_path, trainings, training
+):
+    training.code = 1
+    with pytest.raises(BimanualError):
+        trainings.run(training_command(tmp_path))
+    last = training.last.parents[1]
+    last.rename(last.with_name("000002"))
+    if dangles:
+        last.symlink_to("000004")
+    with pytest.raises(
+        BimanualError, match=r"train holds checkpoints, but .*last leads to none of them"
+    ) as caught:
+        trainings.run(training_command(tmp_path))
+    (advice,) = re.findall(r"ln -sfn [^;]*", str(caught.value))
+    subprocess.run(advice.split(), check=True)
+    training.code = 0
+    trainings.run(training_command(tmp_path))
+    assert training.calls[1:] == [["lerobot-train", f"--config_path={training.last}", "--resume=true"]]
 
 
 @pytest.mark.parametrize("code", [0, 1])

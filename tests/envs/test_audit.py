@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_to_text
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
+from lerobot_env_bimanual.audit.result_files import result_files
 from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
@@ -173,6 +174,20 @@ def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
     record.write(tmp_path / "record.json")
     assert verify_results(VerifyResultsConfig(results=tmp_path / "record.json", workers=1)) == 1
     assert "world of lift_ball is 000000000000" in capsys.readouterr().out
+
+
+def test_a_log_of_episodes_beside_a_record_is_no_result(tmp_path):
+    (tmp_path / "lift_ball_episodes.json").write_text("[]")
+    with pytest.raises(BimanualError, match="holds no results"):
+        result_files(tmp_path)
+    (tmp_path / "lift_ball_test_record.json").write_text("{}")
+    assert [path.name for path in result_files(tmp_path)] == ["lift_ball_test_record.json"]
+
+
+def test_a_folder_of_certificates_without_those_of_one_arm_is_not_overlooked(tmp_path):
+    config = VerifyResultsConfig(results=tmp_path, certificates=tmp_path / "elsewhere")
+    with pytest.raises(BimanualError, match="elsewhere, which holds none of one arm"):
+        verify_results(config)
 
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(played):

@@ -2,13 +2,15 @@
 
 import json
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 from planted_failures import SEED, expert_keyposes, from_on, played, shifted
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blamer, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
@@ -96,3 +98,24 @@ def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):
     path.write_text(path.read_text().replace(episode.start, "0" * 64))
     with pytest.raises(BimanualError, match=f"seed {SEED} starts in another state"):
         blame(BlameConfig(results=path, workers=1))
+
+
+def test_only_rows_of_the_policy_that_is_asked_for_are_looked_at(tmp_path, capsys):
+    committed = sorted((Path(__file__).parents[2] / "results/leaderboard").glob("lift_ball_peract2_*.json"))[
+        0
+    ]
+    shutil.copy(committed, tmp_path)
+    row = json.loads(committed.read_text())
+    other = tmp_path / committed.name.replace("peract2", "rvt_lf")
+    flags = row["flags"] | {"policy.type": "rvt_lf"}
+    other.write_text(json.dumps({**row, "policy": "rvt_lf", "flags": flags}))
+    assert blame(BlameConfig(results=tmp_path, policy="rvt_lf", sample=1, workers=1)) == 0
+    printed = capsys.readouterr().out
+    assert str(other) in printed
+    assert str(tmp_path / committed.name) not in printed
+    with pytest.raises(InvalidChoice, match=r"policy.*peract2, rvt_lf"):
+        blame(BlameConfig(results=tmp_path, policy="act"))
+    record = tmp_path / "record.json"
+    record_of(TRAY, played(TRAY, expert_keyposes(TRAY)[:1])).write(record)
+    with pytest.raises(InvalidChoice, match="no row of `benchmark` is there"):
+        blame(BlameConfig(results=record, policy="peract2"))

@@ -1,4 +1,4 @@
-"""The committed certificates: complete, with no complaint that is not known, and true of the code at hand."""
+"""The committed certificates: complete, with no complaint, and true of the code at hand."""
 
 import json
 from pathlib import Path
@@ -15,8 +15,6 @@ FOLDER = Path(__file__).parents[2] / "results" / "certificates"
 VARIATIONS = [
     (name, variation.index) for name in list_tasks() for variation in get_task(name).spec.variations
 ]
-KNOWN_COMPLAINTS = {"random": ["put_item_in_drawer: random succeeds in 3 of 50 episodes"]}
-"""An arm that sweeps over the cabinet may push the item off its top and pull the top drawer open under it."""
 
 
 def certificate(name: str):
@@ -35,9 +33,9 @@ def trials(name: str) -> dict[tuple[str, int], int]:
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.json")), ids=lambda path: path.stem)
-def test_a_certificate_has_no_complaint_but_known_ones_and_its_rates_are_those_of_its_episodes(path):
+def test_a_certificate_has_no_complaint_and_its_rates_are_those_of_its_episodes(path):
     content = json.loads(path.read_text())
-    assert content["complaints"] == KNOWN_COMPLAINTS.get(path.stem, [])
+    assert content["complaints"] == []
     for row in content["rates"]:
         episodes = [
             episode

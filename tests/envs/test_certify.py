@@ -11,7 +11,7 @@ from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.commands.certify import CertifyConfig, certify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
-from lerobot_env_bimanual.expert import campaign
+from lerobot_env_bimanual.expert import campaign, outcome_log
 from lerobot_env_bimanual.expert.campaign import Campaign, not_played
 from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
@@ -113,6 +113,9 @@ def test_controls_must_fail():
     assert complaints("noop", 0, episodes(0, 50)) == []
     assert "noop succeeds in 1 of 50" in complaints("noop", 0, episodes(1, 49))[0]
     assert "random succeeds" in complaints("random", 0, episodes(1, 49))[0]
+    swept = [replace(outcome, task="put_item_in_drawer") for outcome in episodes(6, 44)]
+    assert complaints("random", 0, [*swept[1:], swept[-1]]) == []  # as its file says
+    assert "random succeeds in 6 of 50" in complaints("random", 0, swept)[0]
     assert complaints("blind", 0, episodes(10, 40)) == []
     assert "blind succeeds in 11 of 50" in complaints("blind", 0, episodes(11, 39))[0]
 
@@ -124,7 +127,7 @@ def test_what_is_measured_without_a_limit_is_still_not_to_be_unstable():
 
 
 def test_every_control_has_its_limit():
-    assert {"expert", *MAX_RATES} == set(CONTROLS)
+    assert {"expert", "random", *MAX_RATES} == set(CONTROLS)
 
 
 def test_rates_are_per_task_and_variation():
@@ -163,6 +166,17 @@ def test_the_log_knows_finished_jobs_and_forgets_those_of_other_code_and_a_cut_l
     assert OutcomeLog(path).get(first) is None
     log.remove()
     assert not path.exists()
+
+
+def test_the_log_forgets_outcomes_of_somebody_elses_task_whose_file_has_changed(tmp_path, monkeypatch):
+    (tmp_path / "their_task.py").write_text("MASS_KG = 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(outcome_log, "task_modules", lambda: {"their_task": "their_task"})
+    path, job = tmp_path / "log.jsonl", Job("lift_ball", "0", "test", 0, "expert")
+    OutcomeLog(path).add(job, SOLVED)
+    assert OutcomeLog(path).get(job) == SOLVED
+    (tmp_path / "their_task.py").write_text("MASS_KG = 2")
+    assert OutcomeLog(path).get(job) is None
 
 
 @pytest.mark.parametrize("damage", ["{", "[]", '{"job": "a"}', "\xff", '{"job": "a", "outcome": {}}', ""])

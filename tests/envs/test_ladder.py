@@ -16,19 +16,19 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
 from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.commands.certify_rungs import CertifyRungsConfig, certify_rungs
 from lerobot_env_bimanual.commands.ladder import LadderConfig, ladder
 from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Job, MoveReport, Outcome
 from lerobot_env_bimanual.ladder import certification, climb
-from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
 from lerobot_env_bimanual.ladder.controls import Controls
 from lerobot_env_bimanual.ladder.rungs import rungs_of
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 TASK = "dual_push_buttons"
-TRAINED = Path(__file__).parents[2] / "results/checkpoints/handover_item_easy"
+TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 HOLD = tuple([0.0] * 18)
 
 

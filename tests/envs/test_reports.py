@@ -14,8 +14,9 @@ from lerobot_env_bimanual.tasks.registry import list_tasks
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_paper_s_figures_cover_every_task():
-    assert set(PAPER) == set(list_tasks())
+def test_the_paper_s_figures_are_of_tasks_that_are_here():
+    assert set(PAPER) <= set(list_tasks())
+    assert len(PAPER) == 13
     assert set(ORIGINAL_ORACLE) <= set(PAPER)
 
 

@@ -75,6 +75,11 @@ def test_flags_fill_the_dataclass(words: list[str], expected: Config) -> None:
         (["--config_path=/"], "--config_path '/' cannot be read"),
         (["--workers=[1"], "--workers is '[1', but must be int"),
         (["--no\nflag=1"], "unknown flag --'no\\nflag'"),
+        (["--workers="], "--workers is empty or null, but must be int"),
+        (["--workers=null"], "--workers is empty or null, but must be int"),
+        (["--force", ""], "--force is empty or null, but must be true|false"),
+        (["--planner.speed=~"], "--planner.speed is empty or null, but must be float"),
+        (["--fractions=1,null"], "--fractions has an item that is empty or null"),
     ],
 )
 def test_mistakes_name_what_is_wrong_and_what_is_valid(words: list[str], message: str) -> None:
@@ -99,6 +104,16 @@ def test_flags_override_values_of_a_file(tmp_path: Path) -> None:
     path.write_text("workers: 4\nview: keyframes\n")
     config = parse_flags(Config, [f"--config_path={path}", "--workers=2"])
     assert (config.workers, config.view) == (2, "keyframes")
+
+
+def test_what_a_file_leaves_empty_is_refused_unless_it_may_be_absent(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text("output:\n")
+    assert parse_flags(Config, [f"--config_path={path}"]).output is None
+    for content, name in (("workers:\n", "workers"), ("planner:\n  speed: null\n", r"planner\.speed")):
+        path.write_text(content)
+        with pytest.raises(BadCommandLine, match=f"--{name} is empty or null"):
+            parse_flags(Config, [f"--config_path={path}"])
 
 
 def test_help_texts_come_from_comments_beside_above_and_strings_below() -> None:

@@ -37,6 +37,25 @@ def test_a_certificate_renewed_by_its_own_tasks_keeps_its_bytes(committed: Path,
     assert path.read_bytes() == committed.read_bytes()
 
 
+def test_a_task_that_was_not_certified_yet_joins_the_others(tmp_path: Path):
+    (committed,) = (path for path in CERTIFICATES if path.stem == "noop")
+    content = json.loads(committed.read_text())
+    path, new = tmp_path / "noop.json", tmp_path / "new.json"
+    for file, is_there in ((path, lambda task: task != "lift_ball"), (new, lambda task: task == "lift_ball")):
+        part = {
+            name: [row for row in content[name] if is_there(row["task"])] for name in ("rates", "episodes")
+        }
+        worlds = {task: world for task, world in content["worlds"].items() if is_there(task)}
+        file.write_text(json.dumps({**content, "worlds": worlds, **part}))
+
+    done = renew(path, new)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    renewed = json.loads(path.read_text())
+    assert renewed["rates"] == content["rates"]
+    assert renewed["worlds"] == content["worlds"]
+
+
 def test_a_certificate_is_not_renewed_by_what_contradicts_it(tmp_path: Path):
     (committed,) = (path for path in CERTIFICATES if path.stem == "noop")
     path, new = Path(shutil.copy(committed, tmp_path)), tmp_path / "new.json"

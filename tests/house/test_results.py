@@ -19,6 +19,7 @@ from lerobot_bimanual.canvas import DESCRIPTION
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
+from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
 ROWS = sorted((ROOT / "results" / "leaderboard").glob("*.json"))
@@ -32,9 +33,11 @@ def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: p
     assert described("results.png") == success_figure([*map(ResultRow.read, ROWS)]).description
 
 
-def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_the_rows():
+def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_peract2():
     failed = Counter()
     for row in map(ResultRow.read, ROWS):
+        if row.learner != "peract2":
+            continue
         failed[row.task] += sum(not episode.success for episode in row.episodes)
     sentences = dict(re.findall(r"(\w+): (\d+) failed", described("blame.png")))
     assert {task: int(count) for task, count in sentences.items()} == failed
@@ -69,22 +72,28 @@ def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_ro
     for name in ("task", "variation", "split", "view", "cameras", "intermediate", "episodes"):
         assert generated.get(name) == recorded.get(name)
     assert recorded["image_size"] == "x".join([generated["image_size"]] * 2)
-    assert [validation.step for validation in row.validation] == list(plan.checkpoint_steps)
-    assert len(row.validation[0].episodes) == plan.protocol.val_episodes
+    episodes = plan.protocol.val_episodes  # none for one network of several tasks
+    validated = plan.checkpoint_steps if episodes else ()
+    assert [(each.step, len(each.episodes)) for each in row.validation] == [
+        (step, episodes) for step in validated
+    ]
     assert (row.split, len(row.episodes)) == ("test", plan.protocol.test_episodes)
 
 
 @pytest.mark.parametrize("folder", CHECKPOINTS, ids=lambda path: path.name)
-def test_a_trained_policy_is_small_and_that_of_a_row(folder: Path):
+def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder: Path):
     weights = folder / "model.safetensors"
     assert weights.stat().st_size <= 12_000_000
-    (row,) = [row for row in map(ResultRow.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
-    assert row.task == folder.name
-    assert row.rates["policy"].interval[0] > row.rates["blind"].interval[1]
+    rows = [row for row in map(ResultRow.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
+    assert {row.learner for row in rows} == {folder.name}
+    assert {row.task for row in rows} == set(resolve_tasks(rows[0].trained_on))
+    for row in rows:
+        assert row.rates["policy"].interval[0] > row.rates["blind"].interval[1]
 
 
 @pytest.mark.slow
 @pytest.mark.sim
+@pytest.mark.timeout(1800)
 def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
     """On a sample, another one in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
@@ -94,7 +103,7 @@ def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
 
 @pytest.mark.sim
 def test_a_row_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Path, capsys):
-    (path,) = [path for path in ROWS if path.name.startswith("lift_ball_peract2_small")]
+    path = ROOT / "results/leaderboard/lift_ball_peract2_small_seed1000.json"
     row = json.loads(path.read_text())
     row["dataset"]["command"] = row["dataset"]["command"].replace("lift_ball", "push_box")
     row["flags"] = {name: value.replace("lift_ball", "push_box") for name, value in row["flags"].items()}

@@ -33,9 +33,10 @@ def test_tasks_lists_every_name_and_suite_whole(columns, capsys, monkeypatch):
 def test_compare_names_every_file_task_and_figure_whole(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(columns))
     folder = ROOT / "results/leaderboard"
-    assert cli.main(["compare", f"--first={folder}", f"--second={folder}"]) == 0
+    sides = (f"--first={folder}", "--first_policy=peract2", f"--second={folder}", "--second_policy=rvt_lf")
+    assert cli.main(["compare", *sides]) == 0
     first, second, *table = capsys.readouterr().out.splitlines()
     assert str(folder) in first
     assert str(folder) in second
-    names = {path.name.partition("_peract2")[0] for path in folder.glob("*_peract2_*.json")}
+    names = {path.name.partition("_rvt_lf")[0] for path in folder.glob("*_rvt_lf_*.json")}
     assert names <= set(re.split(r"[\s:]+", "\n".join(table)))

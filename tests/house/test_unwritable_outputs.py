@@ -21,7 +21,7 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "blame's figure": lambda place: ["blame", f"--results={ROWS}", f"--figure={place}"],
     "ladder": lambda place: [
         "ladder",
-        f"--checkpoint={ROWS.parent / 'checkpoints/handover_item_easy'}",
+        f"--checkpoint={ROWS.parent / 'checkpoints/peract2_on_all'}",
         "--task=handover_item_easy",
         f"--output={place}",
     ],
@@ -30,6 +30,12 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "robustness's figure": lambda place: ["robustness", f"--figure={place}"],
     "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
+    "inspect": lambda place: [
+        "inspect",
+        f"--checkpoint={ROWS.parent / 'checkpoints/peract2_on_all'}",
+        "--dataset=any",
+        f"--output={place}",
+    ],
 }
 
 
@@ -44,6 +50,9 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lerobot_bimanual.commands.compare.ResultRow.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)
+    monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
+    monkeypatch.setattr("lerobot_policy_bimanual.inspection.row.require_row", lambda *_: None)
+    monkeypatch.setattr("lerobot_policy_bimanual.inspection.loading.load_policy", refuse)
 
 
 PLACES = {"below a file": "file/page", "on a device": "/proc/self/page", "a folder": "folder"}
@@ -55,7 +64,8 @@ PLACES = {"below a file": "file/page", "on a device": "/proc/self/page", "a fold
         (verb, place)
         for verb in COMMANDS
         for place in PLACES
-        if place != "a folder" or verb not in ("render", "benchmark", "certify-rungs")  # which write into one
+        if place != "a folder"
+        or verb not in ("render", "benchmark", "certify-rungs", "inspect")  # which write into one
     ],
 )
 def test_an_output_that_cannot_be_written_is_named_before_the_work(verb, place, tmp_path, capsys):

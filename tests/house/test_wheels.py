@@ -188,7 +188,7 @@ def test_an_installed_task_has_a_gymnasium_id(python_with_a_task: Path) -> None:
 def test_stock_evaluation_plays_an_installed_task_in_worker_processes(
     python_with_a_task: Path, tmp_path: Path
 ) -> None:
-    checkpoint = ROOT / "results/checkpoints/handover_item_easy"
+    checkpoint = ROOT / "results/checkpoints/peract2_on_all"
     flags = (
         f"--policy.path={checkpoint}",
         "--policy.device=cpu",

@@ -1,6 +1,5 @@
 """The commands of a page, and what makes each of them a small one: as it stands there, but for its numbers."""
 
-import json
 import os
 import re
 import shlex
@@ -10,10 +9,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
-
-COMMITTED = next((ROOT / "results/leaderboard").glob("lift_ball_*.json"))
-FIRST_SEED = json.loads(COMMITTED.read_text(encoding="utf-8"))["episodes"][0]["seed"]
-"""Of the committed rows, with which small ones are compared."""
 
 SMALLER = {
     "controls": "0",
@@ -40,7 +35,6 @@ FURTHER = {
         "--image_size=32",
         "--steps=2",
         "--save_freq=2",
-        f"--first_seed={FIRST_SEED}",
         "--val_episodes=0",
         "--test_episodes=1",
         "--eval_flags=--eval.batch_size=1",

@@ -12,7 +12,7 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
 TASK = "handover_item_easy"
-CHECKPOINT = Path(__file__).parents[2] / "results" / "checkpoints" / TASK
+CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 SEEDS = (2, 3)
 
 

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+import yaml
 from nbclient import NotebookClient
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -71,15 +73,22 @@ def test_recording_prints_what_is_in_a_row(tmp_path):
 
 
 def test_training_leaves_a_checkpoint(tmp_path):
-    run(str(EXAMPLES / "03_train.sh"), folder=tmp_path, EPISODES="1", STEPS="2", OUT="out")
-    assert (tmp_path / "out/peract2/checkpoints/last/pretrained_model/model.safetensors").is_file()
+    recipe = EXAMPLES.parent / "policies/lerobot_policy_bimanual/peract2/recipes/small.yaml"
+    few = {"EPISODES": "1", "STEPS": "2"}
+    run(str(EXAMPLES / "03_train.sh"), folder=tmp_path, RECIPE=str(recipe), OUT="out", **few)
+    checkpoint = tmp_path / "out/peract2/checkpoints/last/pretrained_model"
+    assert (checkpoint / "model.safetensors").is_file()
+    config = json.loads((checkpoint / "config.json").read_text())
+    policy = yaml.safe_load(recipe.read_text())["policy"]
+    assert {name: config[name] for name in policy} == policy
 
 
 def test_evaluation_sets_a_policy_beside_expert_and_blind_control(tmp_path):
-    checkpoint = str(EXAMPLES.parent / "results/checkpoints/handover_item_easy")
-    few = {"EPISODES": "1", "SEEDS": "1000:1001"}
+    checkpoint = str(EXAMPLES.parent / "results/checkpoints/peract2_on_all")
+    few = {"EPISODES": "1", "SEED": "1001"}
     run(str(EXAMPLES / "04_evaluate.sh"), folder=tmp_path, POLICY=checkpoint, OUT="out", **few)
     assert evaluation(tmp_path / "out/eval")["overall"]["n_episodes"] == 1
+    assert json.loads((tmp_path / "out/expert.json").read_text())["seeds"] == "1001:1002"
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
         "expert.json",
         "blind.json",
@@ -172,3 +181,22 @@ def test_recorded_frames_become_poses_for_both_hands(tmp_path):
     assert len(errors_cm) == 2 * printed.count("keyposes executed") == 12
     # A trained policy, on a scene that it has not seen, is mostly within a voxel of 4 cm.
     assert sorted(errors_cm)[len(errors_cm) // 2] < 4
+
+
+def test_a_strangers_checkpoint_runs_nothing_in_the_example_of_poses(tmp_path):
+    checkpoint = tmp_path / "checkpoint"
+    shutil.copytree(EXAMPLES.parent / "results/checkpoints/peract2_on_all", checkpoint)
+    processor = checkpoint / "policy_preprocessor.json"
+    (tmp_path / "strange.py").write_text("from pathlib import Path\n\nPath('ran').touch()\n")
+    processor.write_text(json.dumps({"name": "x", "steps": [{"class": "strange.Step", "config": {}}]}))
+    example = EXAMPLES / "09_poses_for_real_arms.py"
+    done = subprocess.run(
+        (sys.executable, example, "--dataset=frames", f"--checkpoint={checkpoint}"),
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "names a step by class, 'strange.Step'" in done.stderr
+    assert not (tmp_path / "ran").exists()

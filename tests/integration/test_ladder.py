@@ -15,7 +15,7 @@ from lerobot_bimanual.ladder.result import LadderResult
 pytestmark = pytest.mark.slow
 
 TASK = "handover_item_easy"
-TRAINED = Path(__file__).parents[2] / "results/checkpoints" / TASK
+TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 SEEDS = (3, 4)
 
 

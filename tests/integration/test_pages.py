@@ -41,8 +41,11 @@ NOT_RUN = {
 }
 """By the beginning of the command."""
 
-PLANNED = re.compile(r"--device=cuda|--trained_on=|--steps=|--first_seed=|--seed=")
-"""Benchmarks with these flags are planned only (`--dry_run`), as one like them has been run before."""
+PLANNED = re.compile(r"--device=cuda|--trained_on=|--steps=|--seed=|^(?!.*--output=).*--first_seed=")
+"""Benchmarks with these flags are planned only (`--dry_run`), as one like them has been run before.
+
+Other seeds are run where the page gives them a folder of their own: the default folder has those of the first page.
+"""
 
 
 def pages() -> list[Path]:
@@ -89,7 +92,7 @@ def _lay_out(folder: Path) -> None:
     trained.mkdir(parents=True)
     (folder / "downloads").mkdir()
     for link in (trained / "pretrained_model", folder / "downloads/pretrained_model"):
-        link.symlink_to(ROOT / "results/checkpoints/handover_item_easy")
+        link.symlink_to(ROOT / "results/checkpoints/peract2_on_all")
     rows = folder / "results/leaderboard"
     rows.mkdir(parents=True)
     for name in ("checkpoints", "certificates"):

@@ -5,15 +5,18 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from lerobot.configs.default import DatasetConfig
+from lerobot.configs.train import TrainPipelineConfig
 from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot.transforms import ImageTransformsConfig
 from torch.utils.data import default_collate
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual.training import resident_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
-from lerobot_policy_bimanual.training.train import images_read
+from lerobot_policy_bimanual.training.train import images_read, make_resident_datasets
 
 CPU = torch.device("cpu")
 TICK_S = 0.05
@@ -108,6 +111,21 @@ def test_a_policy_reads_the_images_that_it_names_and_all_if_it_names_none(stored
     assert read({}) == set(stored.meta.camera_keys)
     assert read({}, front) == {front}
     assert read({front: "observation.images.camera1"}, "observation.images.camera1") == {front}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"streaming": True},
+        {"image_transforms": ImageTransformsConfig(enable=True)},
+        {"depth_output_unit": "m"},
+    ],
+    ids=lambda options: next(iter(options)),
+)
+def test_rows_that_memory_cannot_hold_as_they_are_asked_for_are_refused_by_flag(options, generated):
+    dataset = DatasetConfig("local/small", root=str(generated / "keyframes"), **options)
+    with pytest.raises(DatasetError, match=rf"--dataset\.{next(iter(options))}.*`lerobot-train`"):
+        make_resident_datasets(TrainPipelineConfig(dataset))
 
 
 def test_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):

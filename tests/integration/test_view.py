@@ -15,7 +15,7 @@ from lerobot_env_bimanual.pictures import beside
 from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.viewer import Performance
 
-CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/handover_item_easy"
+CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
 
 @pytest.fixture(autouse=True)

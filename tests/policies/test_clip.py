@@ -1,5 +1,6 @@
 """Frozen CLIP as language encoder, on a tower that is made here: nothing is downloaded."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -7,7 +8,10 @@ import pytest
 import torch
 from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
 
+from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.language import ClipLanguage
+from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
+from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DIM, CONTEXT, TOKENS = 16, 12, 8
 START, END = "<|startoftext|>", "<|endoftext|>"
@@ -121,6 +125,29 @@ def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
         ValueError, match=f"{CONTEXT} tokens of width {DIM}.*language_tokens={tokens} and language_dim={dim}"
     ):
         encoder(tower, tokens, dim)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "reason"),
+    [
+        ("model.safetensors", b"cut off", "deserializing header"),
+        ("config.json", b"{", "not a valid JSON file"),
+        ("config.json", b'{"hidden_size": 32}', "ignore_mismatched_sizes"),
+        ("tokenizer.json", b"{", "Expecting property name"),
+    ],
+)
+def test_a_policy_names_a_tower_that_cannot_be_loaded(tower, file, content, reason, tiny, tmp_path):
+    damaged = shutil.copytree(tower, tmp_path / "tower")
+    (damaged / file).write_bytes(content)
+    sizes = {"language_tokens": TOKENS, "language_dim": DIM}
+    with pytest.raises(BadConfig, match=f"language_encoder='clip:{damaged}'.*folder or the hub id.*{reason}"):
+        PerAct2Policy(PerAct2Config(**tiny | sizes, language_encoder=f"clip:{damaged}"))
+
+
+@pytest.mark.parametrize("place", ["/nowhere/at/all", "me/nothing"])
+def test_a_policy_names_a_tower_that_is_not_there(place, tiny):
+    with pytest.raises(BadConfig, match=f"language_encoder='clip:{place}'.*folder or the hub id"):
+        PerAct2Policy(PerAct2Config(**tiny, language_encoder=f"clip:{place}"))
 
 
 def test_a_missing_transformers_names_the_extra(monkeypatch):

@@ -22,6 +22,7 @@ from lerobot_bimanual.dataset.reader import INFO_FILE, find_view
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.inspection import Inspection, Voxels, look
 from lerobot_policy_bimanual.inspection.loading import load_policy, load_row, open_dataset
@@ -181,16 +182,22 @@ def test_voxel_probabilities_of_peract_are_those_of_its_loss(tiny, make_batch):
         torch.testing.assert_close(-at_target.log(), loss)
 
 
-def test_viewers_see_the_left_arm_where_it_stands():
-    left, right = np.array([0.2, 0.3, 1.0]), np.array([0.2, -0.3, 1.0])
-    high = np.array([0.2, 0.0, 1.5])
-    for direction, left_is_left in zip(VIEW_DIRECTIONS, (True, False, True), strict=True):
-        frame = Frame.fit(direction, [left, right, high, high - [0.4, 0, 0.8]], 100, 80)
-        assert (frame.project(left)[0] < frame.project(right)[0]) == left_is_left
+def test_views_are_taken_from_where_it_is_written_above_them():
+    left, right = (pose.position for pose in PANDA_PAIR.base_poses)
+    high = left + np.array([0, 0, 1.5])
+    over_left, over_right, above = (
+        Frame.fit(direction, [left, right, high], 100, 80) for direction in VIEW_DIRECTIONS
+    )
+    assert over_left.direction.name == "over the left arm's shoulder"
+    assert over_left.nearness(left) > over_left.nearness(right)
+    assert over_right.direction.name == "over the right arm's shoulder"
+    assert over_right.nearness(right) > over_right.nearness(left)
+    assert above.direction.name == "from above, the left arm at the bottom, the right one at the top"
+    assert above.project(left)[1] > above.project(right)[1]  # rows are counted downwards
+    assert above.nearness(high) == pytest.approx(high[2])
+    for direction in VIEW_DIRECTIONS:
         np.testing.assert_allclose(direction.axes @ direction.axes.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(direction.axes) == pytest.approx(1)  # no mirror image
-    above = VIEW_DIRECTIONS[2]
-    assert Frame.fit(above, [left, right, high + 1], 100, 80).nearness(high) == pytest.approx(1.5)
 
 
 def test_near_voxels_hide_far_ones_and_heat_shows_through(make_policy, make_batch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,16 +25,31 @@ from lerobot_env_bimanual.tasks.registry import get_task
 SOLO: tuple[ControlName, ...] = ("solo_left", "solo_right")
 
 
+def solo_certificates(folder: Path) -> list[Path]:
+    """Where the certificates of one arm lie in a folder of certificates, if it holds them."""
+    return [folder / f"{control}.json" for control in SOLO]
+
+
 def demonstrated_placements(row: ResultRow) -> dict[str, int]:
     """Hash of where everything stood at the start of each demonstration, and its seed."""
     flags = command_flags(row.dataset.command)
-    variation, first = flags["variation"], int(flags.get("first_seed", 0))
-    spec = get_task(row.task).spec
+    first_seed = int(flags.get("first_seed", 0))
+    return _placements(
+        row.task, flags["variation"], first_seed, flags.get("perturb", ""), tuple(row.dataset.seeds)
+    )
+
+
+@functools.cache
+def _placements(
+    task: str, variation: str, first: int, perturb: str, seeds: tuple[int, ...]
+) -> dict[str, int]:
+    """The same for all rows whose policies learned from the same demonstrations."""
+    spec = get_task(task).spec
     # Of several variations seeds take turns, as `generate` has it.
     indices = range(len(spec.variations)) if variation == ANY_VARIATION else [int(variation)]
-    env = BimanualEnv(row.task, split="train", obs="state", perturb=flags.get("perturb", ""))
+    env = BimanualEnv(task, split="train", obs="state", perturb=perturb)
     found: dict[str, int] = {}
-    for seed in tqdm(row.dataset.seeds, f"{row.task}: starts of demonstrations", unit="reset"):
+    for seed in tqdm(seeds, f"{task}: starts of demonstrations", unit="reset"):
         try:
             env.reset(seed=seed, options={"variation": indices[(seed - first) % len(indices)]})
         except PlacementFailure:
@@ -61,9 +77,8 @@ def control_problems(
     }
     for control, episodes in claims.items():
         yield from _control_problems(campaign, row.task, control, episodes, row.evaluation.perturb)
-    for control in SOLO:
-        path = None if certificates is None else certificates / f"{control}.json"
-        if path is None or not path.is_file():
+    for control, path in zip(SOLO, solo_certificates(certificates), strict=True) if certificates else ():
+        if not path.is_file():
             continue
         stored = [episode for episode in StoredCertificate.read(path).episodes if episode.task == row.task]
         yield from _control_problems(

@@ -12,6 +12,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import read_json
+from lerobot_env_bimanual.episode_log import EPISODES_SUFFIX
 from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -63,14 +64,14 @@ class Result:
 
 
 def result_files(results: Path) -> list[Path]:
-    """The file, or the files of a folder.
+    """The file, or the files of a folder but the logs of episodes that the environment leaves beside its films.
 
     Raises:
         BimanualError: a folder without results.
     """
     if not results.is_dir():
         return [results]
-    found = sorted(results.glob("*.json"))
+    found = sorted(path for path in results.glob("*.json") if not path.name.endswith(EPISODES_SUFFIX))
     if not found:
         raise BimanualError(f"{results} holds no results; `lerobot-bimanual benchmark` writes them")
     return found

@@ -16,7 +16,6 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.strain import StrainMeter
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.world.contacts import ContactQueries
-from lerobot_env_bimanual.world.scene_view import LEAST_GRIPPED_M, LEAST_SQUEEZE_N
 
 SURE_TICKS = 5
 """A quarter of a second: what lasts so long was no bounce, no flicker of a contact."""
@@ -181,9 +180,7 @@ class _Things:
 
     def held(self, arm: Arm) -> set[str]:
         """Names of the bodies that it grips, as `SceneView.held` has it."""
-        scene = self._scene
-        closes = scene.squeeze_n(arm) > LEAST_SQUEEZE_N
-        if not closes or scene.finger_positions(arm).min() <= LEAST_GRIPPED_M / 2:
+        if not self._scene.grips(arm):
             return set()
         return set.intersection(*map(self._beside, self._fingers[arm]))
 

@@ -11,6 +11,7 @@ from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.audit.blame import Blame
+    from lerobot_env_bimanual.audit.result_files import Result
 
 
 @dataclass
@@ -19,6 +20,8 @@ class BlameConfig:
 
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
+    # Whose rows: a column of the board, as peract2 or peract2_on_all; by default everybody's.
+    policy: str | None = None
     sample: int = 0  # failed episodes looked at of each result, drawn at random; 0 takes all
     seed: int = 0  # of the draws
     output: Path | None = None  # JSON file with all that was found
@@ -35,7 +38,7 @@ def blame(config: BlameConfig) -> int:
     this arm lost it; if either suffices, either; if neither does, their coordination. No weights are needed.
 
     Examples:
-        lerobot-bimanual blame --results=results/leaderboard
+        lerobot-bimanual blame --results=results/leaderboard --policy=peract2
         lerobot-bimanual blame --results=outputs/eval/lift_ball_test_record.json --figure=outputs/blame.png
         lerobot-bimanual blame --results=results/leaderboard --sample=5 --output=outputs/blame.json
     """
@@ -53,21 +56,35 @@ def blame(config: BlameConfig) -> int:
         check_output_file(config.output)
     if config.figure is not None:
         check_figure_file(config.figure)
+    results = _chosen([Result.read(path) for path in result_files(config.results)], config.policy)
     found: dict[str, list[Blame]] = {}
     with WorkerPool(config.workers) as pool:
-        for path in result_files(config.results):
-            result = Result.read(path)
+        for result in results:
             result.check_world()
             record = result.record
             failed = tuple(episode for episode in record.episodes if not episode.success)
             rng = np.random.default_rng(config.seed)
             blames = blames_of(record, drawn(failed, config.sample, rng), pool)
             found.setdefault(record.task, []).extend(blames)
-            print(f"{path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
+            print(f"{result.path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
             _print_table(blames)
     _print_sums(found)
     _write(found, config)
     return 0
+
+
+def _chosen(results: list[Result], policy: str | None) -> list[Result]:
+    """The results of one policy, or all.
+
+    Raises:
+        InvalidChoice: there are rows, or none, but none of this policy.
+    """
+    if policy is None:
+        return results
+    policies = sorted({result.row.learner for result in results if result.row})
+    if policy not in policies:
+        raise InvalidChoice("policy", policy, policies or ["nothing, since no row of `benchmark` is there"])
+    return [result for result in results if result.row and result.row.learner == policy]
 
 
 def _print_table(blames: Sequence[Blame]) -> None:

@@ -50,8 +50,8 @@ def ladder(config: LadderConfig) -> None:
     the same file grows.
 
     Examples:
-        lerobot-bimanual ladder --checkpoint=results/checkpoints/handover_item_easy --task=handover_item_easy
-        lerobot-bimanual ladder --checkpoint=results/checkpoints/handover_item_easy --task=handover_item_easy \
+        lerobot-bimanual ladder --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy
+        lerobot-bimanual ladder --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy \
             --axes=camera_moved,mass --levels=1,3 --episodes=50 --dry_run
     """
     from rich.console import Console
@@ -96,7 +96,7 @@ def _climb(config: LadderConfig) -> Climb:
     """What is to be played; refuses what cannot be, before anything heavy is imported."""
     from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
     from lerobot_bimanual.output_file import check_output_file
-    from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
+    from lerobot_env_bimanual.checkpoint import Checkpoint
     from lerobot_env_bimanual.ladder.rungs import rungs_of
     from lerobot_env_bimanual.tasks.registry import get_task
 

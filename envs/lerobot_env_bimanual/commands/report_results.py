@@ -45,7 +45,7 @@ def report_results(config: ReportResultsConfig) -> None:
         lerobot-bimanual report-results --results=outputs/eval/lift_ball_test_record.json --output=lift_ball.html
         lerobot-bimanual report-results --results=results/leaderboard --films=10 --max_mb=50
     """
-    from lerobot_bimanual.benchmark.leaderboard import check_likeness
+    from lerobot_bimanual.benchmark.likeness import check_likeness
     from lerobot_bimanual.output_file import check_output_file, write_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, result_files

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 
 if TYPE_CHECKING:
     from lerobot_bimanual.benchmark.results import ResultRow
@@ -47,12 +47,18 @@ def verify_results(config: VerifyResultsConfig) -> int:
         lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
     """
+    from lerobot_env_bimanual.audit.controls import SOLO, solo_certificates
     from lerobot_env_bimanual.audit.result_files import result_files
     from lerobot_env_bimanual.expert.campaign import Campaign
 
     for name in ("sample", "controls"):
         if getattr(config, name) < 0:
             raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
+    if config.certificates is not None and not any(map(Path.is_file, solo_certificates(config.certificates))):
+        raise BimanualError(
+            f"certificates is {config.certificates}, which holds none of one arm ({', '.join(SOLO)}); leave it out to play no "
+            "such control where there is none"
+        )
     is_sound = True
     with Campaign(config.workers) as campaign:
         for path in result_files(config.results):

@@ -41,7 +41,7 @@ def view(config: ViewConfig) -> None:
         lerobot-bimanual view --task=handover_item --seed=3 --variation=2 --film
         lerobot-bimanual view --task=lift_ball --perturb=light:2,clutter:1 --film
         lerobot-bimanual view --task=handover_item_easy --image_size=128 --film \
-            --checkpoint=results/checkpoints/handover_item_easy
+            --checkpoint=results/checkpoints/peract2_on_all
     """
     from lerobot_bimanual.output_file import check_output_folder
     from lerobot_env_bimanual.viewer import no_window

@@ -37,6 +37,7 @@ class Campaign(WorkerPool):
     def __init__(self, workers: int, log: OutcomeLog | None = None):
         super().__init__(workers)
         self._log = log
+        self._blind_keyposes: dict[tuple[str, str], Keyposes] = {}
 
     def play(self, jobs: Sequence[Job], label: str) -> list[Outcome]:
         """Outcomes of the jobs, in their order, with a progress bar called `label`."""
@@ -50,11 +51,16 @@ class Campaign(WorkerPool):
         return [known[job] for job in jobs]
 
     def blind_keyposes(self, task: str, variation: str) -> Keyposes:
-        """Mean keyposes of the expert's training episodes of one variation.
+        """Mean keyposes of the expert's training episodes of one variation, which are played once.
 
         Raises:
             BimanualError: the expert solved none of them.
         """
+        if (task, variation) not in self._blind_keyposes:
+            self._blind_keyposes[task, variation] = self._mean_keyposes(task, variation)
+        return self._blind_keyposes[task, variation]
+
+    def _mean_keyposes(self, task: str, variation: str) -> Keyposes:
         jobs = [Job(task, variation, "train", seed, "expert") for seed in range(BLIND_EPISODES)]
         outcomes = self.play(jobs, f"{task}: training episodes")
         episodes = [[move.keypose for move in outcome.keyposes] for outcome in outcomes if outcome.success]

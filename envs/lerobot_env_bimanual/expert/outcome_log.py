@@ -6,16 +6,17 @@ import hashlib
 import json
 import platform
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
-import lerobot_bimanual
-import lerobot_env_bimanual
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import parse_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.output_file import UnwritableOutput, write_file
 from lerobot_env_bimanual.expert.outcome import Job, Outcome
+from lerobot_env_bimanual.perturbation_choice import axis_modules
+from lerobot_env_bimanual.tasks.discovery import task_modules
 
 
 def versions() -> dict[str, str]:
@@ -68,12 +69,20 @@ class OutcomeLog:
 
 
 def _source_digest() -> str:
-    """Of every file of the code that plays, which may change while a campaign is interrupted."""
+    """Of every file of the code that plays, which may change while a campaign is interrupted.
+
+    That is our packages and whatever else brings tasks or axes: the whole package, or the one file.
+    """
+    modules = (*task_modules().values(), *axis_modules().values())
     digest = hashlib.sha256()
-    for package in (lerobot_bimanual, lerobot_env_bimanual):
-        root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for name in sorted({"lerobot_bimanual", *(module.partition(".")[0] for module in modules)}):
+        spec = find_spec(name)
+        if spec is None or spec.origin is None:
+            continue  # whoever plays the task says that it cannot be imported
+        origin = Path(spec.origin)
+        root = origin.parent
+        for path in sorted(root.rglob("*.py")) if spec.submodule_search_locations else [origin]:
+            digest.update(f"{name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
     return digest.hexdigest()
 
 

@@ -23,12 +23,12 @@ from lerobot_bimanual.ladder.result import (
 )
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
 from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.world_version import world_version
-from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
 from lerobot_env_bimanual.ladder.controls import ControlOfRungs, Controls, RungKey
 from lerobot_env_bimanual.ladder.policy_player import PolicyPlayer
 from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text

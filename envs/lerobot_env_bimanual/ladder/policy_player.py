@@ -19,9 +19,9 @@ from lerobot.utils.random_utils import get_rng_state, set_rng_state, set_seed
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import record_name
-from lerobot_env_bimanual.ladder.checkpoint import Checkpoint
 
 
 class PolicyPlayer:

@@ -82,6 +82,7 @@ class PutItemInDrawer(Task):
         props=(CABINET, ITEM),
         success=tuple(Untouched("item", by=arm) for arm in ARMS),
         horizon_ticks=420,
+        random_rate=0.1,  # the sweep that is told above
     )
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:

@@ -105,10 +105,15 @@ class SceneView:
 
     def held(self, arm: Arm, body: str) -> bool:
         """Whether a hand grips a body: both fingers touch it, it keeps them apart, and their motor presses them on it."""
+        return self.grips(arm) and all(
+            self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm)
+        )
+
+    def grips(self, arm: Arm) -> bool:
+        """Whether a hand's motor closes the fingers, and something keeps them apart."""
         return (
             bool(self.finger_positions(arm).min() > LEAST_GRIPPED_M / 2)
             and self.squeeze_n(arm) > LEAST_SQUEEZE_N
-            and all(self.contacts(finger, body) for finger in self.arm_pair.finger_names(arm))
         )
 
     def squeeze_n(self, arm: Arm) -> float:

@@ -28,12 +28,17 @@ def inspect(config: InspectConfig) -> None:
         lerobot-bimanual inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
             --dataset=data/lift_ball/keyframes --index=7 --rerun
     """
+    from io import BytesIO
+
     from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_bimanual.output_file import check_output_file, write_file
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
     from lerobot_policy_bimanual.inspection.row import require_row
 
     require_checkpoint(config.checkpoint)
     require_row(find_view(config.dataset, ("keyframes", "frames")), config.index)
+    path = config.output / f"row_{config.index:05d}.png"
+    check_output_file(path)
 
     from lerobot_policy_bimanual.inspection.inspection import look
     from lerobot_policy_bimanual.inspection.loading import load_policy, load_row
@@ -44,9 +49,9 @@ def inspect(config: InspectConfig) -> None:
         require_rerun()
     policy, preprocess = load_policy(config.checkpoint)
     inspection = look(policy, preprocess(load_row(config.dataset, config.index, policy.config)))
-    config.output.mkdir(parents=True, exist_ok=True)
-    path = config.output / f"row_{config.index:05d}.png"
-    draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.dataset}").save(path)
+    drawn = BytesIO()
+    draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.dataset}").save(drawn, "PNG")
+    write_file(path, drawn.getvalue())
     print(path)
     if config.rerun:
         write_rerun(inspection, path.with_suffix(".rrd"))

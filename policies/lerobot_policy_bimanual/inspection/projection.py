@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ViewDirection:
-    """A direction to look from. The robots stand at low x and look along +x, the left one at high y.
+    """A direction to look from. The arms face each other: the left one stands at low x, the right one at high x.
 
     Attributes:
         name: what is written above the picture.
@@ -33,9 +33,9 @@ class ViewDirection:
 
 
 VIEW_DIRECTIONS = (
-    ViewDirection("over the robots' shoulders", 205, 35),
-    ViewDirection("facing the robots", 25, 20),
-    ViewDirection("from above, robots at the bottom", 180, 90),
+    ViewDirection("over the left arm's shoulder", 205, 35),
+    ViewDirection("over the right arm's shoulder", 25, 20),
+    ViewDirection("from above, the left arm at the bottom, the right one at the top", 180, 90),
 )
 
 

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from lerobot_bimanual.codec_torch import DiscreteKeypose
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
@@ -229,6 +230,13 @@ class KeyposePolicy(PreTrainedPolicy):
 
 def _make_language(config: KeyposePolicyConfig) -> nn.Module:
     sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
-    if config.language_encoder.startswith(CLIP_PREFIX):
+    if not config.language_encoder.startswith(CLIP_PREFIX):
+        return LearnedLanguage(**sizes)
+    try:
         return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
-    return LearnedLanguage(**sizes)
+    except Exception as error:  # of transformers, safetensors or the Hub, whatever is wrong with the tower
+        reason = " ".join(str(error).split())
+        raise BadConfig(
+            f"no text tower can be made of language_encoder={config.language_encoder!r}, which must name the folder or "
+            f"the hub id of a CLIP model: {reason}"
+        ) from error

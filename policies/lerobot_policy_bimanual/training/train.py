@@ -13,6 +13,7 @@ from typing import Any
 
 import torch
 from lerobot.configs.train import TrainPipelineConfig
+from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
@@ -76,8 +77,8 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     """The datasets that `lerobot-train` would make, in memory.
 
     Raises:
-        DatasetError: there are none, they are streamed, are transformed at random, do not fit into memory, are for a
-            reward model, or hold depth for a policy that takes it for RGB.
+        DatasetError: there are none, they are streamed, are transformed at random, are asked for in metres, do not fit
+            into memory, are for a reward model, or hold depth for a policy that takes it for RGB.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -85,6 +86,11 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
         raise DatasetError(
             "rows that are decoded once can be neither streamed nor transformed at random: leave out "
             "--dataset.streaming and --dataset.image_transforms.enable, or use `lerobot-train`"
+        )
+    if cfg.dataset.depth_output_unit != DEPTH_MILLIMETER_UNIT:
+        raise DatasetError(
+            f"depth is kept in memory in whole millimetres, and cannot be given in {cfg.dataset.depth_output_unit!r}: "
+            "leave out --dataset.depth_output_unit, or use `lerobot-train`"
         )
     if cfg.num_workers:
         logging.info("No loader processes: the dataset is in memory")
