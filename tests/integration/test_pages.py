@@ -33,6 +33,9 @@ NOT_RUN = {
     r".*smolvla": "downloads weights",
     r"lerobot-(teleoperate|record) ": "needs hands at a keyboard; tests/robots has its own",
     r"lerobot-train .*local/by_hand|lerobot-rollout": "of what such hands have recorded; tests/robots has its own",
+    r"python examples/11_subtask_policy\.py|lerobot-bimanual-train --policy\.path=outputs/dit": (
+        "needs a CLIP; test_subtasks.py makes one"
+    ),
     r"python -m lerobot\.async_inference": "a server that does not end; tests/robots serves one",
     r"lerobot-bimanual accuracy .*push_box_val|python scripts/chunk_errors\.py": (
         "of a policy that is trained for longer; test_inspect.py and test_chunk_errors.py have small ones"

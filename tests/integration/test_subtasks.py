@@ -9,22 +9,36 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import torch
 from lerobot.configs.recipe import MessageTurn, TrainingRecipe
 from lerobot.datasets import LeRobotDataset
 from lerobot.datasets.language import language_feature_info
 from lerobot.lerobot_types import TransitionKey
+from lerobot.processor import PolicyProcessorPipeline
 from lerobot.processor.converters import batch_to_transition
 from lerobot.processor.render_messages_processor import RenderMessagesStep
+from lerobot.utils.collate import lerobot_collate_fn
+from lerobot.utils.constants import OBS_LANGUAGE_TOKENS
+from tiny_clip import save_clip
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
 from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
 from lerobot_env_bimanual.verification.subtasks import EVENTS, LANGUAGE_FEATURES, SUBTASKS, check_subtasks
 from lerobot_policy_bimanual.inspection.loading import batch_of
+from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
 EXAMPLE = Path(__file__).parents[2] / "examples/10_subtasks.py"
+TOLD = EXAMPLE.with_name("11_subtask_policy.py")
+SENTENCE_STEPS = [
+    "SubtaskStep",
+    "RenameObservationsProcessorStep",
+    "AddBatchDimensionProcessorStep",
+    "TokenizerProcessorStep",
+]
+"""Of the preprocessor that the example makes: the first, up to the one that makes tokens."""
 STAGES = ["beside", "squeeze", "lift"]
 SAY_THE_SUBTASK = TrainingRecipe(
     messages=[
@@ -130,6 +144,58 @@ def test_lerobots_act_trains_on_annotated_datasets(annotated, tmp_path, view):
     child = subprocess.run(command, capture_output=True, text=True, check=False)
     assert child.returncode == 0, child.stderr[-4000:]
     assert (tmp_path / "act/checkpoints/last/pretrained_model/model.safetensors").is_file()
+
+
+def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A program of this environment."""
+    program = Path(sys.executable).parent / words[0]
+    return subprocess.run([str(program), *words[1:]], cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def told(annotated_once, tmp_path_factory) -> Path:
+    """Multi-Task DiT that knows nothing yet, with its preprocessor, made as the example says."""
+    folder = tmp_path_factory.mktemp("told")
+    save_clip(folder / "tiny_clip")
+    small = ("--cameras=front,left_wrist", "--hidden_dim=32", "--num_layers=1")
+    places = (f"--root={annotated_once / 'frames'}", f"--clip={folder / 'tiny_clip'}", "--output=dit")
+    made = run("python", str(TOLD), *places, *small, folder=folder)
+    assert made.returncode == 0, made.stderr[-4000:]
+    return folder / "dit"
+
+
+def training(policy: Path, root: Path) -> list[str]:
+    return [
+        *(f"--policy.path={policy}", "--policy.push_to_hub=false", "--batch_size=2", "--num_workers=0"),
+        *("--dataset.repo_id=local/annotated", f"--dataset.root={root}", "--output_dir=trained"),
+        *("--steps=2", "--save_freq=2"),
+    ]
+
+
+def test_a_stock_policy_that_is_told_its_subtask_trains_and_reads_it_in_every_row(
+    told, annotated_once, tmp_path
+):
+    root = annotated_once / "frames"
+    done = run("lerobot-bimanual-train", *training(told, root), folder=tmp_path)
+    assert done.returncode == 0, done.stderr[-4000:]
+    trained = tmp_path / "trained/checkpoints/last/pretrained_model"
+    rows = ResidentDataset(LeRobotDataset("local/annotated", root=root), torch.device("cpu"), images=())
+    batch = rows.batch(lerobot_collate_fn([rows[index] for index in range(rows.meta.episodes[0]["length"])]))
+    preprocessor = PolicyProcessorPipeline.from_pretrained(
+        trained, config_filename="policy_preprocessor.json"
+    )
+    preprocessor.steps = preprocessor.steps[: 1 + SENTENCE_STEPS.index("TokenizerProcessorStep")]
+    assert [type(step).__name__ for step in preprocessor.steps] == SENTENCE_STEPS
+    tokens = [tuple(row.tolist()) for row in preprocessor(batch)[OBS_LANGUAGE_TOKENS]]
+    stages = [min(int(step), len(STAGES) - 1) for step in batch[schema.KEYPOSE_STEP]]
+    assert len(set(batch["task"])) == 1
+    assert len(set(tokens)) == len(set(zip(stages, tokens, strict=True))) == len(STAGES)
+
+
+def test_where_loaders_drop_the_columns_its_training_is_refused(told, annotated_once, tmp_path):
+    done = run("lerobot-train", *training(told, annotated_once / "frames"), folder=tmp_path)
+    assert done.returncode != 0
+    assert "train it with `lerobot-bimanual-train`" in done.stderr
 
 
 def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated):

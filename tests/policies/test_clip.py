@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from transformers import CLIPTextConfig, CLIPTextModel, CLIPTokenizer
+from tiny_clip import END, START, save_tokenizer, text_config
+from transformers import CLIPTextModel, CLIPTokenizer
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.nn.language import ClipLanguage
@@ -14,30 +15,15 @@ from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DIM, CONTEXT, TOKENS = 16, 12, 8
-START, END = "<|startoftext|>", "<|endoftext|>"
 
 
 @pytest.fixture(scope="module")
 def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a tiny text tower in half precision, as many are published, and of a tokenizer that spells."""
     folder = tmp_path_factory.mktemp("clip")
-    letters = "abcdefghijklmnopqrstuvwxyz"
-    symbols = ["!", *letters, *(f"{letter}</w>" for letter in letters), "th", "the</w>", START, END]
-    merges = [("t", "h"), ("th", "e</w>")]
-    vocabulary = {symbol: index for index, symbol in enumerate(symbols)}
-    CLIPTokenizer(vocab=vocabulary, merges=merges).save_pretrained(folder)
-    config = CLIPTextConfig(
-        vocab_size=len(symbols),
-        hidden_size=DIM,
-        intermediate_size=2 * DIM,
-        num_hidden_layers=2,
-        num_attention_heads=2,
-        max_position_embeddings=CONTEXT,
-        bos_token_id=symbols.index(START),
-        eos_token_id=symbols.index(END),
-    )
+    save_tokenizer(folder)
     torch.manual_seed(0)
-    CLIPTextModel(config).half().save_pretrained(folder)
+    CLIPTextModel(text_config(DIM, CONTEXT)).half().save_pretrained(folder)
     return folder
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import psutil
 import torch
+from lerobot.datasets.language import LANGUAGE_COLUMNS
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from torch import Tensor
 from torch.utils.data import Dataset
@@ -86,13 +87,20 @@ class ResidentDataset(Dataset):
         """What LeRobot's training loop makes of these rows: float tensors of colours in [0, 1], and all else.
 
         Columns that the dataset has `delta_timestamps` for are (batch, offsets, ...); beyond the ends of an episode its
-        first or last row stands in, which `<column>_is_pad`, (batch, offsets), says.
+        first or last row stands in, which `<column>_is_pad`, (batch, offsets), says. LeRobot's language columns are lists.
 
         Args:
             items: items, collated.
         """
         texts = {key: value for key, value in items.items() if key != self.row_key}
-        return dict(self._looked_up(items[self.row_key].to(self._first.device))) | texts
+        rows = items[self.row_key]
+        # LeRobot drops them when it collates, although its processors know them.
+        language = {
+            key: [self._texts[row][key] for row in rows.tolist()]
+            for key in LANGUAGE_COLUMNS
+            if key in self._texts[0]
+        }
+        return dict(self._looked_up(rows.to(self._first.device))) | texts | language
 
     def _looked_up(self, rows: Tensor) -> Iterator[tuple[str, Tensor]]:
         """Columns of rows (batch,), and what is padding in them."""
