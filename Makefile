@@ -30,7 +30,7 @@ test: setup  ## Run the tests that need neither long nor a GPU (minutes)
 	$(PYTEST) -m "not slow and not gpu"
 
 test-slow: setup  ## Run only the slow tests: whole command lines, training
-	$(PYTEST) -m "slow and not gpu"
+	$(PYTEST) --no-loadscope-reorder -m "slow and not gpu"
 
 test-all: setup  ## Run every test; those for a GPU skip themselves where there is none
 	$(PYTEST)
