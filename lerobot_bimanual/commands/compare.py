@@ -58,7 +58,7 @@ def compare(config: CompareConfig) -> None:
         for line in ladders.remarks():
             print(line)
         if config.figure is not None:
-            heat_map([ladders.first, ladders.second]).save(config.figure)
+            heat_map({"first": ladders.first, "second": ladders.second}).save(config.figure)
         return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")

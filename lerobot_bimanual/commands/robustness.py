@@ -61,4 +61,4 @@ def robustness(config: RobustnessConfig) -> None:
         parts.append(certificates_page(read_rung_certificates(config.certificates)))
     write_page("\n".join(parts), config.output)
     if config.figure is not None:
-        heat_map([*ladders.values()]).save(config.figure)
+        heat_map(ladders).save(config.figure)

@@ -1,14 +1,14 @@
 """The picture of several ladders: axis against policy, each field the success at its three levels."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import batched
 
 from lerobot_bimanual.canvas import GREY, INK, PALE, PAPER, WIDTH, Canvas, Color
-from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung
+from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung, short_name
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 
 MARGIN, TOP, LINE = 16, 82, 24
-LEFT = 200
+LEFT = 240
 """Where the fields begin; the axes' names stand before them."""
 HEADING = 50
 WIDEST, GAP = 132, 10
@@ -22,10 +22,14 @@ CAPTION = (
 )
 
 
-def heat_map(ladders: Sequence[LadderResult]) -> Canvas:
-    """One line per axis, one column per ladder."""
-    axes = _axes(ladders)
-    blocks = [*batched(ladders, MOST_COLUMNS)]
+def heat_map(ladders: Mapping[str, LadderResult]) -> Canvas:
+    """One line per axis, one column per ladder.
+
+    Args:
+        ladders: by name.
+    """
+    axes = _axes([*ladders.values()])
+    blocks = [*batched(ladders.items(), MOST_COLUMNS)]
     height = TOP + len(blocks) * (HEADING + (len(axes) + 1) * LINE + 2 * MARGIN)
     canvas = Canvas(height, _description(ladders))
     canvas.text(MARGIN, 24, "Success, rung by rung", size=20)
@@ -44,16 +48,16 @@ def _axes(ladders: Sequence[LadderResult]) -> list[AxisRecord]:
     return sorted(found.values(), key=lambda axis: (axis.group, axis.name))
 
 
-def _description(ladders: Sequence[LadderResult]) -> str:
+def _description(ladders: Mapping[str, LadderResult]) -> str:
     said = []
-    for ladder in ladders:
+    for name, ladder in ladders.items():
         rungs = ", ".join(f"{rung.name} {_percent(rung)}" for rung in ladder.rungs if rung.is_certified)
-        said.append(f"{ladder.policy} on {ladder.task}: {rungs}.")
+        said.append(f"{name}, {ladder.policy} on {ladder.task}: {rungs}.")
     return " ".join(said)
 
 
 def _draw_block(
-    canvas: Canvas, top: float, ladders: Sequence[LadderResult], axes: Sequence[AxisRecord]
+    canvas: Canvas, top: float, ladders: Sequence[tuple[str, LadderResult]], axes: Sequence[AxisRecord]
 ) -> None:
     width = min(WIDEST, (WIDTH - LEFT - MARGIN) / len(ladders))
     first = top + HEADING
@@ -66,10 +70,10 @@ def _draw_block(
             canvas.line((MARGIN, y - LINE / 2), (LEFT - MARGIN, y - LINE / 2), PALE)
             canvas.text(LEFT - MARGIN, y, group, GREY, 11, "rm")
         canvas.text(MARGIN, y, axis.name, room=LEFT - 4.5 * MARGIN)
-    for number, ladder in enumerate(ladders):
+    for number, (name, ladder) in enumerate(ladders):
         left = LEFT + width * number
         right = left + width - GAP
-        heading = (ladder.policy, ladder.task, ladder.checkpoint_sha256[:8])
+        heading = (short_name(name, ladder), ladder.task, f"{ladder.policy} {ladder.checkpoint_sha256[:8]}")
         for line, text in enumerate(heading):
             canvas.text(left, top + 8 + 14 * line, text, INK if line == 0 else GREY, 11, room=right - left)
         _draw_field(canvas, left, first, right, ladder.level_0)

@@ -20,7 +20,7 @@ LEGEND: tuple[tuple[Mark, Color, str], ...] = (
     ("triangle", INK, "expert"),
     ("cross", GREY, "blind: mean keyposes, whatever the scene"),
 )
-REDDENED = f"Red diamond: differs from level 0 on the same episodes, McNemar's exact test with p (Holm over axes) up to {SURE}."
+REDDENED = f"Orange diamond: differs from level 0 on the same episodes, McNemar's exact test with p (Holm over axes) up to {SURE}."
 HATCHED = "Hatched: not certified, since the expert solves too few; counted nowhere."
 
 

@@ -247,6 +247,11 @@ def rung_name(axis: str, level: int) -> str:
     return levels_text({axis: level}) or LEVEL_0
 
 
+def short_name(name: str, ladder: LadderResult) -> str:
+    """The name of a ladder without its task, where it begins with that, so that those of several tasks go by one."""
+    return name.removeprefix(f"{ladder.task}_")
+
+
 def is_ladder(path: Path) -> bool:
     """Whether a file looks like the result of a ladder, be it a damaged one."""
     try:

@@ -151,14 +151,15 @@ def test_the_figure_says_in_words_what_it_shows_and_marks_what_is_sure_and_what_
 def test_figures_grow_with_their_axes_and_ladders_and_hold_one_without_any():
     alone = ladder(axes=(), rungs=LADDER.rungs[:1])
     assert ladder_figure(alone).image().height <= ladder_figure(LADDER).image().height
-    assert heat_map([alone]).image().height < heat_map([LADDER]).image().height
-    assert heat_map([LADDER] * 13).image().height > heat_map([LADDER] * 12).image().height
+    assert heat_map({"a": alone}).image().height < heat_map({"a": LADDER}).image().height
+    many = dict.fromkeys("abcdefghijklm", LADDER)
+    assert heat_map(many).image().height > heat_map(dict.fromkeys("abcdefghijkl", LADDER)).image().height
 
 
 def test_the_heat_map_leaves_out_of_its_words_what_is_not_certified():
-    description = heat_map([LADDER, ladder(policy="yours")]).description
+    description = heat_map({"a": LADDER, "b": ladder(policy="yours")}).description
     assert description.count("camera_moved:3 0%") == 2
-    assert "yours on lift_ball: level 0 100%" in description
+    assert "b, yours on lift_ball: level 0 100%" in description
     assert "mass:3" not in description
 
 
