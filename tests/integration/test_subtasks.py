@@ -161,6 +161,7 @@ def told(annotated_once, tmp_path_factory) -> Path:
     places = (f"--root={annotated_once / 'frames'}", f"--clip={folder / 'tiny_clip'}", "--output=dit")
     made = run("python", str(TOLD), *places, *small, folder=folder)
     assert made.returncode == 0, made.stderr[-4000:]
+    assert main(["check-checkpoint", f"--checkpoint={folder / 'dit'}"]) == 0
     return folder / "dit"
 
 

@@ -52,8 +52,7 @@ def test_a_time_before_the_first_subtask_is_refused(pipeline):
 
 
 def test_a_saved_preprocessor_has_the_step_again(tmp_path):
-    step = SubtaskStep(template="{subtask}, to {task}")
-    PolicyProcessorPipeline([step], name="policy_preprocessor").save_pretrained(tmp_path)
+    PolicyProcessorPipeline([SubtaskStep()], name="policy_preprocessor").save_pretrained(tmp_path)
     again = PolicyProcessorPipeline.from_pretrained(tmp_path, config_filename="policy_preprocessor.json")
     said = again(batch(language_persistent=[rows(0), rows(0)]))
-    assert said["task"][0] == "stage 0, to lift the ball"
+    assert said["task"][0] == "lift the ball: stage 0"

@@ -1,6 +1,5 @@
 """The subtask of a row, said to a policy that reads sentences."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from lerobot.configs import PipelineFeatureType, PolicyFeature
@@ -13,20 +12,14 @@ from torch import Tensor
 from lerobot_bimanual.errors import DatasetError
 
 
-@dataclass
 class SubtaskStep(ProcessorStep):
-    """Adds to each row's sentence the subtask that LeRobot's language columns have for its time.
+    """Adds to each row's sentence the subtask that LeRobot's language columns have for its time: "lift the ball: squeeze".
 
     It stands first in a preprocessor, before the step that makes batches, which drops these columns, and the one that makes
     tokens of sentences; examples/11_subtask_policy.py puts it there. Loaders of `lerobot-train` 0.6.1 drop the columns, too:
     `lerobot-bimanual-train` keeps them. When a policy acts there is no column, and the sentence stays as it is: who plays
     says the subtask, in the sentence, or does not.
-
-    Args:
-        template: of the sentence; `{task}` is the row's own and `{subtask}` what holds at its time.
     """
-
-    template: str = "{task}: {subtask}"
 
     def __call__(self, transition: EnvTransition) -> EnvTransition:
         """The transition of a batch with other sentences.
@@ -45,30 +38,27 @@ class SubtaskStep(ProcessorStep):
             )
         times_s: Tensor = known["timestamp"]
         known["task"] = [
-            self._said(task, rows, time_s)
+            _said(task, rows, time_s)
             for task, rows, time_s in zip(
                 known["task"], known[LANGUAGE_PERSISTENT], times_s.flatten().tolist(), strict=True
             )
         ]
-        said = transition.copy()
+        said: Any = transition.copy()
         said[TransitionKey.COMPLEMENTARY_DATA] = known
         return said
-
-    def _said(self, task: str, rows: list[dict[str, Any]], time_s: float) -> str:
-        subtask = active_at(time_s, persistent=rows, style="subtask")
-        if subtask is None:
-            raise DatasetError(
-                f"no subtask holds at {time_s:.2f} s; there are {[row['content'] for row in rows]} "
-                "(`lerobot-bimanual verify` says what is wrong with a dataset)"
-            )
-        return self.template.format(task=task, subtask=subtask["content"])
-
-    def get_config(self) -> dict[str, Any]:
-        """What a saved preprocessor makes this step from again."""
-        return {"template": self.template}
 
     def transform_features(
         self, features: dict[PipelineFeatureType, dict[str, PolicyFeature]]
     ) -> dict[PipelineFeatureType, dict[str, PolicyFeature]]:
         """The features as they are: only sentences change."""
         return features
+
+
+def _said(task: str, rows: list[dict[str, Any]], time_s: float) -> str:
+    subtask = active_at(time_s, persistent=rows, style="subtask")
+    if subtask is None:
+        raise DatasetError(
+            f"no subtask holds at {time_s:.2f} s; there are {[row['content'] for row in rows]} "
+            "(`lerobot-bimanual verify` says what is wrong with a dataset)"
+        )
+    return f"{task}: {subtask['content']}"
