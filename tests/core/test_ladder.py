@@ -16,7 +16,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
-from lerobot_bimanual.ladder.page import certificates_page
+from lerobot_bimanual.ladder.page import certificates_page, ladders_page
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate, read_rung_certificates
 from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
@@ -217,6 +217,17 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
     assert "| mass | 1 of 1 |  | 0 of 1 (not lift_ball) |" in text
     assert "| mass (1.2, 1.5, 2 times the mass) | 97/100, 1/30 |  | (96/100, 0/30) |" in text
     assert "mine on lift_ball" in Image.open(figure).info[DESCRIPTION]
+
+
+def test_a_page_sums_a_policy_over_its_tasks_where_rungs_are_certified():
+    half = ladder(task="push_box", rungs=(rung("", 0, "xxxxx....."), *LADDER.rungs[1:]))
+    page = ladders_page({"lift_ball_mine": LADDER, "push_box_mine": half, "push_box_yours": half})
+    everything = page.split("### lift_ball")[0]
+    assert "| axis | mine, 2 tasks |" in everything
+    assert "| level 0 | 75% |" in everything
+    assert "| camera_moved | 90% 40% 0% |" in everything
+    assert "| mass | 100% 80% . |" in everything
+    assert "### All tasks" not in ladders_page({"lift_ball_mine": LADDER, "push_box_yours": half})
 
 
 def test_a_page_shows_who_looks_again_beside_who_planned_at_the_reset():

@@ -22,7 +22,10 @@ from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, ve
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
-ROWS = sorted((ROOT / "results" / "leaderboard").glob("*.json"))
+BOARD, PERTURBED = (ROOT / "results" / name for name in ("leaderboard", "perturbed_demonstrations"))
+ROWS = sorted(BOARD.glob("*.json"))
+"""Of the board; PERTURBED has those of policies that learned in perturbed worlds, which docs/robustness.md is about."""
+ALL_ROWS = [*ROWS, *sorted(PERTURBED.glob("*.json"))]
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 
 
@@ -51,10 +54,10 @@ def described(picture: str) -> str:
 
 def test_every_row_is_of_the_world_that_is_certified():
     certificate = json.loads((ROOT / "results/certificates/expert.json").read_text())
-    assert {(row.task, row.world) for row in map(ResultRow.read, ROWS)} <= certificate["worlds"].items()
+    assert {(row.task, row.world) for row in map(ResultRow.read, ALL_ROWS)} <= certificate["worlds"].items()
 
 
-@pytest.mark.parametrize("path", ROWS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", ALL_ROWS, ids=lambda path: path.stem)
 def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_row(path: Path):
     row = ResultRow.read(path)
     program, verb, *flags = shlex.split(command(config_of(row)))
@@ -97,8 +100,9 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
 def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
     """On a sample, another one in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
-    config = VerifyResultsConfig(results=ROOT / "results" / "leaderboard", sample=4, controls=1, seed=seed)
-    assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
+    for results in (BOARD, PERTURBED):
+        config = VerifyResultsConfig(results=results, sample=4, controls=1, seed=seed)
+        assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
 
 
 @pytest.mark.sim
