@@ -6,10 +6,14 @@ Usage: tables.py
 from pathlib import Path
 
 from lerobot_bimanual.benchmark.leaderboard import read_rows, success_table
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, rung_name
 from lerobot_bimanual.markdown_table import markdown_table
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 ROOT = Path(__file__).parents[1]
+BOARD = ROOT / "results/leaderboard"
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -29,7 +33,7 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    return str(success_table(list(read_rows(ROOT / "results/leaderboard").values())))
+    return str(success_table(list(read_rows(BOARD).values())))
 
 
 def _axes() -> str:
@@ -46,7 +50,41 @@ def _axes() -> str:
     return markdown_table(("axis", "group", "what is different", "levels 1, 2, 3"), rows, of_words=True)
 
 
-TABLES = {"results": ("README.md", _results), "axes": ("docs/robustness.md", _axes)}
+def _mended() -> str:
+    """Ladders of policies that learned in perturbed worlds, each below that of its like which did not."""
+    plain = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
+    played = {
+        each.checkpoint_sha256: each
+        for each in map(LadderResult.read, (ROOT / "results/ladders").rglob("*.json"))
+    }
+    lines = []
+    for row in read_rows(ROOT / "results/perturbed_demonstrations").values():
+        for axis in played[row.checkpoint_sha256].axes:
+            rungs = [LEVEL_0, *(rung_name(axis.name, level) for level in range(1, MAX_LEVEL + 1))]
+            for each in (plain[_training(row)], row):
+                found = played[each.checkpoint_sha256].by_name
+                solved = [found[rung].rates["policy"].successes for rung in rungs]
+                lines.append(
+                    (
+                        f"`{axis.name}`",
+                        f"`{each.demos_perturb}`" if each.demos_perturb else "as they are",
+                        *solved,
+                        each.rates["policy"],
+                    )
+                )
+    heads = ("axis", "demonstrations", "level 0", "1", "2", "3", "of level 0, on the board's seeds")
+    return str(markdown_table(heads, lines))
+
+
+def _training(row: ResultRow) -> tuple[str, str, str]:
+    return row.task, row.policy, row.flags["seed"]
+
+
+TABLES = {
+    "results": ("README.md", _results),
+    "axes": ("docs/robustness.md", _axes),
+    "mended": ("docs/robustness.md", _mended),
+}
 """By name: the page that holds the table, and who writes it."""
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from lerobot_env_bimanual.ladder.rungs import perturb_text, rungs_of
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
-LADDERS = {path.stem: LadderResult.read(path) for path in sorted((RESULTS / "ladders").glob("*.json"))}
+LADDERS = {path.stem: LadderResult.read(path) for path in sorted((RESULTS / "ladders").rglob("*.json"))}
 EACH = pytest.mark.parametrize("name", LADDERS)
 
 
