@@ -51,7 +51,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy, recipe, tmp_path):
     output = tmp_path / "a folder"
     commands = commands_of(BenchmarkConfig(policy=policy, recipe=recipe, device="cpu", output=output))
     assert not output.exists()
-    checkpoints = 2 if recipe == "small" else 10
+    checkpoints = 10 if recipe == "paper" else 3 if policy == "act" else 2
     programs = [words[0] for words in commands]
     assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + ["lerobot-eval"] * (
         checkpoints + 1
