@@ -15,7 +15,6 @@ from safetensors.torch import load_file, save_file
 
 from lerobot_bimanual import cli
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
-from lerobot_policy_bimanual.checkpoint.processors import OWN_CLASS
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.inspection.loading import load_policy
 
@@ -333,15 +332,6 @@ def test_lerobots_own_policies_are_checked_and_it_is_said_how_far(act, capsys):
     assert "not checked whether the weights fit" in " ".join(said.split())
     with pytest.raises(CheckpointError, match="predicts no keyposes"):
         load_policy(act)
-
-
-def test_a_stock_policy_may_be_told_its_subtask_by_our_step_and_by_no_other_class(act):
-    own = {"class": OWN_CLASS, "config": {}}
-    edit(PREPROCESSOR, lambda value: value["steps"].insert(0, own))(act)
-    assert check_checkpoint(act).steps[PREPROCESSOR][0] == OWN_CLASS
-    edit(PREPROCESSOR, lambda value: value["steps"][0].update(config={"fget": "os.system"}))(act)
-    with pytest.raises(CheckpointError, match="names a step by class"):
-        check_checkpoint(act)
 
 
 @pytest.mark.parametrize(

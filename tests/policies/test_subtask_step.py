@@ -1,11 +1,20 @@
 """Sentences that say the subtask of their row."""
 
+from pathlib import Path
+
 import pytest
 import torch
 from lerobot.processor import PolicyProcessorPipeline
 
 from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual.checkpoint.processors import (
+    OWN_CLASS,
+    POSTPROCESSOR,
+    PREPROCESSOR,
+    check_processors,
+)
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.training.subtask_step import SubtaskStep
 
 
@@ -56,3 +65,13 @@ def test_a_saved_preprocessor_has_the_step_again(tmp_path):
     again = PolicyProcessorPipeline.from_pretrained(tmp_path, config_filename="policy_preprocessor.json")
     said = again(batch(language_persistent=[rows(0), rows(0)]))
     assert said["task"][0] == "lift the ball: stage 0"
+
+
+def test_checkpoints_may_name_the_step_by_its_class_and_without_options(tmp_path):
+    for file in (PREPROCESSOR, POSTPROCESSOR):
+        PolicyProcessorPipeline([SubtaskStep()], name=Path(file).stem).save_pretrained(tmp_path)
+    assert check_processors(tmp_path, None) == {PREPROCESSOR: [OWN_CLASS], POSTPROCESSOR: [OWN_CLASS]}
+    file = tmp_path / PREPROCESSOR
+    file.write_text(file.read_text().replace('"config": {}', '"config": {"fget": "os.system"}'))
+    with pytest.raises(CheckpointError, match="names a step by class"):
+        check_processors(tmp_path, None)
