@@ -86,6 +86,7 @@ class WorkerPool:
         done: int = 0,
         name: Callable[[Item], str] = str,
         failed: Callable[[Item, str], Result] | None = None,
+        note: Callable[[Item, Result], None] | None = None,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
@@ -98,14 +99,33 @@ class WorkerPool:
             name: names an item in messages.
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
+            note: called with an item and its result as soon as there is one, whatever earlier items still take.
 
         Raises:
             BimanualError: what a worker raised.
             WorkFailed: a worker raised something else.
             WorkerDied: a worker was killed, twice over the same item.
         """
-        results = self._in_order(function, items, name, failed)
-        yield from tqdm(results, label, done + len(items), initial=done, unit=unit, smoothing=0)
+        early: dict[int, Result] = {}
+        turn = 0
+        with (
+            tqdm(desc=label, total=done + len(items), initial=done, unit=unit, smoothing=0) as bar,
+            closing(self._answers(function, items, name)) as answers,
+        ):
+            for answered in answers:
+                assert answered is not None  # it waits for as long as it takes
+                index, answer = answered
+                if isinstance(answer, Failure):
+                    if failed is None or not answer.is_of_item:
+                        raise answer.error
+                    answer = failed(items[index], str(answer.error))
+                if note is not None:
+                    note(items[index], answer)
+                bar.update()
+                early[index] = answer
+                while turn in early:
+                    yield early.pop(turn)
+                    turn += 1
 
     def run[Item](
         self,
@@ -130,28 +150,6 @@ class WorkerPool:
                 yield
         if failures:
             raise failures[0] if len(failures) == 1 else WorkFailed("; ".join(map(str, failures)))
-
-    def _in_order(
-        self,
-        function: Callable[[Any], Any],
-        items: Sequence[Any],
-        name: Callable[[Any], str],
-        failed: Callable[[Any, str], Any] | None,
-    ) -> Iterator[Any]:
-        early: dict[int, Any] = {}
-        turn = 0
-        with closing(self._answers(function, items, name)) as answers:
-            for answered in answers:
-                assert answered is not None  # it waits for as long as it takes
-                index, answer = answered
-                if isinstance(answer, Failure):
-                    if failed is None or not answer.is_of_item:
-                        raise answer.error
-                    answer = failed(items[index], str(answer.error))
-                early[index] = answer
-                while turn in early:
-                    yield early.pop(turn)
-                    turn += 1
 
     def _answers(
         self,

@@ -132,6 +132,11 @@ class Provenance:
         skipped = [SkippedSeed.from_dict(seed) for seed in content["skipped"]]
         return cls(**content | {"episodes": episodes, "skipped": skipped})
 
+    @property
+    def perturb(self) -> str:
+        """What was different from the world as it is, `AXIS:LEVEL,...`."""
+        return str(self.settings.get("perturb", ""))
+
     def other_versions(self) -> dict[str, tuple[str, str]]:
         """Packages that decide what a seed means and differ here: package -> (recorded, installed) version."""
         installed = installed_versions()

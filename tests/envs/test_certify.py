@@ -6,13 +6,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.commands.certify import CertifyConfig, certify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign, outcome_log
-from lerobot_env_bimanual.expert.campaign import Campaign, not_played
+from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
 from lerobot_env_bimanual.expert.criteria import MAX_RATES, complaints, rates
@@ -22,6 +23,7 @@ from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.strain import Strain
+from lerobot_env_bimanual.worker import Failure, WorkFailed
 
 NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
 NO_STRAIN = Strain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "")
@@ -310,30 +312,47 @@ def test_wrong_keyframes_are_found_out(env):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_an_episode_that_ends_by_an_accident_is_named_while_the_others_are_played(workers, tmp_path):
+def test_an_accident_is_an_error_that_names_the_episode_after_all_others_are_played_and_noted(
+    workers, tmp_path
+):
     log = OutcomeLog(tmp_path / "log.jsonl")
     jobs = [
         Job("lift_ball", "any", "test", seed, control)
         for seed, control in enumerate(("noop", "nobody", "noop"))
     ]
+    told = r"one episode was not played \(nobody on seed 1 of lift_ball: .*\); the same command tries again"
     with Campaign(workers, log) as campaign:
-        first, lost, last = campaign.play(jobs, "playing")
-    assert [first.seed, lost.seed, last.seed] == [0, 1, 2]
-    assert first.state_hash
-    assert last.state_hash
-    assert lost.failure.startswith("not played: ")
-    assert "nobody" in lost.failure
-    assert log.get(jobs[0]) == first
-    assert log.get(jobs[1]) is None
-    (complaint,) = complaints("noop", 0, [first, lost, last])
-    assert complaint == f"lift_ball test seed 1 (variation 0): {lost.failure}"
+        with pytest.raises(BimanualError, match=told):
+            campaign.play(jobs, "playing")
+        assert [(outcome := log.get(job)) and outcome.seed for job in jobs] == [0, None, 2]
+        assert len(campaign.play([jobs[0], jobs[2]], "playing")) == 2
 
 
-@pytest.mark.parametrize("variation", ["any", "2"])
-def test_what_was_not_played_is_known_by_its_variation(variation):
-    env = BimanualEnv("handover_item", obs="state", variation=variation)
-    for seed in range(2):
-        env.reset(seed=seed)
-        outcome = not_played(Job("handover_item", variation, "test", seed, "noop"), "killed")
-        assert (outcome.variation, outcome.failure) == (env.variation, "not played: killed")
-    env.close()
+def test_an_accident_writes_no_certificate_and_keeps_what_was_played(tmp_path, monkeypatch):
+    output = tmp_path / "noop.json"
+    words = [
+        "certify",
+        "--task=lift_ball",
+        "--control=noop",
+        "--seeds=0:2",
+        "--workers=1",
+        f"--output={output}",
+    ]
+    with monkeypatch.context() as patched:
+        patched.setattr(Campaign, "_answers", with_an_accident(Campaign._answers))
+        assert main(words) == 1
+    assert not output.exists()
+    (kept,) = tmp_path.iterdir()
+    assert len(kept.read_text().splitlines()) == 2, "its head, and the other episode"
+    assert main(words) == 0
+    assert [*tmp_path.iterdir()] == [output]
+
+
+def with_an_accident(answers):
+    """As the death of whoever plays the first item."""
+
+    def changed(*arguments):
+        for index, answer in answers(*arguments):
+            yield index, Failure(WorkFailed("killed")) if index == 0 else answer
+
+    return changed

@@ -35,6 +35,17 @@ def test_results_come_in_order_from_workers_of_one_thread_each(capsys) -> None:
     assert "4/4" in bar
 
 
+def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(jobs, tmp_path) -> None:
+    words = [str(tmp_path / "tried twice"), "quick", "too"]
+    noted = []
+    with WorkerPool(1) as pool:
+        doubled = pool.map(
+            jobs.double_or_die, words, "doubling", "word", note=lambda *pair: noted.append(pair)
+        )
+        assert [*doubled] == [2 * word for word in words]
+    assert noted == [(word, 2 * word) for word in [*words[1:], words[0]]]
+
+
 def test_an_error_comes_home_as_it_was_raised() -> None:
     with pytest.raises(UnknownTask, match="unknown task 'wash_dishes'"), WorkerPool(1) as pool:
         list(pool.map(get_task, ["wash_dishes"], "looking", "task"))

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_env_bimanual.commands.generate import generate
 from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
 
 pytestmark = pytest.mark.sim
@@ -31,6 +33,25 @@ def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_
     root = tmp_path / "small"
     regenerate(RegenerateConfig(provenance=provenance, root=root, workers=2))
     assert tree_hashes(root) == tree_hashes(generated)
+
+
+@pytest.mark.slow
+def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
+    small_generation, tmp_path, tree_hashes, capsys
+) -> None:
+    config = small_generation(tmp_path / "made", episodes=1, view="keyframes", perturb="mass:2,light:1")
+    generate(config)
+    generate(config)
+    assert "is already complete" in capsys.readouterr().out
+    assert main(["verify", f"--root={config.root}", "--workers=1"]) == 0
+    assert main(["replay", f"--root={config.root}", "--replay=keypose", "--workers=1"]) == 0
+    assert "warning" not in capsys.readouterr().out
+    regenerate(
+        RegenerateConfig(
+            provenance=config.root / PROVENANCE_FILE, root=tmp_path / "again" / "made", workers=1
+        )
+    )
+    assert tree_hashes(tmp_path / "again" / "made") == tree_hashes(config.root)
 
 
 def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -> None:

@@ -60,6 +60,17 @@ def edited(stamp: bytes, change: Callable[[dict], object]) -> bytes:
 # -- settings.json ------------------------------------------------------------------------------------------
 
 
+def test_a_dataset_that_was_begun_in_another_world_is_not_gone_on_with(begun, settings) -> None:
+    stamp = begun / "settings.json"
+    there = "0123456789ab"
+    stamp.write_bytes(edited(stamp.read_bytes(), lambda content: content["worlds"].update(lift_ball=there)))
+    with pytest.raises(
+        DatasetError, match=rf"begun with lift_ball in world {there} \(here: [0-9a-f]{{12}}\)"
+    ):
+        take_over(begun, settings)
+    assert len([*(begun / "shards").iterdir()]) == 2
+
+
 @pytest.mark.parametrize("content", NO_ORIGIN.values(), ids=NO_ORIGIN)
 def test_a_damaged_stamp_is_written_again_and_shards_are_kept(begun, settings, capsys, content) -> None:
     stamp = begun / "settings.json"

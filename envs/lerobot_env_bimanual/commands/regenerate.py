@@ -55,7 +55,7 @@ def regenerate(config: RegenerateConfig) -> None:
             f"{config.provenance} was made with another simulation, in which seeds mean other episodes; installed: "
             f"{found}. Make it in an environment with `pip install {wanted}`"
         )
-    if worlds := other_worlds(provenance.worlds):
+    if worlds := other_worlds(provenance.worlds, provenance.perturb):
         raise DatasetError(
             f"{config.provenance} lists {worlds}, where the same seeds mean other episodes. Make it with the version of "
             "this package that made it"

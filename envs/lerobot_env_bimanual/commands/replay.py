@@ -101,7 +101,7 @@ def _warn_of_other_versions(dataset: RecordedDataset) -> None:
             f"warning: generated with {package} {recorded}, but {installed} is installed: "
             "trajectories may differ"
         )
-    if worlds := other_worlds(dataset.provenance.worlds):
+    if worlds := other_worlds(dataset.provenance.worlds, dataset.provenance.perturb):
         print(f"warning: it holds {worlds}: trajectories differ")
 
 

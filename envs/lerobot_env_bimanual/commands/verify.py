@@ -204,7 +204,7 @@ def _why_not_replayed(provenance: Provenance | None) -> str:
             f"{package} {versions[0]} (installed: {versions[1]})" for package, versions in others.items()
         )
         return f"not replayed, so not passed: generated with {listing}"
-    if worlds := other_worlds(provenance.worlds):
+    if worlds := other_worlds(provenance.worlds, provenance.perturb):
         return f"not replayed, so not passed: it holds {worlds}, where the same seeds mean other episodes"
     return ""
 

@@ -6,24 +6,25 @@ workers gives the same list, and outcomes that a log already knows need not be p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import islice
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
-from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Job, Keyposes, Outcome
+from lerobot_env_bimanual.expert.outcome import Job, Keyposes, Outcome
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.runner import Move, failed_to_start, run_episode
-from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 
 BLIND_EPISODES = 30
 """Training episodes whose mean keyposes the blind control plays."""
+MOST_ACCIDENTS = 3
+"""As many are told of one campaign."""
 
 
 class Campaign(WorkerPool):
@@ -40,14 +41,28 @@ class Campaign(WorkerPool):
         self._blind_keyposes: dict[tuple[str, str], Keyposes] = {}
 
     def play(self, jobs: Sequence[Job], label: str) -> list[Outcome]:
-        """Outcomes of the jobs, in their order, with a progress bar called `label`."""
+        """Outcomes of the jobs, in their order, with a progress bar called `label`.
+
+        Raises:
+            BimanualError: an episode ended by an accident, such as the death of its process, which is nobody's failure. All
+                others are played, and noted in the log, before it is raised.
+        """
         known = {job: outcome for job in jobs if self._log and (outcome := self._log.get(job))}
         todo = [job for job in jobs if job not in known]
-        outcomes = self.map(play, todo, label, "episode", len(known), failed=not_played)
-        for job, outcome in zip(todo, outcomes, strict=True):
+        accidents: dict[Job, str] = {}
+
+        def note(job: Job, outcome: Outcome | str) -> None:
+            if isinstance(outcome, str):
+                accidents[job] = outcome
+                return
             known[job] = outcome
-            if self._log and not outcome.failure.startswith(NOT_PLAYED):
+            if self._log:
                 self._log.add(job, outcome)
+
+        for _ in self.map(play, todo, label, "episode", len(known), failed=_reason, note=note):
+            pass  # noted as they come, so that none is lost behind one that takes long
+        if accidents:
+            raise BimanualError(_not_played(accidents))
         return [known[job] for job in jobs]
 
     def blind_keyposes(self, task: str, variation: str) -> Keyposes:
@@ -71,26 +86,17 @@ class Campaign(WorkerPool):
         return tuple(map(tuple, mean_keyposes(episodes).tolist()))
 
 
-def not_played(job: Job, reason: str) -> Outcome:
-    """The outcome of a job that ended by an accident, which is nobody's failure but must not go unseen."""
-    spec = get_task(job.task).spec
-    drawn = draw_episode(spec, job.split, job.seed, spec.variation_index(job.variation))
-    return Outcome(
-        task=job.task,
-        variation=drawn.variation.index,
-        split=job.split,
-        seed=job.seed,
-        success=False,
-        failure=NOT_PLAYED + reason,
-        last_move="",
-        unmet=(),
-        keyposes=(),
-        ticks=0,
-        draws=0,
-        line_fallbacks=0,
-        unstable=False,
-        state_hash="",
+def _reason(_: Job, reason: str) -> str:
+    return reason
+
+
+def _not_played(accidents: Mapping[Job, str]) -> str:
+    told = (
+        f"{job.control} on seed {job.seed} of {job.task}{f' at {job.perturb}' if job.perturb else ''}: {reason}"
+        for job, reason in islice(sorted(accidents.items(), key=lambda item: item[0].seed), MOST_ACCIDENTS)
     )
+    what = "one episode was" if len(accidents) == 1 else f"{len(accidents)} episodes were"
+    return f"{what} not played ({'; '.join(told)}); the same command tries again"
 
 
 _environments: dict[tuple[str, str, str, str], BimanualEnv] = {}

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
-from lerobot_env_bimanual.expert.outcome import NOT_PLAYED, Outcome
+from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.strain import excesses
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -40,8 +40,8 @@ def complaints(control: str, discretise: int, outcomes: Sequence[Outcome]) -> li
     keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes; with exact keyposes, of which
     datasets are made, it must stay within what the real arm allows. (Half a voxel beside a handle that guides the hand, a
     stiff arm presses harder.) Holding still must never succeed, random keyposes in no more episodes than the task says (none, for
-    most), and mean keyposes in at most 20 % of a task's episodes. How far one arm gets, and whoever does not read, is measured and not limited. Nothing may be unstable, and
-    every episode must have been played.
+    most), and mean keyposes in at most 20 % of a task's episodes. How far one arm gets, and whoever does not read, is measured and not limited. Nothing may
+    be unstable.
     """
     if control == "expert":
         found = [*_too_rare(outcomes, MIN_DISCRETISED_RATE if discretise else MIN_EXPERT_RATE)]
@@ -50,11 +50,6 @@ def complaints(control: str, discretise: int, outcomes: Sequence[Outcome]) -> li
             found += _excessive_strain(outcomes)
     else:
         found = [*_too_frequent(control, outcomes)]
-    found += [
-        f"{_episode(outcome)}: {outcome.failure}"
-        for outcome in outcomes
-        if outcome.failure.startswith(NOT_PLAYED)
-    ]
     unstable = [outcome for outcome in outcomes if outcome.unstable]
     return found + [f"{_episode(outcome)}: the simulation was unstable" for outcome in unstable]
 

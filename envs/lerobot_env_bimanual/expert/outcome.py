@@ -9,9 +9,6 @@ from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.replay import ReplayMode
 
-NOT_PLAYED = "not played: "
-"""Begins the failure of an episode that ended by an accident, such as the death of its process."""
-
 type Keyposes = tuple[tuple[float, ...], ...]
 
 

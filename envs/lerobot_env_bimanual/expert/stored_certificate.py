@@ -25,7 +25,7 @@ from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, excesses
-from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS
+from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS, is_version
 from lerobot_env_bimanual.perturbation_choice import chosen_levels
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
@@ -202,7 +202,7 @@ def _faults_of_head(stored: StoredCertificate) -> Iterator[str]:
     for task, world in stored.worlds.items():
         if task not in list_tasks():
             yield f"worlds holds {shown(task)}, but tasks are: {', '.join(list_tasks())}"
-        if not re.fullmatch(f"[0-9a-f]{{{VERSION_DIGITS}}}", world):
+        if not is_version(world):
             yield f"worlds.{task} is {shown(world)}, but must be {VERSION_DIGITS} hex digits"
     played = sorted({episode.task for episode in stored.episodes})
     if not played or sorted(stored.worlds) != played:
@@ -223,9 +223,8 @@ def _faults_of_episode(episode: StoredEpisode, replay: str) -> Iterator[str]:
         ("line_fallbacks", episode.line_fallbacks >= 0, "at least 0"),
         (
             "state_hash",
-            re.fullmatch(f"[0-9a-f]{{{STATE_HASH_DIGITS}}}", episode.state_hash)
-            or (not episode.state_hash and not episode.success and not episode.ticks),
-            f"{STATE_HASH_DIGITS} hex digits, or none of what was not played",
+            re.fullmatch(f"[0-9a-f]{{{STATE_HASH_DIGITS}}}", episode.state_hash),
+            f"{STATE_HASH_DIGITS} hex digits",
         ),
         (
             "replayed",

@@ -12,23 +12,28 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.errors import PlacementFailure
+from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbation_choice import checked_perturbation
 from lerobot_env_bimanual.robots.arm_pair import FINGERS
 from lerobot_env_bimanual.task import Task
 from lerobot_env_bimanual.tasks.registry import list_tasks
 
 PROBE_SPLIT, PROBE_SEED = "val", 0
 VERSION_DIGITS = 12
+SILENT_S = 2.0
+"""So long worlds are looked at without a progress bar."""
 
 MODEL_PARTS = (
     "body",
@@ -80,13 +85,29 @@ def joint_version(worlds: Mapping[str, str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
 
 
-def other_worlds(recorded: Mapping[str, str]) -> str:
+def is_version(text: str) -> bool:
+    """Whether it has the form of a world's version."""
+    return bool(re.fullmatch(f"[0-9a-f]{{{VERSION_DIGITS}}}", text))
+
+
+def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:
+    """The version of each task's world, see `world_version`; "none" of a task or a perturbation that is not here."""
+    try:
+        checked_perturbation(perturb)
+    except InvalidChoice:
+        return dict.fromkeys(tasks, "none")
+    bar = tqdm([*tasks], "worlds", unit="task", leave=False, delay=SILENT_S)
+    return {task: world_version(task, perturb) if task in list_tasks() else "none" for task in bar}
+
+
+def other_worlds(recorded: Mapping[str, str], perturb: str) -> str:
     """Which tasks are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
 
     Args:
         recorded: task -> version of the world in which something was played.
+        perturb: what was different from the world as it is, `AXIS:LEVEL,...`.
     """
-    here = {task: world_version(task) if task in list_tasks() else "none" for task in recorded}
+    here = world_versions(recorded, perturb)
     return ", ".join(
         f"{task} in world {version} (here: {here[task]})"
         for task, version in recorded.items()

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from tqdm import tqdm
 
-from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.generation.executor import Executor, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
 from lerobot_env_bimanual.generation.progress import Progress
@@ -33,10 +32,9 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
     finished = _record(settings, staging, executor)
     folders = [(staging.shard_folder(shard.name), report) for shard, report in finished]
     command = settings.command(staging.root.name)
-    worlds = {task: world_version(task, settings.perturb) for task in settings.tasks}
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
-        jobs = [MergeJob(settings, view, command, worlds, folders, merged) for view in settings.views]
+        jobs = [MergeJob(settings, view, command, staging.worlds, folders, merged) for view in settings.views]
         shards = f"{len(folders)} shard{'s' if len(folders) > 1 else ''}"
         with tqdm(bar_format=f"merging {shards}, {{elapsed}}") as bar:
             for _ in executor.merge(jobs):

@@ -83,7 +83,7 @@ def _problems(folder: Path, view: View, origin: Origin) -> Iterator[str]:
         return  # which the seal has told
     if provenance.view != view:
         yield f"{folder} holds the view {provenance.view!r}"
-    if others := other_worlds(provenance.worlds):
+    if others := other_worlds(provenance.worlds, origin.settings.perturb):
         yield f"{folder} holds {others}, where the same seeds mean other episodes"
     if (count := len(provenance.episodes)) != origin.settings.total_episodes:
         yield f"{folder} has {count} episodes, not {origin.settings.total_episodes}"

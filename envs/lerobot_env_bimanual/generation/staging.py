@@ -1,7 +1,7 @@
 """The folder in which a dataset grows: `<root>.partial`, beside the place where it will appear whole.
 
     lock             held by the running process; the kernel frees it when the process ends, however it ends
-    settings.json    what is being generated, with versions
+    settings.json    what is being generated, with versions and worlds
     shards/000000/   a finished shard: report, checksums and, if it has episodes, one dataset per view
     tmp-.../         work in progress of some process
 
@@ -20,16 +20,18 @@ import re
 import shutil
 import socket
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from tqdm import tqdm
 
 from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.json_file import read_json
+from lerobot_env_bimanual.expert.world_version import is_version, other_worlds, world_versions
 from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.publication import is_published
@@ -65,6 +67,11 @@ class Staging:
         self._settings = settings
         self._origin = Origin.here(settings)
         self._lock: int | None = None
+
+    @cached_property
+    def worlds(self) -> dict[str, str]:
+        """Task -> version of the world in which its episodes are played."""
+        return world_versions(self._settings.tasks, self._settings.perturb)
 
     def __enter__(self) -> Self:
         """Take the lock, tidy up after killed runs, and check that the same dataset is meant."""
@@ -163,11 +170,20 @@ class Staging:
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
         self._shards.mkdir(exist_ok=True)
         stamp, stamped, damage = self.folder / STAMP, None, ""
+        begun_in: Mapping[str, str] = {}
         try:
-            stamped = Origin.from_dict(read_json(stamp)) if stamp.exists() else None
+            if stamp.exists():
+                content = read_json(stamp)
+                origin = Origin.from_dict(content)
+                stamped, begun_in = origin, _worlds_of(content, origin.settings)
         except BimanualError as error:
             damage = f"{stamp} is damaged ({error})"
         if stamped == self._origin:
+            if others := other_worlds(begun_in, self._settings.perturb):
+                raise DatasetError(
+                    f"{self.folder} was begun with {others}, where the same seeds mean other episodes. Repeat the command "
+                    "with the code that began it, choose another --root, or remove the folder"
+                )
             return
         finished = [*self._origins_of_whole_shards()]
         for found in finished or ([] if stamped is None else [stamped]):
@@ -179,7 +195,7 @@ class Staging:
                 f"{damage}; it is written again, and {len(finished)} whole shards of this dataset are kept"
             )
         with new_folder(self.folder) as temporary:
-            text = json.dumps(self._origin.to_dict(), indent=2) + "\n"
+            text = json.dumps(self._origin.to_dict() | {"worlds": self.worlds}, indent=2) + "\n"
             (temporary / STAMP).write_text(text, encoding="utf-8")
             move_durably(temporary / STAMP, stamp)
 
@@ -192,6 +208,17 @@ class Staging:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def _worlds_of(stamp: dict[str, Any], settings: GenerationSettings) -> dict[str, str]:
+    worlds = stamp.get("worlds")
+    if (
+        not isinstance(worlds, dict)
+        or worlds.keys() != {*settings.tasks}
+        or not all(isinstance(world, str) and is_version(world) for world in worlds.values())
+    ):
+        raise DatasetError("it must name the world of each of its tasks")
+    return worlds
 
 
 @contextmanager
