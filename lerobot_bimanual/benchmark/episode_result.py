@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.statistics import SuccessRate
 
+NOT_PLAYED = "not played"
+"""How the failure of an episode begins that nobody has played, since its worker died."""
+
 
 @dataclass(frozen=True)
 class EpisodeResult:

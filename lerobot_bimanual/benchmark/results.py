@@ -5,11 +5,16 @@ import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import date
-from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
+from lerobot_bimanual.benchmark.episode_result import (
+    NOT_PLAYED,
+    EpisodeResult,
+    Validation,
+    best_checkpoint,
+    success_rate,
+)
 from lerobot_bimanual.benchmark.flag_text import command_flags
 from lerobot_bimanual.benchmark.names import (
     dataset_name,
@@ -19,6 +24,7 @@ from lerobot_bimanual.benchmark.names import (
     result_name,
     run_name,
 )
+from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -40,39 +46,6 @@ RATES = "rates"
 
 class BadResult(BimanualError):
     """A result that is not what this version writes; the message names the field."""
-
-
-@dataclass(frozen=True)
-class DatasetRecord:
-    """What the policy learned from.
-
-    Attributes:
-        command: command line that makes the dataset again, with every option.
-        image_size: side of its images in pixels.
-        seeds: seed of each demonstration of the task that is scored, in the split `train`.
-        versions: package -> version with which it was made.
-    """
-
-    command: str
-    image_size: int
-    seeds: tuple[int, ...]
-    versions: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Machine:
-    """Where the policy was trained."""
-
-    cpus: int
-    gpu: str | None
-
-    @classmethod
-    def this(cls) -> Self:
-        """The machine at hand, with its first GPU."""
-        import torch
-
-        gpu = torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
-        return cls(cpu_count() or 1, gpu)
 
 
 @dataclass(frozen=True)
@@ -220,6 +193,10 @@ class ResultRow:
             yield "validation", same, f"must be on the same seeds from {seeds[0]} on for every checkpoint"
         best = best_checkpoint(self.validation).step if self.validation else steps
         yield "checkpoint_step", self.checkpoint_step == best, f"the best on val is that after {best} steps"
+        for who in ("episodes", "expert", "blind"):
+            failures = (episode.failure or "" for episode in getattr(self, who))
+            lost = any(failure.startswith(NOT_PLAYED) for failure in failures)
+            yield who, not lost, f"none may be {NOT_PLAYED!r}: an accident says nothing of who acts"
         for who in ("expert", "blind"):
             played: tuple[EpisodeResult, ...] = getattr(self, who)
             whole = all(
