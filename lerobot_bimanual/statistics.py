@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from math import comb, exp, lgamma, log, sqrt
 from statistics import NormalDist
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class SuccessRate:
@@ -81,6 +83,23 @@ def mcnemar_p_value(only_first: int, only_second: int) -> float:
     differing = only_first + only_second
     tail = sum(comb(differing, k) for k in range(min(only_first, only_second) + 1))
     return min(1.0, 2 * tail / 2**differing)
+
+
+def sign_flip_p_value(differences: Sequence[int]) -> float:
+    """Two-sided exact permutation test of paired differences, by their signs (Fisher 1935, Pitman 1937).
+
+    If both were equally good, each difference could as well have the other sign; this is the probability of a sum at least as
+    far from zero as the one seen, over all signs. Of differences of 1, 0 and -1 it is McNemar's.
+
+    Args:
+        differences: one per episode, first less second, in a unit that makes them integers.
+    """
+    total = sum(map(abs, differences))
+    chances = np.ones(1)  # of each sum of those that are positive; the whole sum is twice that less `total`
+    for size in map(abs, differences):
+        chances = (np.pad(chances, (0, size)) + np.pad(chances, (size, 0))) / 2
+    sums = 2 * np.arange(total + 1) - total
+    return min(1.0, float(chances[abs(sums) >= abs(sum(differences))].sum()))
 
 
 def anytime_p_value(only_first: int, only_second: int) -> float:

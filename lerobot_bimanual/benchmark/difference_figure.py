@@ -21,7 +21,7 @@ CAPTION = (
 
 
 def difference_figure(comparisons: Mapping[str, Comparison]) -> Canvas:
-    """One line per task, by name: the difference with its errors, episodes that only one solved, and p-values."""
+    """One line per task, by name: the difference with its errors, on how many episodes either is better, and p-values."""
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
     one = next(iter(comparisons.values()))
     subject = f"first ({one.first[0].policy}) less second ({one.second[0].policy})"
@@ -37,7 +37,7 @@ def difference_figure(comparisons: Mapping[str, Comparison]) -> Canvas:
         canvas.text(MARGIN, 48 + 18 * number, text, GREY, 12)
     reach = _reach(comparisons)
     _draw_axis(canvas, height - 2 * MARGIN, reach)
-    for x, heading in zip(COLUMNS, ("only one solved", "p", "p (Holm)"), strict=True):
+    for x, heading in zip(COLUMNS, ("better on", "p", "p (Holm)"), strict=True):
         canvas.text(x, TOP - 24, heading, GREY, 12, "rm")
     for number, (place, comparison) in enumerate(comparisons.items()):
         _draw_line(canvas, TOP + LINE * (number + 0.5), reach, place, comparison, corrected[number])
@@ -74,8 +74,7 @@ def _draw_line(
             low, high = (_x(comparison.difference + sign * error, reach) for sign in (-1, 1))
             canvas.line((low, y + below), (high, y + below), color, 2.5)
     canvas.mark("circle", x, y, BLUE, hollow=p_holm > LEVEL)
-    solved = f"{comparison.pairing.only_first}, {comparison.pairing.only_second}"
-    values = (solved, f"{comparison.p_value:.2g}", f"{p_holm:.2g}")
+    values = ("{}, {}".format(*comparison.better), f"{comparison.p_value:.2g}", f"{p_holm:.2g}")
     for right, value in zip(COLUMNS, values, strict=True):
         canvas.text(right, y, value, INK, anchor="rm")
 

@@ -28,12 +28,19 @@ def check_likeness(rows: Rows) -> None:
 
 
 def check_trainings(rows: Rows) -> None:
-    """Trainings of one policy are of one recipe, and those for one line differ in nothing but their seed.
+    """Trainings of one policy are of one recipe, and those for one line differ in their weights and seed, and in nothing else.
 
     Raises:
-        BimanualError: they do; the message names both files.
+        BimanualError: they are not; the message names both files.
     """
     _check(rows, _of_training)
+    first: dict[tuple[str, str, str], Path] = {}
+    for path, row in rows.items():
+        elsewhere = first.setdefault((row.place, row.learner, row.checkpoint_sha256), path)
+        if elsewhere != path:
+            raise BimanualError(
+                f"{path}: it has the weights of {elsewhere}, so it is no other training; leave one out"
+            )
 
 
 def _check(rows: Rows, facts: Callable[[ResultRow], Mapping[str, object]]) -> None:

@@ -3,12 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
+from math import lcm, sqrt
 
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.statistics import SuccessRate, anytime_p_value, mcnemar_p_value, standard_deviation
+from lerobot_bimanual.statistics import (
+    SuccessRate,
+    anytime_p_value,
+    mcnemar_p_value,
+    sign_flip_p_value,
+    standard_deviation,
+)
 
 
 @dataclass(frozen=True)
@@ -43,14 +49,6 @@ class Pairing:
         """Of McNemar's exact test, two-sided."""
         return mcnemar_p_value(self.only_first, self.only_second)
 
-    def __add__(self, other: "Pairing") -> "Pairing":
-        return Pairing(
-            self.both + other.both,
-            self.only_first + other.only_first,
-            self.only_second + other.only_second,
-            self.neither + other.neither,
-        )
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -61,7 +59,8 @@ class Comparison:
         second: trainings of the second.
 
     Raises:
-        BimanualError: the rows differ in task, world, variation or simulation, or share no seed.
+        BimanualError: the rows differ in task, world, variation or simulation, share no seed, or are of several trainings
+            where a test went on only until it was sure.
     """
 
     first: tuple[ResultRow, ...]
@@ -73,6 +72,11 @@ class Comparison:
             _check_likeness(rows[0], row)
         if not self.seeds:
             raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
+        if self.was_stopped and self.trained_often:
+            raise BimanualError(
+                f"a test with --stop_when_sure compares one training with one, but here are {len(self.first)} and "
+                f"{len(self.second)} on {rows[0].place}; compare two files, or leave the stopped ones out"
+            )
 
     @cached_property
     def seeds(self) -> tuple[int, ...]:
@@ -87,10 +91,21 @@ class Comparison:
         return [_rate(solved) for solved in first], [_rate(solved) for solved in second]
 
     @property
-    def pairing(self) -> Pairing:
-        """Outcomes on the same episodes, of the trainings in turn as far as both have as many."""
-        pairs = zip(*self._outcomes, strict=False)
-        return sum((Pairing.of(one, other) for one, other in pairs), Pairing(0, 0, 0, 0))
+    def pairing(self) -> Pairing | None:
+        """Outcomes on the same episodes; None if either was trained several times, so that one has several."""
+        (first, *_), (second, *_) = self._outcomes
+        return None if self.trained_often else Pairing.of(first, second)
+
+    @property
+    def better(self) -> tuple[int, int]:
+        """Number of episodes that the first solves more often than the second, in shares of its trainings, and the reverse."""
+        differences = self._differences
+        return sum(value > 0 for value in differences), sum(value < 0 for value in differences)
+
+    @property
+    def trained_often(self) -> bool:
+        """Whether either was trained several times."""
+        return max(len(self.first), len(self.second)) > 1
 
     @property
     def was_stopped(self) -> bool:
@@ -100,15 +115,18 @@ class Comparison:
     @property
     def test(self) -> str:
         """What gives the p-value."""
-        return "a test that may be looked at any time" if self.was_stopped else "McNemar's exact test"
+        if self.was_stopped:
+            return "a test that may be looked at any time"
+        return "the exact sign-flip permutation test" if self.trained_often else "McNemar's exact test"
 
     @property
     def p_value(self) -> float:
-        """Of that test, two-sided."""
-        pairing = self.pairing
-        if self.was_stopped:
-            return anytime_p_value(pairing.only_first, pairing.only_second)
-        return pairing.p_value
+        """Of that test, two-sided.
+
+        Trainings play the same episodes, and what is hard for one is hard for the others. So an episode counts once,
+        with the mean over its trainings; for one training of each that is McNemar's test.
+        """
+        return anytime_p_value(*self.better) if self.was_stopped else sign_flip_p_value(self._differences)
 
     @property
     def difference(self) -> float:
@@ -119,12 +137,7 @@ class Comparison:
     @property
     def episode_error(self) -> float:
         """Standard error of the difference that comes of which episodes were drawn, for these very trainings."""
-        first, second = self._outcomes
-        by_episode = [
-            _mean(one) - _mean(other)
-            for one, other in zip(zip(*first, strict=True), zip(*second, strict=True), strict=True)
-        ]
-        return standard_deviation(by_episode) / sqrt(len(by_episode))
+        return standard_deviation(self._differences) / self._unit / sqrt(len(self.seeds))
 
     @property
     def training_error(self) -> float | None:
@@ -135,6 +148,20 @@ class Comparison:
         return sqrt(
             standard_deviation(first) ** 2 / len(first) + standard_deviation(second) ** 2 / len(second)
         )
+
+    @property
+    def _unit(self) -> int:
+        """Into how many parts a success is divided so that shares of either's trainings are integers."""
+        return lcm(len(self.first), len(self.second))
+
+    @cached_property
+    def _differences(self) -> list[int]:
+        """By episode, mean success of the first less that of the second, in those parts."""
+        first, second = (
+            [sum(solved) * self._unit // len(solved) for solved in zip(*outcomes, strict=True)]
+            for outcomes in self._outcomes
+        )
+        return [one - other for one, other in zip(first, second, strict=True)]
 
     @cached_property
     def _outcomes(self) -> tuple[list[list[bool]], list[list[bool]]]:

@@ -138,8 +138,8 @@ class Pipeline:
         finally:
             marker = replace(marker, seconds=seconds + time.monotonic() - started)
             self._write(command, marker)
-        measured = command.judges and command.output is not None and command.output.exists()
-        if code and not measured:
+        verdict = code == 1 and command.judges and command.output is not None and command.output.exists()
+        if code and not verdict:
             raise BimanualError(
                 f"{command.name!r} failed with exit code {code}; its output is above. "
                 f"The same command line continues from here. What failed was: {shlex.join(words)}"
@@ -157,29 +157,16 @@ class Pipeline:
         """Wall time of a command that is done, with the runs that were interrupted and resumed."""
         return self._marker(command).seconds
 
-    def _path(self, command: Command) -> Path:
-        return self._folder / f"{command.name}.command.json"
-
-    def _read(self, command: Command) -> _Marker | None:
-        """The marker that lies in a command's place, be it of this command or of one with other flags."""
-        path = self._path(command)
-        if not path.is_file():
-            return None
-        try:
-            return decode(_Marker, read_json(path), "the marker")
-        except BimanualError as error:
-            raise BimanualError(f"the marker {path} is damaged ({error}); remove it and try again") from error
-
     def _marker(self, command: Command) -> _Marker:
         """The marker of this very command and these inputs; a fresh one if they were never begun."""
         inputs = {str(path): made_before(path) for path in command.inputs}
-        found = self._read(command)
+        found = _read(self._folder, command)
         if found is not None and (found.command, found.inputs) == (str(command), inputs):
             return found
         return _Marker(str(command), inputs, done=False, seconds=0.0)
 
     def _write(self, command: Command, marker: _Marker) -> None:
-        write_file(self._path(command), json.dumps(asdict(marker), indent=1) + "\n")
+        write_file(_path(self._folder, command), json.dumps(asdict(marker), indent=1) + "\n")
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The words that go on from the last checkpoint; None if there is none to go on from."""
@@ -196,13 +183,38 @@ class Pipeline:
             # lerobot-train refuses an existing folder, and in this one is nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
-        found = self._read(command)
+        found = _read(self._folder, command)
         if found is None or found.command != str(command):
             raise BimanualError(
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
             )
         return [command.words[0], f"--config_path={last}", "--resume=true"]
+
+
+def begun(folder: Path, command: Command) -> str:
+    """The command line that was last begun there under a command's name, be it with other flags; empty if none was.
+
+    Raises:
+        BimanualError: its marker is damaged.
+    """
+    marker = _read(folder, command)
+    return "" if marker is None else marker.command
+
+
+def _path(folder: Path, command: Command) -> Path:
+    return folder / f"{command.name}.command.json"
+
+
+def _read(folder: Path, command: Command) -> _Marker | None:
+    """The marker that lies in a command's place, be it of this command or of one with other flags."""
+    path = _path(folder, command)
+    if not path.is_file():
+        return None
+    try:
+        return decode(_Marker, read_json(path), "the marker")
+    except BimanualError as error:
+        raise BimanualError(f"the marker {path} is damaged ({error}); remove it and try again") from error
 
 
 def made_before(path: Path) -> str:

@@ -10,6 +10,7 @@ from lerobot_bimanual.benchmark.flag_text import (
     OWN_TRAINING_FLAGS,
     further_flags,
 )
+from lerobot_bimanual.benchmark.limits import MOST_SEED, check_number, variation_name
 from lerobot_bimanual.benchmark.names import (
     dataset_name,
     learner_name,
@@ -19,7 +20,7 @@ from lerobot_bimanual.benchmark.names import (
     run_name,
 )
 from lerobot_bimanual.benchmark.pipeline import Command, flag_words
-from lerobot_bimanual.benchmark.protocol import PROTOCOLS, Protocol, ScoredSplit
+from lerobot_bimanual.benchmark.protocol import PROTOCOLS, Protocol, RecipeName, ScoredSplit
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
@@ -37,7 +38,7 @@ class BenchmarkConfig:
     # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
     # and its last checkpoint is scored. By default it learns from this task alone.
     trained_on: str = ""
-    recipe: str = "small"  # file of the policy's training, and the numbers of the protocol: small or paper
+    recipe: RecipeName = "small"  # file of the policy's training, and the numbers of the protocol
     demos: int | None = None  # demonstrations; by default 100
     image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
     steps: int | None = None  # optimiser steps; by default the recipe's
@@ -85,13 +86,14 @@ class Plan:
         """Look up recipe and protocol.
 
         Raises:
-            BimanualError: the task or variation is not one, policy or recipe is not installed, a number is too
-                small, nothing would choose among several checkpoints, or further flags are not allowed.
+            BimanualError: the task or variation is not one, policy or recipe is not installed, a number is out of
+                range, nothing would choose among several checkpoints, or further flags are not allowed.
         """
         if not config.task.isidentifier():
             raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
-        if config.variation != "any" and not config.variation.isdecimal():
-            raise BimanualError(f"variation is {config.variation!r}, but must be an index or any")
+        config = replace(config, variation=variation_name(config.variation))
+        for name, most in MOST_SEED.items():
+            check_number(name, getattr(config, name), 0, most)
         if config.trained_on == config.task:
             config = replace(config, trained_on="")
         if config.trained_on:
@@ -333,7 +335,5 @@ def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:
     numbers = {field.name: getattr(config, field.name, None) for field in fields(kind)}
     given = {name: number for name, number in numbers.items() if number is not None}
     for name, number in given.items():
-        least = 0 if name == "val_episodes" else 1
-        if number < least:
-            raise BimanualError(f"{name} is {number}, but must be at least {least}")
+        check_number(name, number, 0 if name == "val_episodes" else 1)
     return given

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 ScoredSplit = Literal["val", "test"]
+RecipeName = Literal["small", "paper"]
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,12 @@ command says itself.
 import shlex
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.protocol import RecipeName
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
 from lerobot_bimanual.errors import BimanualError
 
@@ -31,7 +32,7 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
         task=row.task,
         variation=row.variation,
         trained_on=row.trained_on,
-        recipe=row.recipe,
+        recipe=cast(RecipeName, row.recipe),  # another one is refused below
         demos=len(row.dataset.seeds),
         image_size=row.dataset.image_size,
         steps=int(row.flags["steps"]),
@@ -45,7 +46,7 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
         first_seed=min(episode.seed for episode in row.episodes),
         device=row.flags.get("policy.device"),
     )
-    usual = Plan.of(BenchmarkConfig(policy=row.policy, recipe=row.recipe))
+    usual = Plan.of(BenchmarkConfig(policy=row.policy, recipe=asked.recipe))
     numbers = vars(usual.protocol) | vars(usual.recipe)
     said_anyway = {name: None for name, number in numbers.items() if getattr(asked, name, None) == number}
     config = replace(asked, **said_anyway, train_flags=_further_flags(row, Plan.of(asked).training_flags()))
@@ -71,7 +72,15 @@ def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:
         for name, value in row.flags.items()
         if name not in INCIDENTAL and (name not in today or flag_value(today[name]) != flag_value(value))
     ]
-    return " ".join(word if shlex.split(word) == [word] else shlex.quote(word) for word in others)
+    return " ".join(word if _is_a_word(word) else shlex.quote(word) for word in others)
+
+
+def _is_a_word(text: str) -> bool:
+    """Whether a shell's words, without its expansions, are just this one."""
+    try:
+        return shlex.split(text) == [text]
+    except ValueError:  # a quote that does not end
+        return False
 
 
 def beyond_recipe(config: BenchmarkConfig) -> str:
@@ -103,8 +112,11 @@ def _quoted(name: str, value: str) -> str:
 
 
 def flag_value(text: str) -> Any:
-    """What LeRobot reads from a flag: `2e-3` and `0.002` are one number."""
-    value = yaml.safe_load(text)
+    """What LeRobot reads from a flag: `2e-3` and `0.002` are one number. Of what nobody can read, the text itself."""
+    try:
+        value = yaml.safe_load(text)
+    except Exception:  # YAML's readers of damaged values raise nearly anything
+        return text
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:

@@ -5,11 +5,15 @@ import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import date
-from os import cpu_count
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint, success_rate
+from lerobot_bimanual.benchmark.episode_result import (
+    EpisodeResult,
+    Validation,
+    best_checkpoint,
+    success_rate,
+)
 from lerobot_bimanual.benchmark.flag_text import command_flags
 from lerobot_bimanual.benchmark.names import (
     dataset_name,
@@ -19,6 +23,7 @@ from lerobot_bimanual.benchmark.names import (
     result_name,
     run_name,
 )
+from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -40,39 +45,6 @@ RATES = "rates"
 
 class BadResult(BimanualError):
     """A result that is not what this version writes; the message names the field."""
-
-
-@dataclass(frozen=True)
-class DatasetRecord:
-    """What the policy learned from.
-
-    Attributes:
-        command: command line that makes the dataset again, with every option.
-        image_size: side of its images in pixels.
-        seeds: seed of each demonstration of the task that is scored, in the split `train`.
-        versions: package -> version with which it was made.
-    """
-
-    command: str
-    image_size: int
-    seeds: tuple[int, ...]
-    versions: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Machine:
-    """Where the policy was trained."""
-
-    cpus: int
-    gpu: str | None
-
-    @classmethod
-    def this(cls) -> Self:
-        """The machine at hand, with its first GPU."""
-        import torch
-
-        gpu = torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
-        return cls(cpu_count() or 1, gpu)
 
 
 @dataclass(frozen=True)

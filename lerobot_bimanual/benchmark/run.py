@@ -7,6 +7,7 @@ from itertools import batched
 
 from rich.console import Console
 
+from lerobot_bimanual.benchmark.earlier_row import read_earlier
 from lerobot_bimanual.benchmark.episode_result import Validation, best_checkpoint, success_rate
 from lerobot_bimanual.benchmark.flag_text import command_flags
 from lerobot_bimanual.benchmark.measurements import (
@@ -22,13 +23,12 @@ from lerobot_bimanual.benchmark.results import (
     PLACES,
     ROW_SCHEMA_VERSION,
     BadResult,
-    DatasetRecord,
-    Machine,
     ResultRow,
 )
+from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
+from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.statistics import SuccessRate, anytime_p_value
@@ -56,9 +56,11 @@ def run(plan: Plan, console: Console) -> ResultRow:
     """Run what is not done yet, and write the result.
 
     Raises:
-        BimanualError: a command failed, or what was measured at different times does not belong together.
+        BimanualError: a command failed, what was measured at different times does not belong together, or the result of
+            another measurement would be replaced.
     """
     config, rival = plan.config, read_rival(plan)
+    earlier = read_earlier(plan, rival, plan.seeds("test")[:SEEDS_AT_A_TIME])
     Pipeline(plan.source, console).run(plan.generation())
     shared = Pipeline(plan.folder, console)
     for control in ("expert", "blind"):
@@ -86,7 +88,10 @@ def run(plan: Plan, console: Console) -> ResultRow:
         tested = _test(plan, own, step, expert.world)
     else:
         tested = play_until_sure(plan, own, step, rival)
-    seeds = [episode.seed for episode in tested.episodes]
+    seeds, weights = [episode.seed for episode in tested.episodes], made_before(plan.weights(step))
+    # A finished benchmark that is run again was neither trained nor played where and when that happens.
+    trained = earlier if earlier is not None and earlier.checkpoint_sha256 == weights else None
+    played = trained if trained is not None and trained.episodes == tested.episodes else None
     try:
         row = ResultRow(
             schema_version=ROW_SCHEMA_VERSION,
@@ -98,7 +103,7 @@ def run(plan: Plan, console: Console) -> ResultRow:
             flags={name: value for name, value in plan.training_flags().items() if name not in PLACES},
             dataset=_dataset_record(plan),
             checkpoint_step=step,
-            checkpoint_sha256=made_before(plan.weights(step)),
+            checkpoint_sha256=weights,
             validation=tuple(validations),
             split="test",
             options=tested.options,
@@ -108,9 +113,9 @@ def run(plan: Plan, console: Console) -> ResultRow:
             expert=tuple(episode for episode in expert.episodes if episode.seed in seeds),
             blind=tuple(episode for episode in blind.episodes if episode.seed in seeds),
             training_seconds=round(training.seconds(plan.training()), 1),
-            machine=Machine.this(),
-            versions=result_versions(),
-            date=date.today().isoformat(),
+            machine=Machine.this() if trained is None else trained.machine,
+            versions=tested.versions,
+            date=date.today().isoformat() if played is None else played.date,
         )
     except ValueError as error:
         raise BadResult(

@@ -23,7 +23,7 @@ def benchmark(config: BenchmarkConfig) -> None:
         lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     plan, console = Plan.of(config), Console()
-    check_task(config)
+    check_task(plan.config)
     if config.dry_run:
         show(plan, console)
     else:

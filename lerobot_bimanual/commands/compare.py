@@ -35,12 +35,13 @@ class CompareConfig:
 def compare(config: CompareConfig) -> None:
     """Compare two policies episode by episode, on one task or on several.
 
-    Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, how many episodes
-    only one policy solved, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks.
+    Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
+    either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks.
     Overlapping intervals do not mean that two policies are equal: on the same episodes the paired test sees smaller
     differences. Of policies that were trained several times, every training stands there, and the standard error of the
-    difference is told apart by where it comes from: the episodes that were drawn, and the trainings. The test is about
-    these trainings; whether others would differ likewise, the second error says.
+    difference is told apart by where it comes from: the episodes that were drawn, and the trainings. An episode then counts
+    once, with the mean over its trainings, and the p-value is that of the exact sign-flip permutation test. It is about these
+    trainings; whether others would differ likewise, the second error says.
 
     Two results of `ladder` on one task are paired on every rung that both have.
 
@@ -105,19 +106,18 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
 
 
 def _print(comparisons: dict[str, Comparison]) -> None:
-    headings = ("task", "first", "second", "difference", "only one solved", "p", "p (Holm)")
+    headings = ("task", "first", "second", "difference", "better on", "p", "p (Holm)")
     rows = []
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
     for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True):
         first, second = comparison.rates
-        pairing = comparison.pairing
         rows.append(
             (
                 place,
                 _rates(first),
                 _rates(second),
                 _difference(comparison),
-                f"{pairing.only_first}, {pairing.only_second}",
+                "{}, {}".format(*comparison.better),
                 f"{comparison.p_value:.3g}",
                 f"{p_holm:.3g}",
             )
@@ -143,11 +143,20 @@ def _difference(comparison: Comparison) -> str:
 def _remarks(comparisons: dict[str, Comparison]) -> list[str]:
     remarks = []
     for place, comparison in comparisons.items():
-        pairing = comparison.pairing
-        remarks.append(
-            f"{place}: both {pairing.both}, only the first {pairing.only_first}, only the second "
-            f"{pairing.only_second}, neither {pairing.neither}; {comparison.test}: p = {comparison.p_value:.3g}"
-        )
+        remarks.append(f"{place}: {_episodes(comparison)}; {comparison.test}: p = {comparison.p_value:.3g}")
     if any(comparison.training_error is None for comparison in comparisons.values()):
         remarks.append("A single training of a policy does not say how far another one would be from it.")
     return remarks
+
+
+def _episodes(comparison: Comparison) -> str:
+    """Who solved how many of them."""
+    pairing = comparison.pairing
+    if pairing is None:
+        first, second = comparison.better
+        equal = len(comparison.seeds) - first - second
+        return f"the first is better on {first} episodes, the second on {second}, equal on {equal}"
+    return (
+        f"both {pairing.both}, only the first {pairing.only_first}, only the second {pairing.only_second}, "
+        f"neither {pairing.neither}"
+    )

@@ -4,7 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation
-from lerobot_bimanual.benchmark.results import DatasetRecord, Machine, ResultRow
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.evaluation.action_text import actions_to_text
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode

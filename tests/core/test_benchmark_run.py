@@ -2,6 +2,7 @@
 
 import json
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
+from lerobot_bimanual.benchmark.training_record import Machine
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
@@ -31,6 +33,7 @@ class Programs:
         tasks: of the demonstrations.
         failure: of the blind control where it failed.
         leaves_weights: whether a checkpoint holds any.
+        tested_with: versions of the test.
     """
 
     def __init__(self):
@@ -39,6 +42,7 @@ class Programs:
         self.tasks = ["lift_ball"]
         self.failure = "fell"
         self.leaves_weights = True
+        self.tested_with = installed_versions() | {"torch": "2"}
 
     def __call__(self, folder: Path, console: Console) -> "Programs":
         return self
@@ -60,12 +64,12 @@ class Programs:
                     weights = Path(
                         flags["output_dir"], f"checkpoints/{step:06d}/pretrained_model/model.safetensors"
                     )
-                    weights.parent.mkdir(parents=True)
+                    weights.parent.mkdir(parents=True, exist_ok=True)
                     if self.leaves_weights:
                         weights.write_text(str(step))
 
     def _generate(self, root: Path, perturb: str) -> None:
-        (root / "meta").mkdir(parents=True)
+        (root / "meta").mkdir(parents=True, exist_ok=True)
         Provenance(
             schema_version=SCHEMA_VERSION,
             view="keyframes",
@@ -87,13 +91,13 @@ class Programs:
         path.write_text(json.dumps(head | {"worlds": {"lift_ball": self.worlds[control]}}))
 
     def _evaluate(self, folder: Path, split: str, perturb: str) -> None:
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         successes = {"metrics": {"successes": [letter == "x" for letter in OUTCOMES[split]]}}
         (folder / "eval_info.json").write_text(json.dumps({"per_task": [successes]}))
         if split == "test":
             options = {"split": "test", "perturb": perturb}
             world, episodes = self.worlds["test"], recorded(OUTCOMES["test"])
-            record = EvaluationRecord(1, "lift_ball", world, options, 2, ROW.versions, episodes)
+            record = EvaluationRecord(1, "lift_ball", world, options, 2, self.tested_with, episodes)
             record.write(folder / f"{perturbed('lift_ball', perturb)}_test_record.json")
 
 
@@ -182,3 +186,66 @@ def test_weights_that_are_gone_are_named(programs, config):
     programs.leaves_weights = False
     with pytest.raises(BimanualError, match=r"model\.safetensors cannot be read \(No such file"):
         run(config)
+
+
+def test_a_finished_benchmark_that_is_run_again_leaves_its_row_as_it_was(programs, config):
+    row = run(config)
+    before = replace(row, machine=Machine(99, "another GPU"), date="2026-01-31")
+    Plan.of(config).result.write_text(before.to_json())
+    assert run(config) == before
+
+
+def test_a_stopped_benchmark_may_be_run_again_and_not_become_a_full_one(programs, config, tmp_path):
+    rival = tmp_path / "rival.json"
+    rival.write_text(ROW.to_json())
+    stopped = replace(config, stop_when_sure=rival)
+    assert run(stopped) == run(stopped)
+    with pytest.raises(BimanualError, match=r"stopped against .* is '0f0f.*, but None is asked for"):
+        run(config)
+
+
+def test_a_row_has_the_versions_of_its_test(programs, config):
+    programs.tested_with |= {"torch": "1.0"}
+    assert run(config).versions["torch"] == "1.0"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"first_seed": 1}, r"tested seeds .* is \[0, 1, 2, 3\], but \[1, 2, 3, 4\] is asked for"),
+        ({"test_episodes": 3}, r"tested seeds .*, but \[0, 1, 2\] is asked for"),
+        ({"val_episodes": 3}, r"validation episodes .* is 2, but 3 is asked for"),
+        ({"train_flags": "--policy.depth=5"}, r"flag --policy\.depth of the training is '3', but '5'"),
+        (
+            {"eval_flags": "--policy.use_amp=false"},
+            r"flag --policy\.use_amp of the test is None, but 'false'",
+        ),
+        ({"stop_when_sure": Path("rival.json")}, r"stopped against .* is None, but '1f1f1f"),
+    ],
+)
+def test_a_row_of_another_measurement_is_not_replaced(
+    changes, message, programs, config, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("rival.json").write_text(replace(ROW, checkpoint_sha256="1f" * 32).to_json())
+    plan = Plan.of(config)
+    run(config)
+    test = plan.evaluation("test", 4)
+    marker = {"command": str(test), "inputs": {}, "done": True, "seconds": 1.0}
+    (plan.run_folder / f"{test.name}.command.json").write_text(json.dumps(marker))
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
+    with pytest.raises(
+        BimanualError, match=rf"seed1000\.json would be replaced: its .*{message}.*move the file"
+    ):
+        run(replace(config, **changes))
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
+    run(replace(config, eval_flags="--env.video_dir=films"))  # which changes nothing in the row
+
+
+def test_a_row_that_cannot_be_read_is_not_replaced(programs, config):
+    run(config)
+    result = Plan.of(config).result
+    result.write_text("{")
+    with pytest.raises(BadResult, match=r"must be JSON.*choose another --output, or move the file"):
+        run(config)
+    assert result.read_text() == "{"

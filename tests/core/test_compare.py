@@ -17,6 +17,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import play_until_sure, run
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.statistics import anytime_p_value, mcnemar_p_value
 
 
 def test_episodes_are_paired_by_seed():
@@ -73,8 +74,55 @@ def test_the_spread_of_episodes_and_that_of_trainings_are_told_apart():
     # By episode the difference is 0, 1, 0.5 and 0.5; the first's trainings differ by a half, the second's not at all.
     assert comparison.episode_error == pytest.approx((0.5 / 3) ** 0.5 / 2)
     assert comparison.training_error == pytest.approx((0.125 / 2) ** 0.5)
-    assert comparison.pairing == Pairing(both=2, only_first=4, only_second=0, neither=2)
+    assert comparison.pairing is None
+    assert comparison.better == (3, 0)
     assert Comparison(first[:1], second).training_error is None
+
+
+def test_trainings_on_the_same_episodes_are_no_further_episodes():
+    first, second = (trained(1, "xxx."), trained(2, "xx.x")), (trained(1, "...x", "other"),)
+    once, twice = Comparison(first[:1], second), Comparison(first, second)
+    assert once.test == "McNemar's exact test"
+    assert once.p_value == pytest.approx(mcnemar_p_value(3, 1))
+    assert twice.test == "the exact sign-flip permutation test"
+    # In halves of a success the differences are 2, 2, 1 and -1; of 16 choices of their signs six reach 4 or -4.
+    assert twice.p_value == pytest.approx(6 / 16)
+    alike = Comparison((first[0], trained(3, "xxx.")), (second[0], trained(4, "...x", "other")))
+    assert alike.p_value == pytest.approx(once.p_value)
+
+
+def test_a_row_twice_is_no_second_training(tmp_path):
+    put(tmp_path, trained(1, "xxxx"))
+    (tmp_path / "again.json").write_text(trained(1, "xxxx").to_json())
+    with pytest.raises(
+        BimanualError, match=r"seed1\.json: it has the weights of .*again\.json.*leave one out"
+    ):
+        compare(CompareConfig(first=tmp_path, second=tmp_path))
+
+
+def test_one_network_may_play_several_tasks_and_each_be_compared(tmp_path, capsys):
+    for task in ("lift_ball", "push_box"):
+        put(tmp_path, trained(1, "xxxx", task=task))
+    compare(CompareConfig(first=tmp_path, second=tmp_path))
+    assert capsys.readouterr().out.count("McNemar's exact test: p = 1") == 2
+
+
+def test_of_several_trainings_it_is_said_on_how_many_episodes_either_is_better(tmp_path, capsys):
+    for seed, outcomes in ((1, "xxx."), (2, "xx.x")):
+        put(tmp_path, trained(seed, outcomes))
+    put(tmp_path, trained(1, "...x", "other"))
+    compare(CompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other"))
+    assert (
+        "lift_ball: the first is better on 3 episodes, the second on 1, equal on 0; the exact sign-flip permutation test: p ="
+        in capsys.readouterr().out
+    )
+
+
+def test_a_stopped_test_is_not_compared_with_several_trainings():
+    stopped = replace(trained(2, "xxxx"), stopped_against="0f" * 32)
+    with pytest.raises(BimanualError, match=r"--stop_when_sure .* but here are 2 and 1 on lift_ball"):
+        Comparison((trained(1, "xxxx"), stopped), (trained(1, "....", "other"),))
+    assert Comparison((stopped,), (trained(1, "....", "other"),)).p_value == anytime_p_value(4, 0)
 
 
 def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """Results of benchmarks side by side: what does not belong together is refused, and then nothing is written."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from made_up_rows import ROW, episodes, generation, played, put, recorded, row_o
 
 from lerobot_bimanual.benchmark.episode_result import Validation
 from lerobot_bimanual.benchmark.leaderboard import render
+from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
@@ -247,3 +249,28 @@ def test_a_row_with_damage_in_it_is_named_and_nothing_is_written(results: Path, 
     with pytest.raises(BadResult, match=path.name):
         leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert not (tmp_path / "page.md").exists()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "{",
+        "[1",
+        "2026-13-45",
+        "!!int x",
+        "!!timestamp x",
+        "? [a]: :",
+        "it's",
+        "&a [*a]",
+        "*b",
+        "@",
+        "9" * 5000,
+    ],
+)
+def test_a_flag_that_is_no_yaml_is_compared_as_it_stands(value: str, results: Path):
+    row = row_of("mine", "push_box")
+    put(results, replace(row, flags=row.flags | {"policy.name": value}))
+    render(results)
+    assert shlex.split(config_of(row).train_flags) == []
+    damaged = ResultRow.read(results / row.file_name)
+    assert shlex.split(config_of(damaged).train_flags) == [f"--policy.name={value}"]

@@ -108,6 +108,16 @@ def test_a_verdict_is_no_failure_if_it_was_written(tmp_path, pipeline):
     assert count(tmp_path) == 1
 
 
+def test_only_a_command_that_exits_with_one_has_judged(tmp_path, pipeline):
+    output = tmp_path / "verdict"
+    program = f"open({str(output)!r}, 'w'); raise SystemExit(3)"
+    command = counting(tmp_path, more=program, output=output, judges=True)
+    for _ in range(2):
+        with pytest.raises(BimanualError, match="'count' failed with exit code 3"):
+            pipeline.run(command)
+    assert count(tmp_path) == 2
+
+
 def test_an_old_verdict_does_not_hide_a_failure(tmp_path, pipeline):
     output = tmp_path / "verdict"
     output.touch()

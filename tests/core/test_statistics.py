@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -6,6 +8,7 @@ from lerobot_bimanual.statistics import (
     anytime_p_value,
     holm,
     mcnemar_p_value,
+    sign_flip_p_value,
     standard_deviation,
     wilson_interval,
 )
@@ -56,6 +59,23 @@ def test_a_rate_reads_as_counts_and_interval():
 )
 def test_mcnemars_test_has_the_binomial_tail(only_first, only_second, p_value):
     assert mcnemar_p_value(only_first, only_second) == pytest.approx(p_value)
+
+
+@pytest.mark.parametrize(
+    "differences", [[3], [2, -1, 0, 3], [1, 1, -2, 4, 4, 0, -1], [5, 3, 3, 2, 1, -1, 6, 6]]
+)
+def test_the_sign_flip_test_counts_all_signs(differences):
+    sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]
+    at_least = np.mean([value >= abs(sum(differences)) for value in sums])
+    assert sign_flip_p_value(differences) == pytest.approx(at_least)
+
+
+@pytest.mark.parametrize(
+    ("only_first", "only_second"), [(0, 0), (1, 9), (5, 5), (6, 0), (31, 12), (700, 600)]
+)
+def test_the_sign_flip_test_of_single_successes_is_mcnemars(only_first, only_second):
+    differences = [1] * only_first + [-1] * only_second + [0] * 7
+    assert sign_flip_p_value(differences) == pytest.approx(mcnemar_p_value(only_first, only_second))
 
 
 def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():

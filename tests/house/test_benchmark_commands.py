@@ -9,7 +9,8 @@ from lerobot_bimanual import cli
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation, best_checkpoint
 from lerobot_bimanual.benchmark.flag_text import further_flags
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_bimanual.benchmark.protocol import PROTOCOLS
+from lerobot_bimanual.cli.flags import flags_of, parse_flags
 from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo
 from lerobot_bimanual.errors import BimanualError
@@ -179,9 +180,10 @@ def test_further_flags_that_cannot_be_meant_are_refused(text, message):
     [
         ({"task": "lift_ball,push_box"}, "is 'lift_ball,push_box', but a benchmark is of one task"),
         ({"task": "../../lift_ball"}, "is '../../lift_ball', but a benchmark is of one task"),
-        ({"variation": "../1"}, "variation is '../1', but must be an index or any"),
+        ({"variation": "../1"}, "variation is '../1', but must be an index of up to four digits, or any"),
         ({"policy": "../act"}, "policy is '../act', but must be one of: act, peract2"),
         ({"trained_on": "../all"}, "trained_on is '../all', but must be tasks and suites"),
+        ({"variation": "7" * 5000}, "variation is '777"),
         ({"recipe": "../small"}, "recipe for peract2 is '../small', but must be one of: paper, small"),
     ],
 )
@@ -219,9 +221,31 @@ def test_what_does_not_go_with_a_network_for_several_tasks_is_refused(also, mess
         Plan.of(BenchmarkConfig(trained_on="all", **also))
 
 
-def test_numbers_below_one_are_refused():
-    with pytest.raises(BimanualError, match="save_freq is 0, but must be at least 1"):
-        Plan.of(BenchmarkConfig(save_freq=0))
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        ({"save_freq": 0}, "save_freq is 0, but must be from 1 to 999999999"),
+        ({"steps": 10**9}, "steps is 1000000000, but must be from 1 to 999999999"),
+        ({"seed": 10**9}, "seed is 1000000000, but must be from 0 to 999999999"),
+        ({"seed": -1}, "seed is -1, but must be from 0"),
+        ({"first_seed": -1}, "first_seed is -1, but must be from 0"),
+        ({"first_seed": 2**32}, "first_seed is 4294967296, but must be from 0 to 4294967295"),
+    ],
+)
+def test_numbers_that_no_row_could_hold_are_refused_before_anything_runs(number, message):
+    with pytest.raises(BimanualError, match=message):
+        Plan.of(BenchmarkConfig(**number))
+
+
+def test_a_variation_has_one_name():
+    assert Plan.of(BenchmarkConfig(variation="00")) == Plan.of(BenchmarkConfig(variation="0"))
+
+
+def test_a_recipe_is_one_of_those_with_a_protocol():
+    (flag,) = (flag for flag in flags_of(BenchmarkConfig) if flag.name == "recipe")
+    assert flag.value_name == "|".join(PROTOCOLS)
+    with pytest.raises(BimanualError, match=r"tiny.*small.*paper"):
+        parse_flags(BenchmarkConfig, ["--recipe=tiny"])
 
 
 def test_results_of_different_benchmarks_lie_apart():
