@@ -49,7 +49,7 @@ format: setup  ## Sort imports and format the code
 	$(BIN)/ruff format
 
 bench: setup  ## Run the benchmarks; one JSON line each
-	@for script in benchmarks/*.py; do $(BIN)/python "$$script" || exit; done
+	@for script in $$(grep --files-with-matches __main__ benchmarks/*.py); do $(BIN)/python "$$script" || exit; done
 
 docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
 	$(BIN)/python scripts/site_films.py

@@ -5,10 +5,11 @@ import types
 import typing
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import shown
+from lerobot_bimanual.json_file import read_json, shown
 
 MOST_NAMED = 10
 """Of unknown fields, in one message."""
@@ -35,6 +36,24 @@ def decode[Kind](kind: type[Kind], value: Any, place: str, partly: bool = False)
             `ValueError`.
     """
     return _decode(kind, value, place, partly)
+
+
+def read[Kind](kind: type[Kind], path: Path, place: str) -> Kind:
+    """A dataclass from a JSON file, as `decode` has it.
+
+    Args:
+        kind: the dataclass.
+        path: the file.
+        place: what its content is called in messages.
+
+    Raises:
+        BimanualError: the file cannot be read, or holds something else; the message names it.
+    """
+    content = read_json(path)
+    try:
+        return decode(kind, content, place)
+    except BadRecord as error:
+        raise BadRecord(f"{path}: {error}") from error
 
 
 def _decode(kind: Any, value: Any, place: str, partly: bool) -> Any:

@@ -18,6 +18,8 @@ from lerobot_bimanual.cli.flags import CONFIG_FLAG, Flag, flags_of
 
 COLUMN = 28
 MAX_WIDTH = 110
+NOTHING = (None, "", ())
+"""Defaults that say nothing by themselves."""
 
 
 def describe_flags(config_type: type) -> str:
@@ -62,7 +64,7 @@ def _own_comments(source: str) -> Iterator[tuple[str, str]]:
 
 def _text(flag: Flag) -> str:
     comment = field_comments(flag.owner).get(flag.name.rpartition(".")[2], "")
-    if flag.default is None and "default" in comment:
+    if flag.default in NOTHING and "by default" in comment.lower():
         return comment  # which says better what happens
     return f"{comment} {_default(flag.default)}".strip()
 
@@ -70,7 +72,7 @@ def _text(flag: Flag) -> str:
 def _default(default: Any) -> str:
     if default is dataclasses.MISSING:
         return "(required)"
-    if default is None or default == "" or default == ():
+    if default in NOTHING:
         return "(default: none)"
     if isinstance(default, tuple | list):
         return f"(default: {','.join(str(item) for item in default)})"

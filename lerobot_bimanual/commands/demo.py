@@ -20,11 +20,11 @@ class DemoConfig:
     # One registered task, with all its variations; `lerobot-bimanual tasks` lists them.
     task: str = "lift_ball"
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
-    episodes: int = 100  # expert demonstrations to generate
+    demos: int = 100  # expert demonstrations to generate
     steps: int = 1000  # optimiser steps
     batch_size: int = 8  # keyframes per step
-    eval_episodes: int = 20  # unseen placements on which expert, blind control and policy are scored
-    seed: int = 1000  # first of these placements' seeds, in the test split
+    test_episodes: int = 20  # unseen placements on which expert, blind control and policy are scored
+    first_seed: int = 1000  # of these placements, in the test split
     workers: int = 0  # processes for generation and certification; 0 takes one per core
     videos: bool = True  # write an mp4 of every evaluated episode
 
@@ -37,13 +37,13 @@ class DemoConfig:
         """The same as a benchmark: on the CPU, with one checkpoint, so that nothing is to be chosen."""
         return BenchmarkConfig(
             task=self.task,
-            demos=self.episodes,
+            demos=self.demos,
             steps=self.steps,
             batch_size=self.batch_size,
             save_freq=self.steps,
             val_episodes=0,
-            test_episodes=self.eval_episodes,
-            first_seed=self.seed,
+            test_episodes=self.test_episodes,
+            first_seed=self.first_seed,
             eval_flags=f"--env.video_dir={shlex.quote(str(self.films))}" if self.videos else "",
             device="cpu",
             workers=self.workers,

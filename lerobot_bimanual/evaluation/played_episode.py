@@ -64,11 +64,6 @@ class PlayedEpisode:
             raise ValueError("first_met_tick must be one of the episode's ticks")
         first_difference(self.links, self.links)
 
-    @property
-    def ever(self) -> bool:
-        """Whether all conditions of success held at any tick."""
-        return self.first_met_tick is not None
-
     def action_list(self) -> list[NDArray[np.float32]]:
         """The actions, one array each.
 

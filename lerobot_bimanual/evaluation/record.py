@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Self
 
 from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES, installed_versions
-from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.json_file import read_json
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.json_record import read
 from lerobot_bimanual.output_file import write_file
 
 RECORD_SCHEMA_VERSION = 1
@@ -75,11 +73,7 @@ class EvaluationRecord:
         Raises:
             BimanualError: the file cannot be read, or is no such record; the message names it.
         """
-        try:
-            return decode(cls, read_json(path), "evaluation")
-        except BimanualError as error:
-            message = str(error)
-            raise BimanualError(message if message.startswith(str(path)) else f"{path}: {message}") from error
+        return read(cls, path, "evaluation")
 
 
 def result_versions() -> dict[str, str]:

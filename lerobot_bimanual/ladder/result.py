@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json, shown
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.json_record import read
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
 from lerobot_bimanual.statistics import SuccessRate
@@ -235,11 +235,7 @@ class LadderResult:
         Raises:
             BimanualError: the file cannot be read, or is no such result; the message names it.
         """
-        content = read_json(path)
-        try:
-            return decode(cls, content, "ladder")
-        except BimanualError as error:
-            raise BimanualError(f"{path}: {error}") from error
+        return read(cls, path, "ladder")
 
 
 def rung_name(axis: str, level: int) -> str:

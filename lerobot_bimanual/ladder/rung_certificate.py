@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import read_json
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.json_record import read
 from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, AxisRecord, rung_name
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
@@ -151,11 +150,7 @@ class RungCertificate:
         Raises:
             BimanualError: the file cannot be read, or is no such certificate; the message names it.
         """
-        content = read_json(path)
-        try:
-            return decode(cls, content, "certificate")
-        except BimanualError as error:
-            raise BimanualError(f"{path}: {error}") from error
+        return read(cls, path, "certificate")
 
 
 def read_rung_certificates(folder: Path) -> dict[str, RungCertificate]:

@@ -11,7 +11,7 @@ from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.expert.reading import Script
+from lerobot_env_bimanual.expert.instruction_scripts import Script
 from lerobot_env_bimanual.expert.runner import home_keypose
 from lerobot_env_bimanual.freezing import FreezeWhenOver
 

@@ -8,7 +8,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control
-from lerobot_env_bimanual.expert.reading import readings
+from lerobot_env_bimanual.expert.instruction_scripts import readings
 from lerobot_env_bimanual.expert.runner import run_episode
 from lerobot_env_bimanual.solo.ways import alone, find_ways
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from dataclasses import fields
 
 import pytest
 
@@ -83,6 +84,13 @@ def test_the_demo_is_a_benchmark_of_one_checkpoint_with_films(tmp_path):
     assert [words[0] for words in commands][3:] == ["lerobot-bimanual-train", "lerobot-eval"]
     assert f"--env.video_dir={config.films}" in commands[-1]
     assert "--env.split=test" in commands[-1]
+
+
+def test_flags_of_the_demo_mean_what_they_mean_for_a_benchmark(tmp_path):
+    config = DemoConfig(output=tmp_path, demos=2, test_episodes=3, first_seed=4)
+    as_benchmark = config.benchmark()
+    shared = {field.name for field in fields(DemoConfig)} - {"videos"}
+    assert all(getattr(as_benchmark, name) == getattr(config, name) for name in shared)
 
 
 def test_a_dry_run_prints_and_runs_nothing(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """The command line: finding verbs, running them, and what users see when something is wrong."""
 
+import inspect
 import json
 import re
 import signal
@@ -164,6 +165,17 @@ print(json.dumps([summaries, loads]))
     assert set(summaries) >= {"certify", "demo", "doctor", "generate", "replay", "tasks"}
     assert all(summaries.values()), summaries
     assert not any(loads.values()), loads
+
+
+def test_help_shows_long_examples_as_they_can_be_typed() -> None:
+    """A backslash at the end of a line of a docstring takes the line's end with it, unless the docstring is raw."""
+    swallowed = {
+        (name, line)
+        for name, verb in cli.find_verbs().items()
+        for line in (inspect.getdoc(verb.load()) or "").splitlines()
+        if re.search(r"\S {2,}\S", line)
+    }
+    assert not swallowed
 
 
 def test_every_flag_of_every_installed_verb_is_explained() -> None:

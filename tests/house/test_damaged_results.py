@@ -14,7 +14,6 @@ from lerobot_bimanual.statistics import SuccessRate
 
 ROOT = Path(__file__).parents[2]
 SISTER, DAMAGED = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "peract_lf"))
-TEST_SEEDS = range(50)
 
 type Row = dict[str, Any]
 

@@ -143,10 +143,14 @@ def test_help_says_a_default_once() -> None:
     @dataclass
     class Relative:
         demos: int | None = None  # by default 100
+        axes: tuple[str, ...] = ()  # of the ladder; by default all
+        taught_on: str = ""  # Other tasks. By default none but this one.
         output: Path | None = None  # where to
 
     text = describe_flags(Relative)
     assert "by default 100\n" in text
+    assert "by default all\n" in text
+    assert "By default none but this one.\n" in text
     assert "where to (default: none)" in text
 
 

@@ -36,7 +36,7 @@ class LadderConfig:
 
 
 def ladder(config: LadderConfig) -> None:
-    """Play a policy on the same seeds at every rung: one axis of perturbation, one level.
+    r"""Play a policy on the same seeds at every rung: one axis of perturbation, one level.
 
     The policy is loaded once and played by LeRobot's own loop, so that level 0 is what `lerobot-eval` gives on these
     seeds. The expert and the blind control play the same episodes, but for axes that change nothing but what is seen or

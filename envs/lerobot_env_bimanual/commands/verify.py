@@ -59,8 +59,8 @@ def verify(config: VerifyConfig) -> int:
     """Check files, tables, labels, statistics, calibration, images and replay of a dataset.
 
     Every file is hashed, every image decoded, every episode played again; images of a few random rows of every episode
-    are rendered again, and a few episodes are also read through LeRobot's loader. Prints how many episodes passed each check, what is wrong and where, and one hash per view for
-    all its content.
+    are rendered again, and a few episodes are also read through LeRobot's loader. Prints how many episodes passed each
+    check, what is wrong and where, and one hash per view for all its content.
 
     Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
     not replayed, because the dataset names other versions of the simulation than are installed, or none.

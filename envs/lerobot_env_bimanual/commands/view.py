@@ -24,7 +24,7 @@ class ViewConfig(EnvOptions):
 
 
 def view(config: ViewConfig) -> None:
-    """Watch an expert, or a trained policy, at one episode.
+    r"""Watch an expert, or a trained policy, at one episode.
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one

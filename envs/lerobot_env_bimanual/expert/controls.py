@@ -29,8 +29,8 @@ from lerobot_bimanual.keypose import (
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
 from lerobot_env_bimanual.expert.control_names import ControlName
-from lerobot_env_bimanual.expert.reading import Script, readings
-from lerobot_env_bimanual.expert.rereading import planned_at_reset, rereading
+from lerobot_env_bimanual.expert.instruction_scripts import Script, readings
+from lerobot_env_bimanual.expert.replanning import planned_at_reset, rereading
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.solo.ways import Way, find_ways

@@ -46,13 +46,11 @@ class Plan:
 
     Attributes:
         actions: (T, 16) float32 joint actions, one per control tick: motion, rest, and waiting for grippers.
-        motion_ticks: how many of them move the arms.
         line_fallbacks: arms whose straight line was infeasible and was replaced by a joint-space motion.
         used_rrt: whether obstacles had to be avoided by a search.
     """
 
     actions: NDArray[np.float32]
-    motion_ticks: int
     line_fallbacks: int
     used_rrt: bool
 
@@ -246,7 +244,7 @@ class KeyposePlanner:
             arm_actions[ticks:, arm.ordinal, :-1] = motion.paths[arm].knots[-1]
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
-        return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), ticks, motion.line_fallbacks, motion.used_rrt)
+        return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), motion.line_fallbacks, motion.used_rrt)
 
 
 def _require_inside(arm: Arm, target: Pose) -> None:

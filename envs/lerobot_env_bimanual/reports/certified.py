@@ -12,7 +12,7 @@ from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import MarkdownTable
 from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
-from lerobot_env_bimanual.expert.reading import chance
+from lerobot_env_bimanual.expert.instruction_scripts import chance
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
 from lerobot_env_bimanual.expert.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode

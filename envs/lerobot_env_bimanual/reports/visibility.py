@@ -1,4 +1,4 @@
-"""What the cameras see, as it lies in a file, and as Markdown tables."""
+"""What the cameras see, as it lies in a file, and as a section of a page with its tables."""
 
 from __future__ import annotations
 
@@ -13,8 +13,23 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.markdown_table import MarkdownTable, markdown_table
-from lerobot_env_bimanual.pictures.visibility import Moment, TargetViews
+from lerobot_env_bimanual.pictures.visibility import IMAGE_SIZE, MIN_PIXELS, NEAR_M, Moment, TargetViews
 from lerobot_env_bimanual.tasks.registry import get_task
+
+SECTION = """\
+
+## What the cameras see
+
+Written by `scripts/visibility.py` from {split} seeds {seeds}. The *target* of an arm is the part of an object, within
+{near_cm:.0f} cm, that its fingers are next to at the end of a move; it counts as seen in a view before that move if at least
+{pixels} of {size} x {size} pixels show it. What a hand carries is its target only if the hand brings it to nothing else.
+
+{targets}
+
+Pixels of the objects in each view, medians: at the start / over the start and all keyposes but the last.
+
+{objects}
+"""
 
 
 @dataclass(frozen=True)
@@ -54,6 +69,19 @@ class Visibility:
     def task_names(self) -> list[str]:
         """In the paper's order."""
         return sorted(self.tasks, key=lambda name: get_task(name).spec.id)
+
+
+def visibility_section(visibility: Visibility) -> str:
+    """What was measured, with a heading, for the end of a page."""
+    return SECTION.format(
+        split=visibility.split,
+        seeds=visibility.seeds,
+        near_cm=100 * NEAR_M,
+        pixels=MIN_PIXELS,
+        size=IMAGE_SIZE,
+        targets=targets_table(visibility),
+        objects=pixels_table(visibility),
+    )
 
 
 def targets_table(visibility: Visibility) -> MarkdownTable:

@@ -18,7 +18,7 @@ class InspectConfig:
 
 
 def inspect(config: InspectConfig) -> None:
-    """Draw what a keypose policy sees in one row of a dataset, and what it predicts.
+    r"""Draw what a keypose policy sees in one row of a dataset, and what it predicts.
 
     One picture, row_INDEX.png: the occupied voxels from three sides, over them the translation heat map of each arm,
     and the predicted hands beside the true ones; below, errors and probabilities per arm.

@@ -77,7 +77,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # short tasks.
     keypose_horizon: int | None = whole(None, 2, 1000)
     # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
-    # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/learning.md).
+    # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/pitfalls.md).
     decode: str = choice("voxel", DECODINGS)
 
     # `learned`, trained with the policy, or `clip:<local path or hub id>` for the paper's frozen CLIP tokens.
@@ -100,7 +100,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Largest shift along x, y, z in metres (paper: an eighth of a metre).
     augmentation_shift_m: tuple[float, float, float] = reals((0.125, 0.125, 0.125), 0, 10)
     # Largest rotation about the vertical in degrees (paper: 45). Learning in minutes instead of days wants less, see
-    # docs/learning.md.
+    # docs/pitfalls.md.
     augmentation_yaw_deg: float = real(45.0, 0, 180)
     # Rotations are multiples of this, in degrees (PerAct2 code: 5).
     augmentation_yaw_step_deg: float = real(5.0, 0.01, 180)
