@@ -82,7 +82,7 @@ class MadeUpCampaign:
         )
 
 
-class MadeUpPlayer:
+class MadeUpRollout:
     """A policy that solves even seeds, and whose owner may lose patience."""
 
     patience = 1000
@@ -93,9 +93,9 @@ class MadeUpPlayer:
         self.config, self.seeds = config, seeds
 
     def play(self, perturb: str, records: Path, note: Any = lambda _: None) -> EvaluationRecord:
-        if MadeUpPlayer.patience == 0:
+        if MadeUpRollout.patience == 0:
             raise KeyboardInterrupt
-        MadeUpPlayer.patience -= 1
+        MadeUpRollout.patience -= 1
         note(len(self.seeds))
         spec = get_task(TASK).spec
         episodes = []
@@ -115,11 +115,11 @@ def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(certification, "Campaign", MadeUpCampaign)
     for room in (climb, certification):
         monkeypatch.setattr(room, "OutcomeLog", MagicMock())
-    monkeypatch.setattr(climb, "PolicyPlayer", MadeUpPlayer)
+    monkeypatch.setattr(climb, "RungRollout", MadeUpRollout)
     monkeypatch.setattr(climb, "world_version", lambda task, perturb="": f"{task} {perturb}")
     monkeypatch.setattr(MadeUpCampaign, "jobs", [], raising=False)
     monkeypatch.setattr(MadeUpCampaign, "fails", "", raising=False)
-    monkeypatch.setattr(MadeUpPlayer, "patience", 1000)
+    monkeypatch.setattr(MadeUpRollout, "patience", 1000)
 
 
 def config(tmp_path: Path, *axes: str, levels: tuple[int, ...] = (1, 3)) -> LadderConfig:
@@ -187,11 +187,11 @@ def test_an_accident_of_a_control_is_an_error_and_no_failure(monkeypatch):
 
 def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch, capsys):
     chosen = config(tmp_path, "arm_late", "camera_moved")
-    monkeypatch.setattr(MadeUpPlayer, "patience", 2)
+    monkeypatch.setattr(MadeUpRollout, "patience", 2)
     with pytest.raises(KeyboardInterrupt, match="goes on where it stopped"):
         ladder(chosen)
     assert [rung.name for rung in LadderResult.read(chosen.output).rungs] == ["level 0", "arm_late:1"]
-    monkeypatch.setattr(MadeUpPlayer, "patience", 3)  # just as many as are missing
+    monkeypatch.setattr(MadeUpRollout, "patience", 3)  # just as many as are missing
     ladder(chosen)
     result = LadderResult.read(chosen.output)
     names = ["level 0", "arm_late:1", "arm_late:3", "camera_moved:1", "camera_moved:3"]
@@ -199,7 +199,7 @@ def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch
     assert result.by_name["camera_moved:3"].expert == (0, 1, 2, 3)
     assert "level 3: 4 of 8" in capsys.readouterr().out
     assert chosen.output.with_suffix(".png").is_file()
-    monkeypatch.setattr(MadeUpPlayer, "patience", 2)
+    monkeypatch.setattr(MadeUpRollout, "patience", 2)
     ladder(replace(chosen, levels=(2,)))  # the file grows
     assert len(LadderResult.read(chosen.output).rungs) == 7
 

@@ -30,7 +30,7 @@ from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.ladder.controls import ControlOfRungs, Controls, RungKey
-from lerobot_env_bimanual.ladder.policy_player import PolicyPlayer
+from lerobot_env_bimanual.ladder.rung_rollout import RungRollout
 from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text
 
 FEW = 4
@@ -123,13 +123,13 @@ class Climb:
         result, missing = self.played(), self.missing()
         if not missing:
             return
-        player = self._player()  # which may fail, before anything is played
+        rollout = self._rollout()  # which may fail, before anything is played
         solved = self._play_controls(missing)
         with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
             for key in missing:
                 perturb = perturb_text(*key)
                 bar.set_description(f"{self.task}: {perturb or LEVEL_0}")
-                rung = self._rung(key, player.play(perturb, self.records, bar.update), solved)
+                rung = self._rung(key, rollout.play(perturb, self.records, bar.update), solved)
                 result = self._with(result, rung)
                 result.write(self.output)
                 yield rung
@@ -145,20 +145,20 @@ class Climb:
         """
         missing, few = self.missing(), self.seeds[:FEW]
         as_played = {self.rungs.played_as(*key) for key in missing}
-        player = self._player(self.seeds[: self.batch_size])
+        rollout = self._rollout(self.seeds[: self.batch_size])
         started = time.monotonic()
         with Campaign(self.workers) as campaign:
             self._controls(campaign).solved("expert", [("", 0)], few)
         expert_s = (time.monotonic() - started) / len(few)
-        player.play("", folder)  # whose first batch warms up
+        rollout.play("", folder)  # whose first batch warms up
         started = time.monotonic()
-        player.play("", folder)
+        rollout.play("", folder)
         batches = -(-len(self.seeds) // self.batch_size) * len(missing)
         episodes_of_controls = len(CONTROLS) * len(as_played) * len(self.seeds)
         return expert_s * episodes_of_controls + (time.monotonic() - started) * batches
 
-    def _player(self, seeds: range | None = None) -> PolicyPlayer:
-        return PolicyPlayer(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
+    def _rollout(self, seeds: range | None = None) -> RungRollout:
+        return RungRollout(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
 
     def _controls(self, campaign: Campaign) -> Controls:
         return Controls(campaign, self.task, str(self.config.variation), self.config.split)
