@@ -58,7 +58,6 @@ class Blame:
         last_recoverable: index of the last keypose before which the expert could still have taken over.
         loser: who lost it.
         recovers: whether the episode is solved if at that keypose the left, or the right, arm's half is replaced.
-        takeovers: continuations that were played to find out.
     """
 
     seed: int
@@ -69,7 +68,6 @@ class Blame:
     last_recoverable: int | None
     loser: Loser
     recovers: tuple[bool, bool] | None
-    takeovers: int
 
 
 class Blamer:
@@ -85,7 +83,6 @@ class Blamer:
         refuses_keyposes = options.get("control_mode") == "joint"
         self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
         self._expert: list[NDArray[np.float32]] = []
-        self._takeovers = 0
 
     def blame(self, played: PlayedEpisode) -> Blame:
         """Why a failed episode failed.
@@ -93,7 +90,6 @@ class Blamer:
         Raises:
             BimanualError: it does not come out as recorded.
         """
-        self._takeovers = 0
         self._start(played, self._expert_env)
         expert_facts, expert_solves = self._play_expert()
         self._start(played, self._env)
@@ -118,7 +114,6 @@ class Blamer:
             last_recoverable=index,
             loser=loser,
             recovers=recovers,
-            takeovers=self._takeovers,
         )
 
     def close(self) -> None:
@@ -194,7 +189,6 @@ class Blamer:
         """Whether actions solve the episode from a state on."""
         env = self._env
         env.restore_state(state)
-        self._takeovers += 1
         for action in actions:
             try:
                 _, _, terminated, truncated, _ = env.step(action)
