@@ -52,6 +52,8 @@ def blame(config: BlameConfig) -> int:
 
     if config.sample < 0:
         raise InvalidChoice("sample", config.sample, ["a number of episodes from 0 on"])
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     if config.output is not None:
         check_output_file(config.output)
     if config.figure is not None:
