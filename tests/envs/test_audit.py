@@ -196,7 +196,9 @@ def test_a_folder_of_certificates_without_those_of_one_arm_is_not_overlooked(tmp
 )
 def test_draws_by_a_seed_below_0_are_refused_on_one_line(words, capsys):
     assert cli.main([*words, "--seed=-1"]) == 1
-    assert capsys.readouterr().err.strip().endswith("seed is -1, but must be one of: an integer of at least 0")
+    assert (
+        capsys.readouterr().err.strip().endswith("seed is -1, but must be one of: an integer of at least 0")
+    )
 
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(played):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from planted_failures import SEED, expert_keyposes, from_on, played, shifted
+from planted_failures import SEED, expert_keyposes, from_on, played, rereading_keyposes, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.evaluation.record import EvaluationRecord
@@ -20,6 +20,7 @@ from lerobot_env_bimanual.expert.world_version import world_version
 pytestmark = pytest.mark.sim
 
 EASY, TRAY = "handover_item_easy", "lift_tray"
+NUDGED_SEED = 40_004
 LEFT_X, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 7, 9, 16
 OPTIONS = {"split": "test", "max_keyposes": "25"}
 
@@ -58,6 +59,20 @@ PLANTED = {
 def test_an_arms_planted_error_is_blamed_on_it(task, change, index, loser):
     found = blamed(task, played(task, change(expert_keyposes(task))))
     assert (found.last_recoverable, found.loser) == (index, loser), found
+
+
+@pytest.mark.slow
+def test_where_things_move_later_blame_compares_with_the_expert_who_looks_again():
+    """The plain expert fails this episode."""
+    perturb = "nudge:3"
+    looks_twice = rereading_keyposes(EASY, perturb, seed=NUDGED_SEED)
+    looks_once = np.delete(looks_twice, 1, axis=0)  # at first, and then goes to where things are by now
+    blamer, blames = Blamer(EASY, OPTIONS | {"perturb": perturb}), []
+    for keyposes in (from_on(5, RIGHT_OPEN, 1.0)(looks_twice), shifted(1, LEFT_X, 0.06)(looks_once)):
+        blames.append(blamer.blame(played(EASY, keyposes, NUDGED_SEED, perturb)))
+    blamer.close()
+    assert [(found.last_recoverable, found.loser) for found in blames] == [(5, Loser.RIGHT), (1, Loser.LEFT)]
+    assert blames[1].failure_class == FailureClass.MISSED_GRASP
 
 
 @pytest.mark.parametrize("control_mode", ["auto", "joint"])

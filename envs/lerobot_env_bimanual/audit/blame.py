@@ -4,6 +4,9 @@ A failed episode is played again with a snapshot before every keypose. From each
 takes over with both arms: it plays the keyposes of its own episode of the same seed, from the same number on, with the
 time that is left. The last keypose before which that succeeds is the one that lost the episode. Of this keypose then one
 arm's half alone is replaced by the expert's, before the expert goes on with both.
+
+Where things are moved after the start, the expert is the one that reads the scene again. That takes it a keypose more, so a
+policy that goes on without it may be saved one keypose later than it was lost.
 """
 
 from __future__ import annotations
@@ -20,11 +23,10 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import expert_env, played_env
+from lerobot_env_bimanual.audit.episodes import expert_env, expert_player, played_env
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.freezing import INVALID_ACTION
 
 
@@ -132,7 +134,7 @@ class Blamer:
         env, self._expert = self._expert_env, []
         witness = EpisodeWitness(env)
         with env.observed_by(witness.note, witness.note_step):
-            for move in expert()(env):
+            for move in expert_player(env)(env):
                 self._expert.append(move.action)
                 _, _, terminated, truncated, _ = env.step(move.action)
                 if terminated or truncated:
