@@ -116,7 +116,6 @@ def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     for room in (climb, certification):
         monkeypatch.setattr(room, "OutcomeLog", MagicMock())
     monkeypatch.setattr(climb, "RungRollout", MadeUpRollout)
-    monkeypatch.setattr(climb, "world_version", lambda task, perturb="": f"{task} {perturb}")
     monkeypatch.setattr(MadeUpCampaign, "jobs", [], raising=False)
     monkeypatch.setattr(MadeUpCampaign, "fails", "", raising=False)
     monkeypatch.setattr(MadeUpRollout, "patience", 1000)
@@ -232,8 +231,43 @@ def test_a_certificate_of_another_world_is_refused_and_one_of_this_decides(tmp_p
     chosen.output.unlink()
     path = rungs.output / f"{TASK}.json"
     path.write_text(path.read_text().replace(f"{TASK} arm_late:3", "elsewhere"))
+    MadeUpCampaign.jobs.clear()
     with pytest.raises(BimanualError, match="is of world elsewhere, but here it is"):
         ladder(replace(chosen, certificates=rungs.output))
+    assert not MadeUpCampaign.jobs  # it was noticed before anything was played
+    assert not chosen.output.exists()
+
+
+def test_a_certificate_that_comes_later_decides_on_the_rungs_that_are_played_already(tmp_path, capsys):
+    chosen = config(tmp_path, "arm_late", "camera_moved", levels=(3,))
+    ladder(chosen)
+    rungs = CertifyRungsConfig(task=TASK, seeds="0:40", blind_seeds="0:2", output=tmp_path / "rungs")
+    certify_rungs(replace(rungs, task="lift_ball", axes=("mass",)))
+    ladder(replace(chosen, certificates=rungs.output))
+    assert f"holds no certificate of {TASK}, only of lift_ball" in capsys.readouterr().out
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {None}
+    certify_rungs(replace(rungs, axes=("arm_late",), levels=(3,)))
+    MadeUpCampaign.jobs.clear()
+    ladder(replace(chosen, certificates=rungs.output))
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
+    ladder(chosen)  # which forgets nothing
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
+    assert not MadeUpCampaign.jobs
+
+
+@pytest.mark.parametrize("rung", ["level 0", "arm_late:1", "camera_moved:1"])
+def test_rungs_of_another_world_are_not_mixed_with_these(rung, tmp_path):
+    chosen = config(tmp_path, "arm_late", "camera_moved", levels=(1,))
+    ladder(chosen)
+    result = LadderResult.read(chosen.output)
+    changed = [replace(one, world="elsewhere") if one.name == rung else one for one in result.rungs]
+    replace(result, rungs=tuple(changed)).write(chosen.output)
+    MadeUpCampaign.jobs.clear()
+    with pytest.raises(
+        BimanualError, match=f"has world of {rung} .*elsewhere.* choose another --output, or remove"
+    ):
+        ladder(replace(chosen, levels=(1, 2)))
+    assert not MadeUpCampaign.jobs
 
 
 def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed(tmp_path, capsys):
