@@ -101,6 +101,33 @@ def test_the_verb_says_who_lost_what_and_draws_it(tmp_path, capsys):
     assert (0, 114, 178) in colors
 
 
+@pytest.mark.slow
+def test_episodes_of_several_policies_and_rungs_are_told_apart(tmp_path, capsys):
+    board = Path(__file__).parents[2] / "results/leaderboard"
+    for policy in ("peract2", "rvt_lf"):
+        shutil.copy(board / f"{TRAY}_{policy}_small_seed1000.json", tmp_path / f"{policy}.json")
+    options, world = OPTIONS | {"perturb": "mass:1"}, world_version(TRAY, "mass:1")
+    episodes = (played(TRAY, expert_keyposes(TRAY)[:1], perturb="mass:1"),)
+    for number in (1, 2):
+        EvaluationRecord(1, TRAY, world, options, 1, {"numpy": "1"}, episodes).write(
+            tmp_path / f"{number}.json"
+        )
+    output, figure = tmp_path / "blame/found.json", tmp_path / "blame/bars.png"
+    assert blame(BlameConfig(results=tmp_path, sample=1, output=output, figure=figure, workers=1)) == 0
+    found = json.loads(output.read_text())[TRAY]
+    assert [(Path(one["file"]).name, one["policy"], one["perturb"]) for one in found] == [
+        ("1.json", "", "mass:1"),
+        ("2.json", "", "mass:1"),
+        ("peract2.json", "peract2", ""),
+        ("rvt_lf.json", "rvt_lf", ""),
+    ]
+    names = ["record mass:1 1", "record mass:1 2", "peract2 level 0", "rvt_lf level 0"]
+    with Image.open(figure) as picture:
+        assert re.findall(rf"{TRAY} (.*?): 1 failed", picture.info["Description"]) == names
+    printed = capsys.readouterr().out
+    assert all(f"{TRAY} {name}" in printed for name in names)
+
+
 def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):
     episode = played(TRAY, expert_keyposes(TRAY)[:1])
     record = record_of(TRAY, episode)
