@@ -12,7 +12,8 @@ from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.expert.instruction_scripts import Script
-from lerobot_env_bimanual.expert.runner import home_keypose
+from lerobot_env_bimanual.expert.replanning import rereading
+from lerobot_env_bimanual.expert.runner import home_keypose, run_episode
 from lerobot_env_bimanual.freezing import FreezeWhenOver
 
 Keyposes = NDArray[np.float32]
@@ -38,6 +39,15 @@ def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -
     return np.array(keyposes)
 
 
+@cache
+def rereading_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
+    """Keyposes (n, 18) of the expert who reads the scene again where things are moved, in variation 0."""
+    env, moves = BimanualEnv(task, obs="state", perturb=perturb), []
+    run_episode(env, seed, rereading(), moves.append, variation=0)
+    env.close()
+    return np.array([move.action for move in moves])
+
+
 def shifted(index: int | slice, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
     """An error: one number of one keypose is off, or of several."""
 
@@ -60,9 +70,11 @@ def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keypo
     return change
 
 
-def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED) -> PlayedEpisode:
+def played(
+    task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, perturb: str = ""
+) -> PlayedEpisode:
     """The record of an episode of these actions; the last one is repeated until it is over."""
-    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv(task, obs="state")))
+    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
     player.reset(seed=seed, options={"variation": 0})
     info, index = {}, 0
     while PLAYED not in info:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_to_text
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -188,6 +189,16 @@ def test_a_folder_of_certificates_without_those_of_one_arm_is_not_overlooked(tmp
     config = VerifyResultsConfig(results=tmp_path, certificates=tmp_path / "elsewhere")
     with pytest.raises(BimanualError, match="elsewhere, which holds none of one arm"):
         verify_results(config)
+
+
+@pytest.mark.parametrize(
+    "words", [["blame", "--results=."], ["verify-results", "--results=."], ["verify", "--root=."]]
+)
+def test_draws_by_a_seed_below_0_are_refused_on_one_line(words, capsys):
+    assert cli.main([*words, "--seed=-1"]) == 1
+    assert (
+        capsys.readouterr().err.strip().endswith("seed is -1, but must be one of: an integer of at least 0")
+    )
 
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(played):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from planted_failures import SEED, expert_keyposes, from_on, played, shifted
+from planted_failures import SEED, expert_keyposes, from_on, played, rereading_keyposes, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.evaluation.record import EvaluationRecord
@@ -20,6 +20,7 @@ from lerobot_env_bimanual.expert.world_version import world_version
 pytestmark = pytest.mark.sim
 
 EASY, TRAY = "handover_item_easy", "lift_tray"
+NUDGED_SEED = 40_004
 LEFT_X, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 7, 9, 16
 OPTIONS = {"split": "test", "max_keyposes": "25"}
 
@@ -60,6 +61,20 @@ def test_an_arms_planted_error_is_blamed_on_it(task, change, index, loser):
     assert (found.last_recoverable, found.loser) == (index, loser), found
 
 
+@pytest.mark.slow
+def test_where_things_move_later_blame_compares_with_the_expert_who_looks_again():
+    """The plain expert fails this episode."""
+    perturb = "nudge:3"
+    looks_twice = rereading_keyposes(EASY, perturb, seed=NUDGED_SEED)
+    looks_once = np.delete(looks_twice, 1, axis=0)  # at first, and then goes to where things are by now
+    blamer, blames = Blamer(EASY, OPTIONS | {"perturb": perturb}), []
+    for keyposes in (from_on(5, RIGHT_OPEN, 1.0)(looks_twice), shifted(1, LEFT_X, 0.06)(looks_once)):
+        blames.append(blamer.blame(played(EASY, keyposes, NUDGED_SEED, perturb)))
+    blamer.close()
+    assert [(found.last_recoverable, found.loser) for found in blames] == [(5, Loser.RIGHT), (1, Loser.LEFT)]
+    assert blames[1].failure_class == FailureClass.MISSED_GRASP
+
+
 @pytest.mark.parametrize("control_mode", ["auto", "joint"])
 def test_of_joint_actions_only_the_class_is_told(control_mode):
     episode = played("lift_ball", [np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], 2)])
@@ -84,6 +99,33 @@ def test_the_verb_says_who_lost_what_and_draws_it(tmp_path, capsys):
     with Image.open(figure) as picture:
         colors = {color for _, color in picture.convert("RGB").getcolors(1 << 20) or ()}
     assert (0, 114, 178) in colors
+
+
+@pytest.mark.slow
+def test_episodes_of_several_policies_and_rungs_are_told_apart(tmp_path, capsys):
+    board = Path(__file__).parents[2] / "results/leaderboard"
+    for policy in ("peract2", "rvt_lf"):
+        shutil.copy(board / f"{TRAY}_{policy}_small_seed1000.json", tmp_path / f"{policy}.json")
+    options, world = OPTIONS | {"perturb": "mass:1"}, world_version(TRAY, "mass:1")
+    episodes = (played(TRAY, expert_keyposes(TRAY)[:1], perturb="mass:1"),)
+    for number in (1, 2):
+        EvaluationRecord(1, TRAY, world, options, 1, {"numpy": "1"}, episodes).write(
+            tmp_path / f"{number}.json"
+        )
+    output, figure = tmp_path / "blame/found.json", tmp_path / "blame/bars.png"
+    assert blame(BlameConfig(results=tmp_path, sample=1, output=output, figure=figure, workers=1)) == 0
+    found = json.loads(output.read_text())[TRAY]
+    assert [(Path(one["file"]).name, one["policy"], one["perturb"]) for one in found] == [
+        ("1.json", "", "mass:1"),
+        ("2.json", "", "mass:1"),
+        ("peract2.json", "peract2", ""),
+        ("rvt_lf.json", "rvt_lf", ""),
+    ]
+    names = ["record mass:1 1", "record mass:1 2", "peract2 level 0", "rvt_lf level 0"]
+    with Image.open(figure) as picture:
+        assert re.findall(rf"{TRAY} (.*?): 1 failed", picture.info["Description"]) == names
+    printed = capsys.readouterr().out
+    assert all(f"{TRAY} {name}" in printed for name in names)
 
 
 def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):

@@ -81,7 +81,7 @@ class MadeUpCampaign:
         )
 
 
-class MadeUpPlayer:
+class MadeUpRollout:
     """A policy that solves even seeds, and whose owner may lose patience."""
 
     patience = 1000
@@ -92,9 +92,9 @@ class MadeUpPlayer:
         self.config, self.seeds = config, seeds
 
     def play(self, perturb: str, records: Path, note: Any = lambda _: None) -> EvaluationRecord:
-        if MadeUpPlayer.patience == 0:
+        if MadeUpRollout.patience == 0:
             raise KeyboardInterrupt
-        MadeUpPlayer.patience -= 1
+        MadeUpRollout.patience -= 1
         note(len(self.seeds))
         spec = get_task(TASK).spec
         episodes = []
@@ -114,10 +114,9 @@ def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(certification, "Campaign", MadeUpCampaign)
     for room in (climb, certification):
         monkeypatch.setattr(room, "OutcomeLog", MagicMock())
-    monkeypatch.setattr(climb, "PolicyPlayer", MadeUpPlayer)
-    monkeypatch.setattr(climb, "world_version", lambda task, perturb="": f"{task} {perturb}")
+    monkeypatch.setattr(climb, "RungRollout", MadeUpRollout)
     monkeypatch.setattr(MadeUpCampaign, "jobs", [], raising=False)
-    monkeypatch.setattr(MadeUpPlayer, "patience", 1000)
+    monkeypatch.setattr(MadeUpRollout, "patience", 1000)
 
 
 def config(tmp_path: Path, *axes: str, levels: tuple[int, ...] = (1, 3)) -> LadderConfig:
@@ -178,11 +177,11 @@ def test_the_blind_control_plays_the_mean_keyposes_of_the_variation_that_the_see
 
 def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch, capsys):
     chosen = config(tmp_path, "arm_late", "camera_moved")
-    monkeypatch.setattr(MadeUpPlayer, "patience", 2)
+    monkeypatch.setattr(MadeUpRollout, "patience", 2)
     with pytest.raises(KeyboardInterrupt, match="goes on where it stopped"):
         ladder(chosen)
     assert [rung.name for rung in LadderResult.read(chosen.output).rungs] == ["level 0", "arm_late:1"]
-    monkeypatch.setattr(MadeUpPlayer, "patience", 3)  # just as many as are missing
+    monkeypatch.setattr(MadeUpRollout, "patience", 3)  # just as many as are missing
     ladder(chosen)
     result = LadderResult.read(chosen.output)
     names = ["level 0", "arm_late:1", "arm_late:3", "camera_moved:1", "camera_moved:3"]
@@ -190,7 +189,7 @@ def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch
     assert result.by_name["camera_moved:3"].expert == (0, 1, 2, 3)
     assert "level 3: 4 of 8" in capsys.readouterr().out
     assert chosen.output.with_suffix(".png").is_file()
-    monkeypatch.setattr(MadeUpPlayer, "patience", 2)
+    monkeypatch.setattr(MadeUpRollout, "patience", 2)
     ladder(replace(chosen, levels=(2,)))  # the file grows
     assert len(LadderResult.read(chosen.output).rungs) == 7
 
@@ -223,8 +222,43 @@ def test_a_certificate_of_another_world_is_refused_and_one_of_this_decides(tmp_p
     chosen.output.unlink()
     path = rungs.output / f"{TASK}.json"
     path.write_text(path.read_text().replace(f"{TASK} arm_late:3", "elsewhere"))
+    MadeUpCampaign.jobs.clear()
     with pytest.raises(BimanualError, match="is of world elsewhere, but here it is"):
         ladder(replace(chosen, certificates=rungs.output))
+    assert not MadeUpCampaign.jobs  # it was noticed before anything was played
+    assert not chosen.output.exists()
+
+
+def test_a_certificate_that_comes_later_decides_on_the_rungs_that_are_played_already(tmp_path, capsys):
+    chosen = config(tmp_path, "arm_late", "camera_moved", levels=(3,))
+    ladder(chosen)
+    rungs = CertifyRungsConfig(task=TASK, seeds="0:40", blind_seeds="0:2", output=tmp_path / "rungs")
+    certify_rungs(replace(rungs, task="lift_ball", axes=("mass",)))
+    ladder(replace(chosen, certificates=rungs.output))
+    assert f"holds no certificate of {TASK}, only of lift_ball" in capsys.readouterr().out
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {None}
+    certify_rungs(replace(rungs, axes=("arm_late",), levels=(3,)))
+    MadeUpCampaign.jobs.clear()
+    ladder(replace(chosen, certificates=rungs.output))
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
+    ladder(chosen)  # which forgets nothing
+    assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
+    assert not MadeUpCampaign.jobs
+
+
+@pytest.mark.parametrize("rung", ["level 0", "arm_late:1", "camera_moved:1"])
+def test_rungs_of_another_world_are_not_mixed_with_these(rung, tmp_path):
+    chosen = config(tmp_path, "arm_late", "camera_moved", levels=(1,))
+    ladder(chosen)
+    result = LadderResult.read(chosen.output)
+    changed = [replace(one, world="elsewhere") if one.name == rung else one for one in result.rungs]
+    replace(result, rungs=tuple(changed)).write(chosen.output)
+    MadeUpCampaign.jobs.clear()
+    with pytest.raises(
+        BimanualError, match=f"has world of {rung} .*elsewhere.* choose another --output, or remove"
+    ):
+        ladder(replace(chosen, levels=(1, 2)))
+    assert not MadeUpCampaign.jobs
 
 
 def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed(tmp_path, capsys):

@@ -54,7 +54,7 @@ class Reader(HTMLParser):
 
 
 def blamed(seed: int, kind: FailureClass = FailureClass.DROPPED, fact: str = "it fell") -> Blame:
-    return Blame(seed, 0, kind, fact, 3, 1, Loser.LEFT, (True, False), 4)
+    return Blame(seed, 0, kind, fact, 3, 1, Loser.LEFT, (True, False))
 
 
 def filmed(seed: int, success: bool = False, size: int = 1000) -> Film:

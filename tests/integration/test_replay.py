@@ -129,7 +129,7 @@ def test_episodes_are_chosen_by_index_or_range() -> None:
     assert parse_episodes("1:3", 3) == [1, 2]
 
 
-@pytest.mark.parametrize("text", ["3", "-1", "2:1", "x", "", "0:9"])
+@pytest.mark.parametrize("text", ["3", "-1", "2:1", "x", "", "0:9", "0:1000000000", "-1000000000:1"])
 def test_episodes_that_are_not_there_are_refused(text: str) -> None:
     with pytest.raises(BimanualError, match="from 0 to 2"):
         parse_episodes(text, 3)

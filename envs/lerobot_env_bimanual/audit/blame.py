@@ -4,6 +4,9 @@ A failed episode is played again with a snapshot before every keypose. From each
 takes over with both arms: it plays the keyposes of its own episode of the same seed, from the same number on, with the
 time that is left. The last keypose before which that succeeds is the one that lost the episode. Of this keypose then one
 arm's half alone is replaced by the expert's, before the expert goes on with both.
+
+Where things are moved after the start, the expert is the one that reads the scene again. That takes it a keypose more, so a
+policy that goes on without it may be saved one keypose later than it was lost.
 """
 
 from __future__ import annotations
@@ -20,11 +23,10 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import expert_env, played_env
+from lerobot_env_bimanual.audit.episodes import expert_env, expert_player, played_env
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import expert
 from lerobot_env_bimanual.freezing import INVALID_ACTION
 
 
@@ -58,7 +60,6 @@ class Blame:
         last_recoverable: index of the last keypose before which the expert could still have taken over.
         loser: who lost it.
         recovers: whether the episode is solved if at that keypose the left, or the right, arm's half is replaced.
-        takeovers: continuations that were played to find out.
     """
 
     seed: int
@@ -69,7 +70,6 @@ class Blame:
     last_recoverable: int | None
     loser: Loser
     recovers: tuple[bool, bool] | None
-    takeovers: int
 
 
 class Blamer:
@@ -85,7 +85,6 @@ class Blamer:
         refuses_keyposes = options.get("control_mode") == "joint"
         self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
         self._expert: list[NDArray[np.float32]] = []
-        self._takeovers = 0
 
     def blame(self, played: PlayedEpisode) -> Blame:
         """Why a failed episode failed.
@@ -93,7 +92,6 @@ class Blamer:
         Raises:
             BimanualError: it does not come out as recorded.
         """
-        self._takeovers = 0
         self._start(played, self._expert_env)
         expert_facts, expert_solves = self._play_expert()
         self._start(played, self._env)
@@ -118,7 +116,6 @@ class Blamer:
             last_recoverable=index,
             loser=loser,
             recovers=recovers,
-            takeovers=self._takeovers,
         )
 
     def close(self) -> None:
@@ -137,7 +134,7 @@ class Blamer:
         env, self._expert = self._expert_env, []
         witness = EpisodeWitness(env)
         with env.observed_by(witness.note, witness.note_step):
-            for move in expert()(env):
+            for move in expert_player(env)(env):
                 self._expert.append(move.action)
                 _, _, terminated, truncated, _ = env.step(move.action)
                 if terminated or truncated:
@@ -194,7 +191,6 @@ class Blamer:
         """Whether actions solve the episode from a state on."""
         env = self._env
         env.restore_state(state)
-        self._takeovers += 1
         for action in actions:
             try:
                 _, _, terminated, truncated, _ = env.step(action)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import InvalidChoice
 
@@ -48,16 +48,20 @@ def blame(config: BlameConfig) -> int:
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
+    from lerobot_env_bimanual.pictures.blame_bars import blame_bars
     from lerobot_env_bimanual.workers import WorkerPool
 
     if config.sample < 0:
         raise InvalidChoice("sample", config.sample, ["a number of episodes from 0 on"])
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     if config.output is not None:
         check_output_file(config.output)
     if config.figure is not None:
         check_figure_file(config.figure)
     results = _chosen([Result.read(path) for path in result_files(config.results)], config.policy)
-    found: dict[str, list[Blame]] = {}
+    names = _names(results)
+    found: dict[Path, list[Blame]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
             result.check_world()
@@ -65,11 +69,17 @@ def blame(config: BlameConfig) -> int:
             failed = tuple(episode for episode in record.episodes if not episode.success)
             rng = np.random.default_rng(config.seed)
             blames = blames_of(record, drawn(failed, config.sample, rng), pool)
-            found.setdefault(record.task, []).extend(blames)
+            found[result.path] = blames
             print(f"{result.path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
             _print_table(blames)
-    _print_sums(found)
-    _write(found, config)
+    groups: dict[str, list[Blame]] = {}
+    for result in results:
+        groups.setdefault(names[result.path], []).extend(found[result.path])
+    _print_sums(groups)
+    if config.output is not None:
+        _write(results, found, config.output)
+    if config.figure is not None:
+        blame_bars(groups).save(config.figure)
     return 0
 
 
@@ -85,6 +95,28 @@ def _chosen(results: list[Result], policy: str | None) -> list[Result]:
     if policy not in policies:
         raise InvalidChoice("policy", policy, policies or ["nothing, since no row of `benchmark` is there"])
     return [result for result in results if result.row and result.row.learner == policy]
+
+
+def _policy(result: Result) -> str:
+    """Whose episodes they are; a record does not say it."""
+    return result.row.learner if result.row else ""
+
+
+def _names(results: Sequence[Result]) -> dict[Path, str]:
+    """What each file's episodes are summed up under: its task, and where a task has several, policy, rung, and file of records."""
+    names = {}
+    for result in results:
+        peers = [other for other in results if other.record.task == result.record.task]
+        words = [result.record.task]
+        if len({_policy(peer) for peer in peers}) > 1:
+            words.append(_policy(result) or "record")
+        if len({peer.record.perturb for peer in peers}) > 1:
+            words.append(result.record.perturb or "level 0")
+        alike = [peer for peer in peers if not peer.row and peer.record.perturb == result.record.perturb]
+        if not result.row and len(alike) > 1:
+            words.append(result.path.stem)
+        names[result.path] = " ".join(words)
+    return names
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
@@ -103,7 +135,7 @@ def _shown(index: int | None) -> str:
     return "" if index is None else str(index)
 
 
-def _print_sums(found: dict[str, list[Blame]]) -> None:
+def _print_sums(groups: dict[str, list[Blame]]) -> None:
     from lerobot_bimanual.terminal_table import print_table
     from lerobot_env_bimanual.audit.blame import Loser
     from lerobot_env_bimanual.audit.failure_class import FailureClass
@@ -112,23 +144,25 @@ def _print_sums(found: dict[str, list[Blame]]) -> None:
         ("class", FailureClass, "failure_class"),
         ("who lost them", Loser, "loser"),
     ):
-        kinds_of = {task: [getattr(blame, attribute) for blame in blames] for task, blames in found.items()}
+        kinds_of = {name: [getattr(blame, attribute) for blame in blames] for name, blames in groups.items()}
         rows = [
-            (task, *(of_task.count(kind) for kind in kinds), len(of_task))
-            for task, of_task in kinds_of.items()
+            (name, *(of_group.count(kind) for kind in kinds), len(of_group))
+            for name, of_group in kinds_of.items()
         ]
         print_table(("task", *kinds, "failed"), rows, f"By {heading}:")
 
 
-def _write(found: dict[str, list[Blame]], config: BlameConfig) -> None:
+def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Path) -> None:
+    """Write all that was found, by task, each episode with where it comes from."""
     import json
     from dataclasses import asdict
 
     from lerobot_bimanual.output_file import write_file
-    from lerobot_env_bimanual.pictures.blame_bars import blame_bars
 
-    if config.output is not None:
-        content = {task: [asdict(blame) for blame in blames] for task, blames in found.items()}
-        write_file(config.output, json.dumps(content, indent=1) + "\n")
-    if config.figure is not None:
-        blame_bars(found).save(config.figure)
+    content: dict[str, list[dict[str, Any]]] = {}
+    for result in results:
+        source = {"file": str(result.path), "policy": _policy(result), "perturb": result.record.perturb}
+        content.setdefault(result.record.task, []).extend(
+            source | asdict(blame) for blame in found[result.path]
+        )
+    write_file(output, json.dumps(content, indent=1) + "\n")

@@ -67,6 +67,8 @@ def ladder(config: LadderConfig) -> None:
         f"{len(missing)} to be played",
         highlight=False,
     )
+    if config.certificates is not None and climb.certificate is None:
+        console.print(_no_certificate(config), soft_wrap=True, highlight=False)
     if left_out := climb.rungs.not_applicable:
         console.print(f"not applicable: {', '.join(left_out)}", highlight=False)
     if config.dry_run:
@@ -127,6 +129,17 @@ def _climb(config: LadderConfig) -> Climb:
         workers=config.workers,
         output=output,
         certificate=certificates.get(config.task),
+    )
+
+
+def _no_certificate(config: LadderConfig) -> str:
+    from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
+
+    assert config.certificates is not None
+    others = ", ".join(read_rung_certificates(config.certificates))
+    return (
+        f"{config.certificates} holds no certificate of {config.task}, only of {others}; `certify-rungs "
+        f"--task={config.task} --output={config.certificates}` makes it. Till then the expert on these episodes decides"
     )
 
 

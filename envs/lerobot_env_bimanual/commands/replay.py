@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -69,25 +69,26 @@ def parse_episodes(text: str, count: int) -> list[int]:
         BimanualError: the text is none of these, or there is no such episode.
     """
     try:
-        indices = list(_read_indices(text, count))
+        indices = _read_indices(text, count)
     except ValueError:
         indices = []
-    if not indices or not all(0 <= index < count for index in indices):
+    ends = (indices[0], indices[-1]) if isinstance(indices, range) and indices else indices
+    if not indices or not all(0 <= index < count for index in ends):
         raise BimanualError(
             f"episodes is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
             f"{count - 1}"
         )
-    return indices
+    return list(indices)
 
 
-def _read_indices(text: str, count: int) -> Iterator[int]:
+def _read_indices(text: str, count: int) -> Sequence[int]:
+    """What a text means, as a range where it may be longer than memory."""
     if text == "all":
-        yield from range(count)
-    elif ":" in text:
+        return range(count)
+    if ":" in text:
         first, end = text.split(":")
-        yield from range(int(first), int(end))
-    else:
-        yield from map(int, text.split(","))
+        return range(int(first), int(end))
+    return [int(index) for index in text.split(",")]
 
 
 def _warn_of_other_versions(dataset: RecordedDataset) -> None:

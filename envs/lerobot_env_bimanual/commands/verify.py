@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.commands.replay import parse_episodes
 
 if TYPE_CHECKING:
@@ -71,6 +71,8 @@ def verify(config: VerifyConfig) -> int:
     """
     from lerobot_env_bimanual.scratch import use_scratch_folder
 
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     rows = _parse_rows(config.render)
     roots = _views(config.root)
     with tempfile.TemporaryDirectory(prefix=VERIFY, dir=use_scratch_folder()) as cache:

@@ -54,6 +54,8 @@ def verify_results(config: VerifyResultsConfig) -> int:
     for name in ("sample", "controls"):
         if getattr(config, name) < 0:
             raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
+    if config.seed < 0:
+        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     if config.certificates is not None and not any(map(Path.is_file, solo_certificates(config.certificates))):
         raise BimanualError(
             f"certificates is {config.certificates}, which holds none of one arm ({', '.join(SOLO)}); leave it out to play no "

@@ -5,7 +5,7 @@ Scripts read where things are, and use it for several stages. That is right as l
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.runner import Move, Player, expert, run_expert
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbations.registry import get_axis
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 JUMP_M = 0.005
@@ -42,6 +44,15 @@ class _FreeThings:
         moved_m = np.linalg.norm(self.positions_m - before.positions_m, axis=1)
         is_still = np.maximum(self.speeds_m_s, before.speeds_m_s) < REST_M_S
         return bool(np.any(is_still & (moved_m > JUMP_M)))
+
+
+def expert_under(axes: Iterable[str]) -> ControlName:
+    """Who is the expert under axes of perturbation: the one who looks again, where one of them moves things later.
+
+    Args:
+        axes: their names; none of the world as it is.
+    """
+    return "rereading" if any(get_axis(axis).moves_things_later for axis in axes) else "expert"
 
 
 def rereading(codec: KeyposeCodec | None = None) -> Player:

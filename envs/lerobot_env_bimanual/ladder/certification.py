@@ -15,9 +15,9 @@ from lerobot_bimanual.ladder.rung_certificate import (
 )
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog, versions
-from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.ladder.controls import Controls, RungKey, has_late_moves
-from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text
+from lerobot_env_bimanual.ladder.rungs import Rungs
+from lerobot_env_bimanual.ladder.worlds import worlds_of
 from lerobot_env_bimanual.options import ANY_VARIATION
 
 SPLIT = "test"
@@ -51,9 +51,7 @@ class RungCertification:
         keys = [key for key in self.rungs if self.rungs.played_as(*key) == key]
         log = OutcomeLog(self.output.with_suffix(".partial.jsonl"))
         with Campaign(workers, log) as campaign:
-            places = [(self.task, perturb_text(*key)) for key in keys]
-            found = campaign.map(_world, places, f"{self.task}: worlds", "rung")
-            worlds: dict[RungKey, str] = dict(zip(keys, found, strict=True))
+            worlds = worlds_of(self.task, keys, campaign)
             rungs = {
                 (rung.axis, rung.level): rung
                 for rung in (before.rungs if before else ())
@@ -122,8 +120,3 @@ class RungCertification:
             "blind_seeds": (self.blind_seeds.start, self.blind_seeds.stop),
             "versions": versions(),
         }
-
-
-def _world(place: tuple[str, str]) -> str:
-    """Version of a task's world on a rung; for workers."""
-    return world_version(*place)

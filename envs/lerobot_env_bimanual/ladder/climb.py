@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -20,6 +20,7 @@ from lerobot_bimanual.ladder.result import (
     LadderResult,
     Rung,
     RungEpisode,
+    rung_name,
 )
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
 from lerobot_bimanual.statistics import SuccessRate
@@ -28,10 +29,10 @@ from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-from lerobot_env_bimanual.expert.world_version import world_version
 from lerobot_env_bimanual.ladder.controls import ControlOfRungs, Controls, RungKey
-from lerobot_env_bimanual.ladder.policy_player import PolicyPlayer
+from lerobot_env_bimanual.ladder.rung_rollout import RungRollout
 from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text
+from lerobot_env_bimanual.ladder.worlds import worlds_of
 
 FEW = 4
 """Episodes of the expert from which the time is estimated."""
@@ -83,7 +84,7 @@ class Climb:
         """What an earlier run has left; None if there was none.
 
         Raises:
-            BimanualError: the file is damaged, or of another policy, world, or other episodes.
+            BimanualError: the file is damaged, or of another policy, or other episodes.
         """
         if not self.output.exists():
             return None
@@ -94,14 +95,8 @@ class Climb:
         }
         del pairs["checkpoint"]  # the same weights may have moved
         pairs["seeds"] = (level_0.seeds, list(self.seeds))
-        pairs["world"] = (level_0.world, world_version(self.task))
         pairs |= {f"axis {axis.name}": (axis, axes[axis.name]) for axis in result.axes if axis.name in axes}
-        for name, (theirs, ours) in pairs.items():
-            if theirs != ours:
-                raise BimanualError(
-                    f"{self.output} has {name} {shown(theirs)}, but here it is {shown(ours)}; choose another --output, or "
-                    "remove the file to play anew"
-                )
+        self._check(pairs)
         return result
 
     def missing(self) -> list[RungKey]:
@@ -114,22 +109,60 @@ class Climb:
         there = {(rung.axis, rung.level) for rung in result.rungs} if result else set()
         return [key for key in self.rungs if key not in there]
 
+    def _check(self, pairs: Mapping[str, tuple[Any, Any]]) -> None:
+        """Make sure that what an earlier run has left is what would be played here.
+
+        Args:
+            pairs: what it is called -> what it was, and what it is here.
+        """
+        for name, (theirs, ours) in pairs.items():
+            if theirs != ours:
+                raise BimanualError(
+                    f"{self.output} has {name} {shown(theirs)}, but here it is {shown(ours)}; choose another --output, or "
+                    "remove the file to play anew"
+                )
+
+    def _check_worlds(self) -> None:
+        """Make sure that the rungs of this ladder that are played or certified are of the worlds here."""
+        result, asked_for = self.played(), [*self.rungs]
+        played = {(rung.axis, rung.level): rung.world for rung in (result.rungs if result else ())}
+        certified = {
+            (rung.axis, rung.level): rung for rung in (self.certificate.rungs if self.certificate else ())
+        }
+        decisive = {self.rungs.played_as(*key) for key in asked_for} & certified.keys()
+        if not (keys := sorted(decisive | ({*asked_for} & played.keys()))):
+            return
+        with Campaign(self.workers) as campaign:
+            here = worlds_of(self.task, keys, campaign)
+        worlds = {key: (played[key], here[key]) for key in keys if key in played}
+        self._check({f"world of {rung_name(*key)}": pair for key, pair in worlds.items()})
+        for key in sorted(decisive):
+            if (theirs := certified[key].world) != here[key]:
+                raise BimanualError(
+                    f"the certificate of {self.task} at {rung_name(*key)} is of world {theirs}, but here it is {here[key]}; "
+                    "certify anew with `lerobot-bimanual certify-rungs`"
+                )
+
     def climb(self) -> Iterator[Rung]:
-        """Play what is missing, and give each rung when it is in the file.
+        """Take the certificate into what is played, play what is missing, and give each rung when it is in the file.
 
         Raises:
-            BimanualError: as in `played`, or something cannot be played.
+            BimanualError: as in `played`, or a rung or its certificate is of another world, or something cannot be played.
         """
+        self._check_worlds()
         result, missing = self.played(), self.missing()
+        if result is not None and (certified := self._with_certificate(result)) != result:
+            result = certified
+            result.write(self.output)
         if not missing:
             return
-        player = self._player()  # which may fail, before anything is played
+        rollout = self._rollout()  # which may fail, before anything is played
         solved = self._play_controls(missing)
         with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
             for key in missing:
                 perturb = perturb_text(*key)
                 bar.set_description(f"{self.task}: {perturb or LEVEL_0}")
-                rung = self._rung(key, player.play(perturb, self.records, bar.update), solved)
+                rung = self._rung(key, rollout.play(perturb, self.records, bar.update), solved)
                 result = self._with(result, rung)
                 result.write(self.output)
                 yield rung
@@ -143,22 +176,23 @@ class Climb:
         Raises:
             BimanualError: as in `climb`.
         """
+        self._check_worlds()
         missing, few = self.missing(), self.seeds[:FEW]
         as_played = {self.rungs.played_as(*key) for key in missing}
-        player = self._player(self.seeds[: self.batch_size])
+        rollout = self._rollout(self.seeds[: self.batch_size])
         started = time.monotonic()
         with Campaign(self.workers) as campaign:
             self._controls(campaign).solved("expert", [("", 0)], few)
         expert_s = (time.monotonic() - started) / len(few)
-        player.play("", folder)  # whose first batch warms up
+        rollout.play("", folder)  # whose first batch warms up
         started = time.monotonic()
-        player.play("", folder)
+        rollout.play("", folder)
         batches = -(-len(self.seeds) // self.batch_size) * len(missing)
         episodes_of_controls = len(CONTROLS) * len(as_played) * len(self.seeds)
         return expert_s * episodes_of_controls + (time.monotonic() - started) * batches
 
-    def _player(self, seeds: range | None = None) -> PolicyPlayer:
-        return PolicyPlayer(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
+    def _rollout(self, seeds: range | None = None) -> RungRollout:
+        return RungRollout(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
 
     def _controls(self, campaign: Campaign) -> Controls:
         return Controls(campaign, self.task, str(self.config.variation), self.config.split)
@@ -186,7 +220,7 @@ class Climb:
             world=record.world,
             expert=solved["expert"][played_as],
             blind=solved["blind"][played_as],
-            certificate=self._certified(played_as),
+            certificate=self._certified(key),
             episodes=tuple(
                 RungEpisode(
                     seed=episode.seed,
@@ -201,20 +235,24 @@ class Climb:
         )
 
     def _certified(self, key: RungKey) -> SuccessRate | None:
-        """The expert on the many seeds of a certificate.
+        """The expert on the many seeds of the certificate, if that has the rung."""
+        certificate = self.certificate
+        found = certificate and certificate.find(*self.rungs.played_as(*key))
+        return certificate.rates(found)["expert"] if certificate and found else None
 
-        Raises:
-            BimanualError: the certificate is of another world.
-        """
-        found = None if self.certificate is None else self.certificate.find(*key)
-        if found is None or self.certificate is None:
-            return None
-        if found.world != (here := world_version(self.task, perturb_text(*key))):
-            raise BimanualError(
-                f"the certificate of {self.task} at {perturb_text(*key) or LEVEL_0} is of world {found.world}, but here it is "
-                f"{here}; certify anew with `lerobot-bimanual certify-rungs`"
-            )
-        return self.certificate.rates(found)["expert"]
+    def _with_certificate(self, result: LadderResult) -> LadderResult:
+        """A result whose rungs of this ladder are certified by what the certificate says now."""
+        ours = {*self.rungs}
+        certified = {
+            (rung.axis, rung.level): self._certified((rung.axis, rung.level))
+            for rung in result.rungs
+            if (rung.axis, rung.level) in ours
+        }
+        rungs = (
+            replace(rung, certificate=certified.get((rung.axis, rung.level)) or rung.certificate)
+            for rung in result.rungs
+        )
+        return replace(result, rungs=tuple(rungs))
 
     def _with(self, result: LadderResult | None, rung: Rung) -> LadderResult:
         """The result with one rung more."""

@@ -10,6 +10,7 @@ from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.expert.campaign import Campaign
 from lerobot_env_bimanual.expert.control_names import ControlName
 from lerobot_env_bimanual.expert.outcome import Job, Keyposes
+from lerobot_env_bimanual.expert.replanning import expert_under
 from lerobot_env_bimanual.ladder.rungs import perturb_text
 from lerobot_env_bimanual.perturbations.registry import get_axis
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -25,8 +26,8 @@ def has_late_moves(axis: str) -> bool:
 
 
 def _player(control: ControlOfRungs, axis: str) -> ControlName:
-    """Who plays as a control on the rungs of an axis; scripts rely on nobody else moving things while they play."""
-    return "rereading" if control == "expert" and has_late_moves(axis) else control
+    """Who plays as a control on the rungs of an axis; level 0 is of no axis."""
+    return expert_under([axis] if axis else []) if control == "expert" else control
 
 
 @dataclass(frozen=True)

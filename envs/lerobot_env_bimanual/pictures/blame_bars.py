@@ -1,4 +1,4 @@
-"""The picture of who lost episodes at which keypose: stacked bars, one panel per task."""
+"""The picture of who lost episodes at which keypose: stacked bars, one panel per task, or group of its episodes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def blame_bars(found: Mapping[str, Sequence[Blame]]) -> Canvas:
     """One panel per task with failed episodes.
 
     Args:
-        found: what was found of the failed episodes of each task.
+        found: what was found of the failed episodes of each task; where one is played in several ways, of each of these.
     """
     shown = {task: blames for task, blames in found.items() if blames}
     rows = -(-len(shown) // COLUMNS)

@@ -1,4 +1,4 @@
-"""A trained policy, loaded once, that plays rung after rung as `lerobot-eval` would."""
+"""LeRobot's rollout of a trained policy, loaded once, on rung after rung, as `lerobot-eval` would play it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import record_name
 
 
-class PolicyPlayer:
+class RungRollout:
     """LeRobot's own loop over our environments, with LeRobot's own processors before and behind the policy.
 
     Args:
