@@ -25,8 +25,11 @@ from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
 PLUGIN_TAG = "lerobot_policy_bimanual"
-LORA_TARGETS = r"network\..*\.(query|key_value|out|widen|narrow)"
-"""Regular expression of whole names of modules, as PEFT reads it."""
+LORA_TARGETS = (
+    r"network\..*"
+    r"((attention|read|answer\.\d+)\.(query|key_value|out)|feed_forward(\.\d+)?\.(widen|narrow))"
+)
+"""Regular expression of whole names of modules, as PEFT reads it: layers of `Attention` and of `FeedForward`."""
 
 
 class KeyposePolicy(PreTrainedPolicy):
