@@ -12,7 +12,7 @@ lerobot-bimanual generate --task="$TASK" --episodes="$EPISODES" --view=keyframes
     --root="$OUT/dataset" --repo_id="example/$TASK"
 
 # The recipe is the network's sizes and all else that it learns with. Without it, `--policy.type=peract2` is the network
-# of the paper, for which a GPU is needed. lerobot-bimanual-train takes the same flags and gives the same weights, but
-# reads the dataset only once.
+# of the paper, for which a GPU is needed. lerobot-bimanual-train takes the same flags and gives the same weights on a
+# CPU, but reads the dataset only once.
 lerobot-train --config_path="$RECIPE" --dataset.repo_id="example/$TASK" --dataset.root="$OUT/dataset" \
     --policy.device=cpu --num_workers=0 --steps="$STEPS" --save_freq="$STEPS" --output_dir="$OUT/peract2"

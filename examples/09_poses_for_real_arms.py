@@ -50,7 +50,7 @@ for index in range(len(episode) - 1):  # in the last row all keyposes have been 
     answer, shown = (
         BimanualKeypose.from_vector(vector) for vector in (action, row["observation.next_keypose"])
     )
-    print(f"{row['task']!r}, {index} keyposes executed")
+    print(f"{row['task']!r}, {round(row['observation.keypose_step'].item())} keyposes executed")
     for arm in ARMS:
         target = answer[arm]
         error_cm = 100 * np.linalg.norm(target.pose.position - shown[arm].pose.position)

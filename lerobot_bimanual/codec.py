@@ -4,6 +4,7 @@ The same discretisation that the policies predict (`codec_torch` is its torch tw
 keyposes when a ceiling is certified.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,7 @@ class KeyposeCodec:
 
     def __post_init__(self):
         """Refuse bins that do not divide the circle."""
-        if self.voxels < 1 or 360 % self.rotation_bin_deg:
+        if self.voxels < 1 or not divides_circle(self.rotation_bin_deg):
             raise ValueError(
                 f"voxels={self.voxels} must be at least 1 and rotation_bin_deg={self.rotation_bin_deg} must divide 360"
             )
@@ -105,6 +106,11 @@ class KeyposeCodec:
             np.clip(bins.voxel, 0, self.voxels - 1), bins.rotation, bins.gripper_open, bins.ignore_collisions
         )
         return BimanualKeypose.from_vector(self.decode(inside))
+
+
+def divides_circle(angle_deg: float) -> bool:
+    """Whether an angle fits into 360 degrees a whole number of times, but for rounding: 3.6 does, and 7 does not."""
+    return angle_deg > 0 and math.isclose(round(360 / angle_deg) * angle_deg, 360)
 
 
 def _per_arm(vectors: ArrayLike) -> NDArray[np.float64]:

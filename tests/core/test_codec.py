@@ -93,6 +93,12 @@ def test_torch_twin_gives_the_same_bins_and_poses():
     assert rotation_angle_rad(poses[0][..., 3:7], poses[1][..., 3:7]).max() < 1e-3
 
 
-def test_a_bin_width_that_does_not_divide_the_circle_is_refused():
-    with pytest.raises(ValueError, match="divide 360"):
-        KeyposeCodec(rotation_bin_deg=7)
+@pytest.mark.parametrize(("width_deg", "bins"), [(3.6, 100), (0.9, 400), (7.2, 50), (5, 72)])
+def test_widths_that_divide_the_circle_but_for_rounding_are_taken(width_deg, bins):
+    assert KeyposeCodec(rotation_bin_deg=width_deg).rotation_bins == bins
+
+
+@pytest.mark.parametrize("width_deg", [7, 0, -5, 3.61])
+def test_widths_that_do_not_divide_the_circle_are_refused(width_deg):
+    with pytest.raises(ValueError, match=f"rotation_bin_deg={width_deg} must divide 360"):
+        KeyposeCodec(rotation_bin_deg=width_deg)

@@ -3,9 +3,12 @@
 import re
 import shlex
 import shutil
+import sys
 from pathlib import Path
 
+import draccus
 import pytest
+from lerobot.configs.train import TrainPipelineConfig
 from small_commands import ROOT, commands, run, small
 
 ORDER = (
@@ -28,7 +31,7 @@ NOT_RUN = {
     r"hf auth login": "asks for a token",
     r"lerobot-bimanual (push|generate|envhub) .*--repo_id=me/.*": "uploads; test_hub.py and test_envhub.py do to a loopback Hub",
     r"ray start|lerobot-bimanual generate .*--executor=ray": "needs several machines; test_generate_ray.py takes one",
-    r"torchrun": "needs several processors; test_lerobot_train.py trains with one",
+    r"torchrun": "needs several processors; its flags are read here, and test_lerobot_train.py trains with one",
     r"vla-eval run": "is not installed here; test_vla_eval.py keeps its contract",
     r".*smolvla": "downloads weights",
     r"lerobot-(teleoperate|record) ": "needs hands at a keyboard; tests/robots has its own",
@@ -67,6 +70,16 @@ def reason(words: list[str]) -> str | None:
 def test_every_reason_is_one_of_a_command() -> None:
     found = [shlex.join(words) for page in pages() for words in commands(page)]
     assert [start for start in NOT_RUN if not any(re.match(start, line) for line in found)] == []
+
+
+def test_lerobot_accepts_the_flags_of_trainings_on_several_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [words for page in pages() for words in commands(page) if words[0] in ("torchrun", "accelerate")]
+    assert found
+    for words in found:
+        program = next(index for index, word in enumerate(words) if "lerobot-train" in word)
+        flags = [*words[program + 1 :], "--policy.device=cpu"]
+        monkeypatch.setattr(sys, "argv", ["lerobot-train", *flags])
+        draccus.parse(TrainPipelineConfig, args=flags).validate()
 
 
 @pytest.mark.slow

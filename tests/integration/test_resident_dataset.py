@@ -14,6 +14,8 @@ from torch.utils.data import default_collate
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training import resident_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 from lerobot_policy_bimanual.training.train import images_read, make_resident_datasets
@@ -132,3 +134,19 @@ def test_a_dataset_larger_than_the_memory_is_refused(stored, monkeypatch):
     monkeypatch.setattr(resident_dataset, "MAX_SHARE", 1e-9)
     with pytest.raises(DatasetError, match=r"rows of this dataset take .* GB of memory"):
         ResidentDataset(stored, CPU)
+
+
+def test_depth_between_millimetres_is_rounded_and_stays_within_16_bits(stored):
+    held = ResidentDataset(stored, CPU)
+    key = schema.depth_key("front")
+    depth_mm = torch.tensor([0.4, 1.5, 999.9, 65535.0, 70000.0, -3.0])
+    assert held._unpacked(key, held._packed(key, depth_mm)).tolist() == [0, 2, 1000, 65535, 65535, 0]
+
+
+def test_a_gpu_by_its_number_is_refused_as_lerobot_would_train_on_another(generated):
+    cfg = TrainPipelineConfig(
+        DatasetConfig("local/small", root=str(generated / "keyframes")), policy=PerAct2Config(device="cpu")
+    )
+    cfg.policy.device = "cuda:1"  # set later: without a GPU, LeRobot makes `cpu` of it
+    with pytest.raises(BadConfig, match=r"cuda:1 .*CUDA_VISIBLE_DEVICES=1"):
+        make_resident_datasets(cfg)

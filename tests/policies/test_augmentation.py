@@ -126,3 +126,24 @@ def test_quaternions_turn_as_points_do(random_keyposes, angle_deg):
     moved = arms(move_keyposes(motion, keyposes))
     expected = motion[:, None, :3, :3] @ quat_wxyz_to_matrix(arms(keyposes)[..., 3:7])
     torch.testing.assert_close(quat_wxyz_to_matrix(moved[..., 3:7]), expected)
+
+
+def test_processes_of_one_training_draw_other_motions_though_they_are_seeded_alike(
+    random_keyposes, monkeypatch
+):
+    keyposes = random_keyposes(4)
+
+    def drawn(rank: int, processes: int = 2) -> torch.Tensor:
+        monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
+        monkeypatch.setattr(torch.distributed, "get_world_size", lambda: processes)
+        monkeypatch.setattr(torch.distributed, "get_rank", lambda: rank)
+        torch.manual_seed(0)
+        return torch.stack([augmentation().sample(keyposes) for _ in range(2)])
+
+    assert torch.equal(drawn(1), drawn(1))
+    assert not torch.equal(drawn(0), drawn(1))
+    assert not torch.equal(*drawn(1))
+    alone = drawn(0, processes=1)
+    monkeypatch.undo()
+    torch.manual_seed(0)
+    assert torch.equal(augmentation().sample(keyposes), alone[0])

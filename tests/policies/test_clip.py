@@ -105,6 +105,14 @@ def test_cached_tokens_follow_the_policy_to_its_device(tower):
     assert language.to("meta")(["lift"]).device.type == "meta"
 
 
+def test_what_an_evaluation_caches_on_another_device_serves_training(tower):
+    language = encoder(tower).to("meta")
+    with torch.inference_mode():
+        language(["lift"])
+    assert not language(["lift"]).is_inference()
+    assert not language._cache["lift"].is_inference()
+
+
 @pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])
 def test_sizes_that_do_not_fit_the_tower_are_refused(tower, tokens, dim):
     with pytest.raises(

@@ -133,3 +133,10 @@ def test_the_references_optimizer_is_one_choice_away():
     )
     assert config.get_optimizer_preset().type == "lamb"
     assert config.get_scheduler_preset() is None
+
+
+@pytest.mark.parametrize("width_deg", [3.6, 0.9, 7.2])
+def test_rotation_bins_may_divide_the_circle_but_for_rounding(width_deg):
+    assert PerAct2Config(device="cpu", rotation_bin_deg=width_deg).codec.bins.rotation_bins == round(
+        360 / width_deg
+    )

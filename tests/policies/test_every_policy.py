@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE, depth_key
 from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 
 def part(batch: dict, sample: int) -> dict:
@@ -254,3 +257,35 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
 def test_compiling_does_not_change_the_names_in_the_checkpoint(make_policy):
     plain, compiled = (make_policy(compile=flag) for flag in (False, True))
     assert plain.state_dict().keys() == compiled.state_dict().keys()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_compiled_network_has_the_losses_of_the_plain_one_and_is_compiled_once(
+    specimens, make_batch, monkeypatch
+):
+    graphs = []
+
+    def backend(graph: torch.fx.GraphModule, inputs: list) -> Callable:
+        """Dynamo and autograd's tracing without the compiler of the machine."""
+        graphs.append(graph)
+        return torch._dynamo.lookup_backend("aot_eager")(graph, inputs)
+
+    compiler = torch.nn.Module.compile
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda module: compiler(module, backend=backend))
+    options = specimens["peract2"].tiny["factorised"] | {"augmentation": False}
+    plain, compiled = (
+        PerAct2Policy(PerAct2Config(**options, compile=flag)).train() for flag in (False, True)
+    )
+    compiled.load_state_dict(plain.state_dict())
+    batch = make_batch()
+    for _ in range(2):
+        once = len(graphs)
+        expected, loss = plain(batch)[0], compiled(batch)[0]
+        torch.testing.assert_close(loss, expected)
+        gradients = [
+            torch.autograd.grad(value, policy.network.positions)[0]
+            for value, policy in ((expected, plain), (loss, compiled))
+        ]
+        torch.testing.assert_close(*gradients, atol=1e-4, rtol=1e-3)
+    assert once == len(graphs) > 0

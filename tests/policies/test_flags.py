@@ -12,6 +12,8 @@ from lerobot.configs.parser import print_scoped_help
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.policies.factory import get_policy_class
 
+from lerobot_policy_bimanual.nn.attention import Attention, FeedForward
+
 
 def test_every_flag_of_a_policy_has_a_help_text(policy_type):
     config_class = PreTrainedConfig.get_choice_class(policy_type)
@@ -37,13 +39,16 @@ def test_sharded_training_and_adapters_know_their_modules(policy_type, specimens
         kinds = {type(module).__name__ for module in policy.network.modules()}
         assert set(policy._fsdp_wrap_modules) <= kinds
         adapted = policy._get_default_peft_targets()
-        linear = {
-            name: isinstance(module, torch.nn.Linear)
-            for name, module in policy.named_modules()
-            if re.fullmatch(adapted["target_modules"], name)
+        named = {name for name, _ in policy.named_modules() if re.fullmatch(adapted["target_modules"], name)}
+        meant = {
+            f"network.{block}.{name}"
+            for block, module in policy.network.named_modules()
+            if isinstance(module, Attention | FeedForward)
+            for name, layer in module.named_children()
+            if isinstance(layer, torch.nn.Linear)
         }
-        assert len(linear) >= 10
-        assert all(linear.values())
+        assert len(meant) >= 10
+        assert named == meant
         assert adapted["modules_to_save"] == []
 
 

@@ -21,7 +21,7 @@ def test_other_words_and_another_order_give_other_tokens():
     assert not torch.allclose(tokens[0], tokens[2])
 
 
-@pytest.mark.parametrize("instruction", ["", "  ?!", "défense d'afficher 機械", "word " * 300])
+@pytest.mark.parametrize("instruction", ["", "  ?!", "défense d'afficher 機械", "\ud800", "word " * 300])
 def test_no_sentence_is_refused(instruction):
     assert torch.isfinite(LearnedLanguage(tokens=3, dim=4)([instruction, "lift the ball"])).all()
     assert len(word_ids(instruction)) <= MAX_WORDS
@@ -30,3 +30,10 @@ def test_no_sentence_is_refused(instruction):
 def test_word_slots_do_not_depend_on_case_punctuation_or_process():
     assert word_ids("Lift the BALL!") == word_ids("lift the ball")
     assert word_ids("lift ball") == [0, 1918, 118]  # a checkpoint relies on these
+
+
+def test_words_of_every_script_are_read():
+    assert len(word_ids("подними мяч")) == len(word_ids("ボールを 持ち上げる")) == 3
+    assert word_ids("подними мяч") != word_ids("толкни ящик")
+    assert len(word_ids("défense")) == 2
+    assert word_ids("lift_the ball, 2x") == word_ids("lift the ball 2x")

@@ -1,15 +1,19 @@
 """What bfloat16 may change, and what it may not."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import pytest
 import torch
 
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 from lerobot_policy_bimanual.peract.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 
@@ -73,3 +77,52 @@ def test_voxel_grid_ignores_autocast():
 
     full, half = in_both_precisions(grid, points)
     assert torch.equal(full, half)
+
+
+MATMUL = torch.backends.cuda.matmul
+
+
+@pytest.fixture
+def tf32() -> Iterator[None]:
+    """TF32 as LeRobot's programs switch it on; a process without a GPU has the setting, too."""
+    MATMUL.allow_tf32 = True
+    yield
+    MATMUL.allow_tf32 = False
+
+
+@pytest.mark.usefixtures("tf32")
+def test_geometry_on_a_gpu_is_without_tf32_until_the_last_thread_has_left():
+    gpu = torch.device("cuda")
+    with full_precision(gpu):
+        first, second = full_precision(gpu), full_precision(gpu)
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert not MATMUL.allow_tf32
+        second.__exit__(None, None, None)
+        assert not MATMUL.allow_tf32
+    assert MATMUL.allow_tf32
+    with pytest.raises(ZeroDivisionError), full_precision(gpu):
+        1 / 0  # noqa: B018
+    assert MATMUL.allow_tf32
+    assert torch.get_float32_matmul_precision() == "high"
+
+
+@pytest.mark.usefixtures("tf32")
+def test_geometry_on_a_cpu_leaves_the_settings_of_gpus_alone():
+    with full_precision(torch.device("cpu")):
+        assert MATMUL.allow_tf32
+    MATMUL.allow_tf32 = False
+    with full_precision(torch.device("cuda")):
+        pass
+    assert not MATMUL.allow_tf32
+
+
+@pytest.mark.gpu
+@pytest.mark.usefixtures("tf32")
+def test_points_on_a_gpu_are_those_of_the_cpu(tiny, make_batch):
+    batch = make_batch()
+    policy = PerAct2Policy(PerAct2Config(**tiny))
+    expected = policy.infer(batch)[0].points
+    moved = {key: value.cuda() if torch.is_tensor(value) else value for key, value in batch.items()}
+    torch.testing.assert_close(policy.cuda().infer(moved)[0].points.cpu(), expected, atol=1e-5, rtol=0)

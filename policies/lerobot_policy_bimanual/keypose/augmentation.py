@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 import torch
+import torch.distributed as dist
 from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS
@@ -50,11 +51,13 @@ class SceneAugmentation:
         """
         samples = len(keyposes)
         options = {"dtype": keyposes.dtype, "device": keyposes.device}
+        drawn = {"device": keyposes.device, "generator": _generator(keyposes.device)}
         steps = int(self.yaw_deg / self.yaw_step_deg + 1e-6)
-        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), device=keyposes.device) * math.radians(
+        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), **drawn) * math.radians(
             self.yaw_step_deg
         )
-        shift = (torch.rand(MAX_DRAWS, samples, 3, **options) * 2 - 1) * torch.tensor(self.shift_m, **options)
+        shift = torch.rand(MAX_DRAWS, samples, 3, dtype=keyposes.dtype, **drawn) * 2 - 1
+        shift = shift * torch.tensor(self.shift_m, **options)
         draws = self._transforms(yaw.to(keyposes.dtype), shift)  # (draws, b, 4, 4)
         positions = _arms(keyposes)[..., POSITION]  # (b, arms, 3)
         moved = _apply(draws[:, :, None], positions)  # (draws, b, arms, 3)
@@ -83,6 +86,16 @@ def move_keyposes(transform: Tensor, keyposes: Tensor) -> Tensor:
     arms[..., POSITION] = _apply(transform[:, None], arms[..., POSITION])
     arms[..., QUATERNION] = quat_wxyz_canonical(quat_wxyz_multiply(turn, arms[..., QUATERNION]))
     return arms.flatten(1)
+
+
+def _generator(device: torch.device) -> torch.Generator | None:
+    """The global generator, as None; one of its own for each of several processes, as LeRobot seeds them all alike."""
+    if not (dist.is_available() and dist.is_initialized() and dist.get_world_size() > 1):
+        return None
+    shared = int(
+        torch.randint(2**62, ())
+    )  # drawn anew each time, so that a resumed training goes on as it would have
+    return torch.Generator(device).manual_seed(shared + dist.get_rank())
 
 
 def _arms(keyposes: Tensor) -> Tensor:

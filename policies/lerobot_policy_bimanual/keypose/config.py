@@ -154,7 +154,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
                     f"workspace_lower={list(self.workspace_lower)} must be below "
                     f"workspace_upper={list(self.workspace_upper)} on every axis"
                 )
-        if 360 % self.rotation_bin_deg:
+        if not codec.divides_circle(self.rotation_bin_deg):
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
         modes = self.normalization_mapping
         if self.n_obs_steps != 1 or not (

@@ -21,11 +21,15 @@ from lerobot_policy_bimanual.keypose.observation import Observation, observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import load_weights
 from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
+from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
 PLUGIN_TAG = "lerobot_policy_bimanual"
-LORA_TARGETS = r"network\..*\.(query|key_value|out|widen|narrow)"
-"""Regular expression of whole names of modules, as PEFT reads it."""
+LORA_TARGETS = (
+    r"network\..*"
+    r"((attention|read|answer\.\d+)\.(query|key_value|out)|feed_forward(\.\d+)?\.(widen|narrow))"
+)
+"""Regular expression of whole names of modules, as PEFT reads it: layers of `Attention` and of `FeedForward`."""
 
 
 class KeyposePolicy(PreTrainedPolicy):
@@ -141,7 +145,7 @@ class KeyposePolicy(PreTrainedPolicy):
                 f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual generate` records"
             )
         keyposes = batch[NEXT_KEYPOSE].float()
-        with self._full_precision(keyposes):
+        with full_precision(keyposes.device):
             motion = None
             if self.training and self.config.augmentation:
                 motion = self.augmentation.sample(keyposes)
@@ -150,7 +154,7 @@ class KeyposePolicy(PreTrainedPolicy):
             target = self.target_bins(keyposes)
             offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
         prediction = self._predict(observation, target)
-        with self._full_precision(keyposes):
+        with full_precision(keyposes.device):
             losses = keypose_losses(prediction, target, offset)
             loss = torch.stack(list(losses.values())).sum()
             errors = keypose_errors(self._decode(prediction), keyposes)
@@ -179,11 +183,11 @@ class KeyposePolicy(PreTrainedPolicy):
     def infer(self, batch: dict[str, Any]) -> tuple[Observation, KeyposePrediction, Tensor]:
         """What is seen, what is predicted from it, and the next keypose (b, 18) that is chosen."""
         self.eval()
-        any_tensor = next(self.parameters())
-        with self._full_precision(any_tensor):
+        device = next(self.parameters()).device
+        with full_precision(device):
             observation = self.observe(batch)
         prediction = self._predict(observation, None)
-        with self._full_precision(any_tensor):
+        with full_precision(device):
             return observation, prediction, self._decode(prediction)
 
     def observe(self, batch: dict[str, Any], motion: Tensor | None = None) -> Observation:
@@ -221,11 +225,6 @@ class KeyposePolicy(PreTrainedPolicy):
         if self.config.decode == "voxel":
             return self.codec.decode(best)
         return self.codec.assemble(self.codec.voxel_centers(candidates.local_mean()), best)
-
-    @staticmethod
-    def _full_precision(like: Tensor) -> torch.autocast:
-        """LeRobot may train under autocast; world coordinates in bfloat16 would be off by centimetres."""
-        return torch.autocast(like.device.type, enabled=False)
 
 
 def _make_language(config: KeyposePolicyConfig) -> nn.Module:

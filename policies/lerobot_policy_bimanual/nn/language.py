@@ -19,8 +19,8 @@ START = 0
 
 
 def word_ids(instruction: str) -> list[int]:
-    """Stable slots of an instruction's words, after a start symbol. Any word has a slot, known or not."""
-    words = re.findall(r"[a-z0-9]+", instruction.lower())
+    """Stable slots of an instruction's words, after a start symbol. Any word of any script has a slot, known or not."""
+    words = re.findall(r"[^\W_]+", instruction.lower())
     ids = [1 + zlib.crc32(word.encode()) % (BUCKETS - 1) for word in words]
     return [START, *ids][:MAX_WORDS]
 
@@ -99,16 +99,16 @@ class ClipLanguage(nn.Module):
 
     def _recall(self, instruction: str) -> Tensor:
         tokens = self._cache.get(instruction)
-        if tokens is None:
-            tokens = self._encode(instruction)
-        self._cache[instruction] = tokens.to(self._place.device)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        # What is cached must also serve training, though the first call may come from an evaluation or under autocast.
+        with torch.inference_mode(False), torch.no_grad(), torch.autocast("cpu", enabled=False):
+            if tokens is None:
+                tokens = self._encode(instruction)
+            self._cache[instruction] = tokens.to(self._place.device)  # pyright: ignore[reportArgumentType, reportCallIssue]
         return self._cache[instruction]
 
     def _encode(self, instruction: str) -> Tensor:
         ids = self._tokenizer(instruction, truncation=True, max_length=self._tokens).input_ids
         padded = torch.tensor([ids + [0] * (self._tokens - len(ids))])
-        # What is cached must also serve training, though the first call may come from an evaluation or under autocast.
-        with torch.inference_mode(False), torch.no_grad(), torch.autocast("cpu", enabled=False):
-            features = self._encode_ids(input_ids=padded).last_hidden_state
+        features = self._encode_ids(input_ids=padded).last_hidden_state
         assert features is not None  # optional only in transformers' annotations
         return features[0]

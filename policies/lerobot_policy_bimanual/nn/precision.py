@@ -1,5 +1,9 @@
 """Where half precision ends."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
+
 import torch
 from torch import Tensor
 
@@ -7,3 +11,58 @@ from torch import Tensor
 def at_least_float32(x: Tensor) -> Tensor:
     """Leave autocast's bfloat16; float64 stays, so that exactness can be tested."""
     return x.to(torch.promote_types(x.dtype, torch.float32))
+
+
+@contextmanager
+def full_precision(device: torch.device) -> Iterator[None]:
+    """Compute in float32, whatever a caller has set.
+
+    LeRobot may train under autocast, and its programs switch on a GPU's TF32: world coordinates would be off by
+    centimetres in bfloat16, and by half a millimetre a metre in TF32.
+
+    Args:
+        device: on which is computed.
+    """
+    with torch.autocast(device.type, enabled=False):
+        if device.type != "cuda":
+            yield
+            return
+        with _WITHOUT_TF32:
+            yield
+
+
+class _WithoutTF32:
+    """TF32 is off as long as anyone is inside: the setting is the process's, and threads of an evaluation share it."""
+
+    def __init__(self):
+        self._lock = Lock()
+        self._inside = 0
+        self._was_on = False
+
+    def __enter__(self):
+        with self._lock:
+            if self._inside == 0:
+                self._was_on = _tf32_is_on()
+                self._allow(False)
+            self._inside += 1
+
+    def __exit__(self, *exception: object):
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                self._allow(True)
+
+    def _allow(self, on: bool) -> None:
+        if self._was_on:  # else nothing is touched
+            torch.backends.cuda.matmul.allow_tf32 = on
+
+
+_WITHOUT_TF32 = _WithoutTF32()
+
+
+def _tf32_is_on() -> bool:
+    """Asked in PyTorch's newer words where it has them: its older ones raise after someone has used the newer."""
+    matmul = torch.backends.cuda.matmul
+    if hasattr(matmul, "fp32_precision"):
+        return matmul.fp32_precision == "tf32"
+    return bool(matmul.allow_tf32)

@@ -17,6 +17,9 @@ from lerobot_policy_bimanual.training.stored_rows import StoredRows
 MAX_SHARE = 0.7
 """Of the free memory, that may be taken."""
 
+MAX_DEPTH_MM = 2**16 - 1
+"""What 16 bits hold; what is farther away is taken for as far."""
+
 type Row = dict[str, Any]
 
 
@@ -119,7 +122,9 @@ class ResidentDataset(Dataset):
     def _packed(self, key: str, value: Tensor) -> Tensor:
         if key in self._depth_keys:
             # Whole millimetres, as signed numbers: PyTorch cannot look up unsigned ones on every device.
-            return value if value.dtype == torch.int16 else value.to(torch.uint16).view(torch.int16)
+            if value.dtype == torch.int16:
+                return value
+            return value.float().round().clamp(0, MAX_DEPTH_MM).to(torch.uint16).view(torch.int16)
         if key in self._colour_keys and value.is_floating_point():
             return (value * 255).round().to(torch.uint8)
         return value

@@ -8,7 +8,7 @@ looked up where they are needed. Logs, checkpoints and how to resume are LeRobot
 
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
@@ -18,6 +18,7 @@ from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.dataset_check import check_inputs, load_datasets
 from lerobot_policy_bimanual.training.memory import keep_freed_memory
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
@@ -65,6 +66,7 @@ def main() -> int:
     keep_freed_memory()
     lerobot_train.make_train_eval_datasets = make_datasets
     lerobot_train.make_pre_post_processors = make_processors
+    lerobot_train.compute_sampler_state = take_back_a_draw
     try:
         lerobot_train.main()
     except BimanualError as error:
@@ -79,6 +81,7 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     Raises:
         DatasetError: there are none, they are streamed, are transformed at random, are asked for in metres, do not fit
             into memory, are for a reward model, or hold depth for a policy that takes it for RGB.
+        BadConfig: the device is a GPU by its number, which LeRobot would not train on.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -96,6 +99,11 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
     device = torch.device(getattr(cfg.trainable_config, "device", None) or "cpu")
+    if device.index:
+        raise BadConfig(
+            f"--policy.device={device} would not be trained on: LeRobot takes the first GPU that it sees. Give "
+            f"--policy.device={device.type}, and choose the GPU by the environment variable CUDA_VISIBLE_DEVICES={device.index}"
+        )
     datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
     check_inputs(cfg, datasets[0].meta)
     images = images_read(cfg, datasets[0].meta)
@@ -116,6 +124,28 @@ def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
 
 
+def take_back_a_draw(*args: Any, **kwargs: Any) -> dict[str, int]:
+    """Where in the data a training is resumed, as LeRobot computes it; has its random numbers go on exactly, too.
+
+    A loader draws a number whenever it starts. A training that is resumed within an epoch starts it once more than the
+    uninterrupted one did, after LeRobot has restored the random numbers.
+    """
+    state = _compute_sampler_state(*args, **kwargs)
+    if state["start_index"]:
+        lerobot_train.cycle = _cycle_without_first_draw
+    return state
+
+
+def _cycle_without_first_draw(loader: Any) -> Iterator[Any]:
+    batches = _cycle(loader)
+    with torch.random.fork_rng(devices=()):
+        first = next(batches)
+    yield first
+    yield from batches
+
+
+_compute_sampler_state = lerobot_train.compute_sampler_state
+_cycle = lerobot_train.cycle
 _make_datasets = lerobot_train.make_train_eval_datasets
 _make_processors = lerobot_train.make_pre_post_processors
 
