@@ -70,7 +70,12 @@ class MadeUpRollout:
     patience = 1000
 
     def __init__(
-        self, checkpoint: Checkpoint, config: Any, batch_size: int, seeds: range, device: str | None
+        self,
+        checkpoint: Checkpoint,
+        config: Any,
+        batch_size: int,
+        seeds: range,
+        policy_flags: tuple[str, ...],
     ):
         self.config, self.seeds = config, seeds
 

@@ -7,6 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
+from lerobot.configs.types import FeatureType, PolicyFeature
+from lerobot.policies import make_pre_post_processors
+from lerobot.policies.act.configuration_act import ACTConfig
+from lerobot.policies.act.modeling_act import ACTPolicy
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.evaluation.record import EvaluationRecord
@@ -85,6 +90,44 @@ def test_every_rung_is_of_the_same_episodes_and_kept_with_its_record(played):
 def test_the_records_of_rungs_are_played_again_as_claimed(played, capfd):
     assert cli.main(["verify-results", f"--results={played.with_name('mine_records')}", "--sample=1"]) == 0
     assert capfd.readouterr().out.count("as claimed") == 4
+
+
+@pytest.fixture
+def of_mixed_precision(tmp_path: Path) -> Path:
+    """A tiny ACT whose config says that it was trained in mixed precision, as LeRobot saves it."""
+    torch.manual_seed(0)
+    config = ACTConfig(
+        input_features={
+            "observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 64, 64)),
+            "observation.state": PolicyFeature(FeatureType.STATE, (16,)),
+        },
+        output_features={"action": PolicyFeature(FeatureType.ACTION, (16,))},
+        dim_model=16,
+        n_heads=2,
+        dim_feedforward=32,
+        n_encoder_layers=1,
+        use_vae=False,
+        pretrained_backbone_weights=None,
+        device="cpu",
+        use_amp=True,
+    )
+    folder = tmp_path / "pretrained_model"
+    ACTPolicy(config).save_pretrained(folder)
+    for processor in make_pre_post_processors(config):
+        processor.save_pretrained(folder)
+    return folder
+
+
+def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precision, tmp_path, capsys):
+    output = tmp_path / "act.json"
+    words = ["ladder", f"--checkpoint={of_mixed_precision}", f"--task={TASK}", f"--output={output}"]
+    words += ["--axes=mass", "--levels=1", "--episodes=1", "--device=cpu"]
+    assert cli.main(words) == 1
+    error = capsys.readouterr().err
+    assert "unsupported ScalarType BFloat16; play it with --use_amp=false" in error
+    assert "Traceback" not in error
+    assert cli.main([*words, "--use_amp=false"]) == 0
+    assert [rung.name for rung in LadderResult.read(output).rungs] == ["level 0", "mass:1"]
 
 
 def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):

@@ -27,6 +27,9 @@ class LadderConfig:
     # Environments side by side; a network's answers differ in their last bits between sizes.
     batch_size: int = 2
     device: str | None = None  # of the policy; by default that of its config, or what there is
+    use_amp: bool | None = (
+        None  # mixed precision; by default as in training; not possible for all policies on a CPU
+    )
     workers: int = 0  # processes for expert and blind control; 0 takes one per core
     # The result, a JSON file; by default outputs/ladder/TASK_POLICY_HASH.json. Its figure and its records lie beside it.
     output: Path | None = None
@@ -125,7 +128,11 @@ def _climb(config: LadderConfig) -> Climb:
         rungs=rungs,
         seeds=range(config.first_seed, config.first_seed + config.episodes),
         batch_size=min(config.batch_size, config.episodes),
-        device=config.device,
+        policy_flags=tuple(
+            f"--{name}={str(value).lower()}"  # LeRobot reads true and false
+            for name in ("device", "use_amp")
+            if (value := getattr(config, name)) is not None
+        ),
         workers=config.workers,
         output=output,
         certificate=certificates.get(config.task),

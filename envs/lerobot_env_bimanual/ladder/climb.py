@@ -49,7 +49,7 @@ class Climb:
         rungs: of that task.
         seeds: consecutive, the same on all rungs.
         batch_size: environments side by side.
-        device: where the policy runs; None takes that of its config, or what there is.
+        policy_flags: what is set in the policy's config over what the checkpoint says, such as `--device=cpu`.
         workers: processes for expert and blind control; 0 takes one per core.
         output: the result, a JSON file.
         certificate: of the task's rungs, if there is one.
@@ -60,7 +60,7 @@ class Climb:
     rungs: Rungs
     seeds: range
     batch_size: int
-    device: str | None
+    policy_flags: tuple[str, ...]
     workers: int
     output: Path
     certificate: RungCertificate | None
@@ -192,7 +192,9 @@ class Climb:
         return expert_s * episodes_of_controls + (time.monotonic() - started) * batches
 
     def _rollout(self, seeds: range | None = None) -> RungRollout:
-        return RungRollout(self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.device)
+        return RungRollout(
+            self.checkpoint, self.config, self.batch_size, seeds or self.seeds, self.policy_flags
+        )
 
     def _controls(self, campaign: Campaign) -> Controls:
         return Controls(campaign, self.task, str(self.config.variation), self.config.split)

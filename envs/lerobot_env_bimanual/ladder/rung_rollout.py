@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ class RungRollout:
         batch_size: environments side by side.
         seeds: consecutive, of every rung; the first is also that of the policy's own randomness, as `--seed` of
             `lerobot-eval` is.
-        device: where the policy runs; None takes that of its config, or what there is.
+        policy_flags: what is set in the policy's config over what the checkpoint says, such as `--device=cpu`.
 
     Raises:
         BimanualError: the policy cannot be built from the checkpoint, or not for this environment.
@@ -45,14 +45,13 @@ class RungRollout:
         config: BimanualEnvConfig,
         batch_size: int,
         seeds: range,
-        device: str | None,
+        policy_flags: Sequence[str] = (),
     ):
         self._config, self._batch_size, self._seeds = config, batch_size, seeds
         folder = str(checkpoint.folder)
         register_third_party_plugins()
         try:
-            overrides = [] if device is None else [f"--device={device}"]
-            policy_config = PreTrainedConfig.from_pretrained(folder, cli_overrides=overrides)
+            policy_config = PreTrainedConfig.from_pretrained(folder, cli_overrides=[*policy_flags])
             policy_config.pretrained_path = checkpoint.folder
             self._device = get_safe_torch_device(str(policy_config.device))
             set_seed(seeds.start)
@@ -82,7 +81,8 @@ class RungRollout:
             note: called after every batch with the number of its episodes.
 
         Raises:
-            BimanualError: the environment cannot be built, or left no record.
+            BimanualError: the environment cannot be built, or left no record, or the policy's actions are of a type that
+                LeRobot's loop cannot take.
         """
         seeds = self._seeds
         config = replace(self._config, perturb=perturb, results_dir=str(records))
@@ -98,6 +98,14 @@ class RungRollout:
                     batch = range(start, start + self._batch_size)
                     rollout(env, self._policy, **self._processors, seeds=list(batch))
                     note(min(batch.stop, seeds.stop) - start)
+        except TypeError as error:
+            # LeRobot's loop hands actions to NumPy, which has no bfloat16, the type of autocast on a CPU.
+            if not self._uses_amp:
+                raise
+            raise BimanualError(
+                f"the policy cannot be played in the precision it was trained in (use_amp): {error}; "
+                "play it with --use_amp=false"
+            ) from error
         finally:
             env.close()
         record = EvaluationRecord.read(path)
