@@ -146,6 +146,21 @@ def test_no_word_of_a_file_becomes_markup():
     assert "{{ 7 * 7 }}" in reader.text
 
 
+def test_the_figure_blames_several_policies_of_a_task_apart():
+    lost = [section for path in ROWS if (section := section_of(path)).blames]
+    tasks = Counter(section.result.record.task for section in lost)
+    task = tasks.most_common(1)[0][0]
+    sections = [section for section in lost if section.result.record.task == task]
+    failed: Counter[str] = Counter()  # of all trainings of a policy
+    for section in sections:
+        assert section.result.row is not None
+        failed[section.result.row.learner] += len(section.blames)
+    assert len(failed) > 1
+    page = results_page(sections)
+    for policy, count in failed.items():
+        assert f"{task} {policy}: {count} failed" in page
+
+
 def test_the_page_forbids_whatever_it_does_not_need():
     page = results_page([section_of(ROWS[0])])
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)

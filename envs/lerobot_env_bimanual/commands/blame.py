@@ -48,6 +48,7 @@ def blame(config: BlameConfig) -> int:
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
+    from lerobot_env_bimanual.audit.result_names import result_names
     from lerobot_env_bimanual.pictures.blame_bars import blame_bars
     from lerobot_env_bimanual.workers import WorkerPool
 
@@ -60,7 +61,7 @@ def blame(config: BlameConfig) -> int:
     if config.figure is not None:
         check_figure_file(config.figure)
     results = _chosen([Result.read(path) for path in result_files(config.results)], config.policy)
-    names = _names(results)
+    names = result_names(results)
     found: dict[Path, list[Blame]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
@@ -95,28 +96,6 @@ def _chosen(results: list[Result], policy: str | None) -> list[Result]:
     if policy not in policies:
         raise InvalidChoice("policy", policy, policies or ["nothing, since no row of `benchmark` is there"])
     return [result for result in results if result.row and result.row.learner == policy]
-
-
-def _policy(result: Result) -> str:
-    """Whose episodes they are; a record does not say it."""
-    return result.row.learner if result.row else ""
-
-
-def _names(results: Sequence[Result]) -> dict[Path, str]:
-    """What each file's episodes are summed up under: its task, and where a task has several, policy, rung, and file of records."""
-    names = {}
-    for result in results:
-        peers = [other for other in results if other.record.task == result.record.task]
-        words = [result.record.task]
-        if len({_policy(peer) for peer in peers}) > 1:
-            words.append(_policy(result) or "record")
-        if len({peer.record.perturb for peer in peers}) > 1:
-            words.append(result.record.perturb or "level 0")
-        alike = [peer for peer in peers if not peer.row and peer.record.perturb == result.record.perturb]
-        if not result.row and len(alike) > 1:
-            words.append(result.path.stem)
-        names[result.path] = " ".join(words)
-    return names
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
@@ -161,7 +140,8 @@ def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Pa
 
     content: dict[str, list[dict[str, Any]]] = {}
     for result in results:
-        source = {"file": str(result.path), "policy": _policy(result), "perturb": result.record.perturb}
+        policy = result.row.learner if result.row else ""  # a record does not say whose episodes it has
+        source = {"file": str(result.path), "policy": policy, "perturb": result.record.perturb}
         content.setdefault(result.record.task, []).extend(
             source | asdict(blame) for blame in found[result.path]
         )

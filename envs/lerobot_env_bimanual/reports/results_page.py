@@ -19,6 +19,7 @@ from lerobot_bimanual.statistics import SuccessRate
 from lerobot_env_bimanual.audit.blame import Blame
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
+from lerobot_env_bimanual.audit.result_names import result_names
 from lerobot_env_bimanual.pictures.blame_bars import blame_bars
 from lerobot_env_bimanual.pictures.episode_film import Film
 
@@ -101,9 +102,10 @@ class Section:
 def results_page(sections: Sequence[Section]) -> str:
     """The page, with its figures and films inside."""
     rows = [section.result.row for section in sections if section.result.row is not None]
+    names = result_names([section.result for section in sections])
     blames: dict[str, list[Blame]] = {}
     for section in sections:
-        blames.setdefault(section.place, []).extend(section.blames.values())
+        blames.setdefault(names[section.result.path], []).extend(section.blames.values())
     figures = [
         *([success_figure(rows)] if rows else []),
         *([blame_bars(blames)] if any(blames.values()) else []),
