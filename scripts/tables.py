@@ -67,12 +67,13 @@ def _mended() -> str:
                 lines.append(
                     (
                         f"`{axis.name}`",
+                        f"`{row.policy}` on `{row.task}`",
                         f"`{each.demos_perturb}`" if each.demos_perturb else "as they are",
                         *solved,
                         each.rates["policy"],
                     )
                 )
-    heads = ("axis", "demonstrations", "level 0", "1", "2", "3", "of level 0, on the board's seeds")
+    heads = ("axis", "policy", "demonstrations", "level 0", "1", "2", "3", "of level 0, on the board's seeds")
     return str(markdown_table(heads, lines))
 
 

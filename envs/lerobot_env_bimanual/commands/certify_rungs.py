@@ -25,7 +25,7 @@ def certify_rungs(config: CertifyRungsConfig) -> None:
     Axes that change nothing but what is seen or said are left out, since there the expert and the blind control play as at
     level 0. A rung is certified if the expert solves 97 %; `ladder` and `robustness` mark others and count them nowhere. A
     file keeps the seeds of the expert's failures and of the blind control's successes; `certify --perturb=AXIS:LEVEL`
-    plays them again, and says why.
+    plays them again, and says why; where an axis moves things later, such as nudge, with `--control=rereading`.
 
     An interrupted run goes on where it stopped. Rungs that a file already has are played again only if their world has
     changed, so that with further axes or levels it grows.
