@@ -25,7 +25,7 @@ def test_the_page_of_ladders_is_that_of_the_files(tmp_path: Path):
 
 @EACH
 def test_a_ladder_is_of_a_checkpoint_that_has_a_row(name: str):
-    rows = [json.loads(path.read_text()) for path in RESULTS.glob("*/*_seed*.json")]
+    rows = [json.loads(path.read_text()) for path in RESULTS.glob("*/*_small_seed*.json")]
     of_weights = [row for row in rows if row["checkpoint_sha256"] == LADDERS[name].checkpoint_sha256]
     assert LADDERS[name].task in [row["task"] for row in of_weights]
     # None of its episodes has been seen when the row was scored.

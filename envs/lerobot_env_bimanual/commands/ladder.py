@@ -27,9 +27,8 @@ class LadderConfig:
     # Environments side by side; a network's answers differ in their last bits between sizes.
     batch_size: int = 2
     device: str | None = None  # of the policy; by default that of its config, or what there is
-    use_amp: bool | None = (
-        None  # mixed precision; by default as in training; not possible for all policies on a CPU
-    )
+    # Mixed precision of the policy; by default as in its training. On a CPU LeRobot's loop cannot take every policy's actions then.
+    use_amp: bool | None = None
     workers: int = 0  # processes for expert and blind control; 0 takes one per core
     # The result, a JSON file; by default outputs/ladder/TASK_POLICY_HASH.json. Its figure and its records lie beside it.
     output: Path | None = None
