@@ -77,6 +77,16 @@ def _mended() -> str:
     return str(markdown_table(heads, lines))
 
 
+def _few() -> str:
+    """Policies that learned from few demonstrations, beside those of the board."""
+    many = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
+    lines = []
+    for row in read_rows(ROOT / "results/few_demonstrations").values():
+        others = many[_training(row)]
+        lines.append((f"`{row.task}`", row.rates["policy"], others.rates["policy"], row.rates["blind"]))
+    return str(markdown_table(("task", "20 demonstrations", "100 demonstrations", "blind"), lines))
+
+
 def _training(row: ResultRow) -> tuple[str, str, str]:
     return row.task, row.policy, row.flags["seed"]
 
@@ -85,6 +95,7 @@ TABLES = {
     "results": ("README.md", _results),
     "axes": ("docs/robustness.md", _axes),
     "mended": ("docs/robustness.md", _mended),
+    "few": ("docs/learning.md", _few),
 }
 """By name: the page that holds the table, and who writes it."""
 

@@ -22,10 +22,12 @@ from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, ve
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
-BOARD, PERTURBED = (ROOT / "results" / name for name in ("leaderboard", "perturbed_demonstrations"))
+BOARD, *TRIALS = (
+    ROOT / "results" / name for name in ("leaderboard", "perturbed_demonstrations", "few_demonstrations")
+)
+"""Trials are policies that learned in perturbed worlds (docs/robustness.md), or from fewer demonstrations (docs/learning.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
-"""Of the board; PERTURBED has those of policies that learned in perturbed worlds, which docs/robustness.md is about."""
-ALL_ROWS = [*ROWS, *sorted(PERTURBED.glob("*.json"))]
+ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
 EPISODES_PLAYED = 160
 """Of all rows together, so that the test takes no longer the more rows there are."""
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
@@ -103,7 +105,7 @@ def test_what_every_row_claims_is_what_happens_when_it_is_played_again(capsys):
     """On a sample, another one in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
     sample = max(1, EPISODES_PLAYED // len(ALL_ROWS))
-    for results in (BOARD, PERTURBED):
+    for results in (BOARD, *TRIALS):
         config = VerifyResultsConfig(results=results, sample=sample, controls=1, seed=seed)
         assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
 
