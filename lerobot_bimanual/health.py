@@ -21,6 +21,9 @@ ROBOTS = "lerobot_robot_bimanual"
 WATCHED = ("lerobot", "mujoco", "gymnasium", "frankik", "torch", "numpy")
 REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies -e robots"
 
+PATIENCE_S = 120
+"""For an image off-screen, whose driver may hang."""
+
 # Runs in its own process, because a broken OpenGL driver can take the process with it.
 RENDER_8X8 = f"""
 import os
@@ -64,14 +67,22 @@ class Finding:
 
 def examine() -> Iterator[Finding]:
     """All findings, the quick ones first."""
-    yield check_python()
-    yield from check_distributions()
-    yield from check_versions()
-    yield check_machine()
-    yield check_gl()
-    yield from check_plugins()
-    yield check_video()
-    yield check_gpu()
+    for subject, check in (
+        ("Python", check_python),
+        ("distributions", check_distributions),
+        ("versions", check_versions),
+        ("machine", check_machine),
+        ("OpenGL", check_gl),
+        ("plugins", check_plugins),
+        ("video", check_video),
+        ("GPU", check_gpu),
+    ):
+        try:
+            found = check()
+            yield from (found,) if isinstance(found, Finding) else found
+        except Exception as error:
+            # A broken installation may break a check in any way, and the others still tell.
+            yield Finding(subject, Level.FAIL, f"{type(error).__name__}: {error}", REPAIR)
 
 
 def check_python() -> Finding:
@@ -135,7 +146,12 @@ def check_gl() -> Finding:
     """Renders an 8 x 8 image off-screen in another process."""
     if _version(ENVS) is None:
         return Finding("OpenGL", Level.INFO, f"not tried: {ENVS} is not installed")
-    child = subprocess.run([sys.executable, "-c", RENDER_8X8], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", RENDER_8X8]
+    try:
+        child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        detail = f"no image within {PATIENCE_S} s"
+        return Finding("OpenGL", Level.FAIL, detail, str(MissingGL("rendering failed")))
     if child.returncode == 0:
         return Finding("OpenGL", Level.OK, child.stdout.strip())
     reason = (child.stderr.strip().splitlines() or [f"the process ended with {child.returncode}"])[-1]
@@ -150,8 +166,10 @@ def check_plugins() -> Iterator[Finding]:
     from lerobot.utils.import_utils import register_third_party_plugins
 
     logging.disable(logging.CRITICAL)  # discovery logs tracebacks; the findings say the same in a line
-    register_third_party_plugins()
-    logging.disable(logging.NOTSET)
+    try:
+        register_third_party_plugins()
+    finally:
+        logging.disable(logging.NOTSET)
     for kind, plugin, choices in (
         ("environment types", ENVS, EnvConfig.get_known_choices()),
         ("policy types", POLICIES, PreTrainedConfig.get_known_choices()),

@@ -21,7 +21,7 @@ from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.episode.membership import joined
 from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
-from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
@@ -194,7 +194,7 @@ class BimanualEnv(gym.Env):
         try:
             progress.draws = self._reset.start(progress)
         except PlacementFailure as failure:
-            progress.failure = str(failure)  # nothing can be played from here
+            progress.failure, progress.draws = str(failure), MAX_DRAWS  # nothing can be played from here
             raise
         progress.conditions = check(self._conditions, self.scene, known={})
         return self.observe(), self.progress.info()

@@ -9,6 +9,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
+import numpy as np
+
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.perturbation_choice import checked_perturbation
@@ -123,7 +125,7 @@ class EnvOptions:
 
 def check_variation(variation: object) -> None:
     """Refuse what cannot be a variation of any task, such as an array."""
-    if not isinstance(variation, int | float | str | None):
+    if not isinstance(variation, int | float | str | np.integer | None):
         raise InvalidChoice("variation", variation, ["'any'", "an index"])
 
 

@@ -108,11 +108,11 @@ class TaskSpec:
             return None
         if isinstance(variation, str) and re.fullmatch("[0-9]{1,4}", variation):
             variation = int(variation)
-        if isinstance(variation, bool) or not isinstance(variation, int):
+        if isinstance(variation, bool) or not isinstance(variation, int | np.integer):
             raise UnknownVariation(self.name, variation, len(self.variations))
         if not 0 <= variation < len(self.variations):
             raise UnknownVariation(self.name, variation, len(self.variations))
-        return variation
+        return int(variation)
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# Below this cosine of the pitch the first and third Euler angles describe the same turn (2e-4 deg from 90 deg).
+# Below this cosine of the pitch the first and third Euler angles describe the same turn (6e-5 deg from 90 deg).
 SINGULAR_COSINE = 1e-6
 
 

@@ -116,7 +116,11 @@ class BimanualSim(Robot):
         table = Table(self.config.task, options=self._options)
         self._viewer = Viewer(table.scene) if self.config.viewer else None
         self._next_seed = self.config.seed
-        self._begin_episode(table)
+        try:
+            self._begin_episode(table)
+        except BaseException:
+            self._close(table)
+            raise
         self._table = table
         self._show()
 
@@ -175,10 +179,14 @@ class BimanualSim(Robot):
         table = self.table
         if table.progress.ticks and not table.progress.terminated:
             table.tell()
+        self._close(table)
+        self._table = None
+
+    def _close(self, table: Table) -> None:
         if self._viewer is not None:
             self._viewer.close()
+            self._viewer = None
         table.close()
-        self._table = None
 
     def _begin_episode(self, table: Table) -> None:
         table.reset(seed=self._next_seed)

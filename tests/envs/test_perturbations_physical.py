@@ -14,6 +14,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert.controls import make_control
+from lerobot_env_bimanual.expert.recorder import Recorder
 from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR, free_bodies
@@ -179,6 +180,17 @@ def test_whoever_rereads_answers_a_nudge_and_whoever_planned_at_reset_does_not(s
         True,
         False,
     ]
+
+
+def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
+    env = shared("handover_item_easy", "nudge", 3)
+    assert not run_expert(env, 0, variation=0).success  # it read the scene once
+    looks_again = run_episode(env, 0, make_control("rereading", 0), variation=0)
+    recorder = Recorder("handover_item_easy", env.options.split, ("front",), (64, 64), perturb="nudge:3")
+    outcome, episode = recorder.record(0, 0)
+    recorder.close()
+    assert episode is not None
+    assert outcome == looks_again
 
 
 def test_where_nothing_is_nudged_both_do_what_the_expert_does(shared):

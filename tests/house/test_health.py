@@ -104,3 +104,27 @@ def test_doctor_shows_each_finding_before_it_looks_at_the_next(
     monkeypatch.setattr("lerobot_bimanual.commands.doctor.examine", examine)
     doctor(DoctorConfig())
     assert "OpenGL" in capsys.readouterr().out
+
+
+def test_a_check_that_breaks_is_a_finding_and_the_others_and_their_remedies_are_still_told(
+    monkeypatch, capsys
+):
+    def broken() -> Finding:
+        raise ModuleNotFoundError("No module named 'lerobot.envs.configs'")
+
+    for name in ("check_gl", "check_video", "check_gpu"):
+        monkeypatch.setattr(health, name, lambda: Finding("x", Level.OK, "fine"))
+    monkeypatch.setattr(health, "check_plugins", broken)
+    pretend_versions(monkeypatch, mujoco="4.0.0")
+    assert doctor(DoctorConfig()) == 1
+    told = capsys.readouterr().out
+    assert "ModuleNotFoundError: No module named 'lerobot.envs.configs'" in told
+    assert "plugins: make setup" in told
+    assert "mujoco: pip install" in told
+
+
+def test_a_driver_that_hangs_does_not_hang_the_doctor(monkeypatch):
+    monkeypatch.setattr(health, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(health, "RENDER_8X8", "import time; time.sleep(60)")
+    finding = health.check_gl()
+    assert (finding.level, finding.detail) == (Level.FAIL, "no image within 0.1 s")

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -111,11 +112,14 @@ def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monk
     def fail(*_):
         raise PlacementFailure("nowhere")
 
+    window = MagicMock()
     monkeypatch.setattr("lerobot_env_bimanual.episode.reset.EpisodeReset.start", fail)
-    robot = make_robot(connected=False)
+    monkeypatch.setattr("lerobot_robot_bimanual.bimanual_sim.Viewer", lambda _: window)
+    robot = make_robot(connected=False, viewer=True)
     with pytest.raises(PlacementFailure):
         robot.connect()
     assert not robot.is_connected
+    window.close.assert_called_once()
 
 
 def test_sending_both_hands_home_begins_the_next_episode(make_robot):

@@ -23,10 +23,11 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import expert_env, expert_player, played_env
+from lerobot_env_bimanual.audit.episodes import expert_env, played_env
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.replanning import expert_of
 from lerobot_env_bimanual.freezing import INVALID_ACTION
 
 
@@ -134,7 +135,7 @@ class Blamer:
         env, self._expert = self._expert_env, []
         witness = EpisodeWitness(env)
         with env.observed_by(witness.note, witness.note_step):
-            for move in expert_player(env)(env):
+            for move in expert_of(env)(env):
                 self._expert.append(move.action)
                 _, _, terminated, truncated, _ = env.step(move.action)
                 if terminated or truncated:

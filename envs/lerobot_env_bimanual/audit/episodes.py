@@ -15,9 +15,6 @@ from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.expert.controls import make_control
-from lerobot_env_bimanual.expert.replanning import expert_under
-from lerobot_env_bimanual.expert.runner import Player
 from lerobot_env_bimanual.freezing import INVALID_ACTION, FreezeWhenOver
 
 PROOFS = ("start", "actions", "links", "end")
@@ -97,11 +94,6 @@ def played_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
 def expert_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
     """An environment in which the expert plays the same episodes, whichever actions the policy was allowed."""
     return played_env(task, dict(options) | {"control_mode": "auto"})
-
-
-def expert_player(env: BimanualEnv) -> Player:
-    """The expert of an environment, the same as on ladders and in certificates of rungs."""
-    return make_control(expert_under(env.perturbations.magnitudes), seed=0)  # from which no expert draws
 
 
 def placement_hash(env: BimanualEnv) -> str:

@@ -37,6 +37,8 @@ def checked_seeds(seed: Any, count: int) -> list[int | None]:
     Raises:
         InvalidChoice: a seed is none, or there are not as many as environments.
     """
+    if isinstance(seed, np.ndarray) and not seed.ndim:
+        seed = seed[()]
     if isinstance(seed, list | tuple | np.ndarray):
         if len(seed) != count:
             raise InvalidChoice("seed", seed, [f"a list of {count}, one per environment", "a single seed"])

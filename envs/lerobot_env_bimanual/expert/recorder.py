@@ -19,7 +19,8 @@ from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import Move, run_expert
+from lerobot_env_bimanual.expert.replanning import expert_of
+from lerobot_env_bimanual.expert.runner import Move, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 
 
@@ -71,7 +72,8 @@ class Recorder:
         """
         tape = _Tape()
         with self._env.observed_by(tape.note_tick):
-            outcome = run_expert(self._env, seed, self._codec, tape.start_stage, variation)
+            player = expert_of(self._env, self._codec)
+            outcome = run_episode(self._env, seed, player, tape.start_stage, variation)
         if not outcome.success:
             return outcome, None
         tape.states.append(self._env.scene.save_state())

@@ -55,6 +55,17 @@ def expert_under(axes: Iterable[str]) -> ControlName:
     return "rereading" if any(get_axis(axis).moves_things_later for axis in axes) else "expert"
 
 
+def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
+    """The expert of an environment, the same in demonstrations, on ladders and in certificates of rungs.
+
+    Args:
+        env: whose perturbations say whether things move later.
+        codec: round every keypose to its voxels and bins.
+    """
+    players = {"expert": expert, "rereading": rereading}
+    return players[expert_under(env.perturbations.magnitudes)](codec)
+
+
 def rereading(codec: KeyposeCodec | None = None) -> Player:
     """The task's script, begun again from where everything is, each time that a thing was moved and by no hand.
 

@@ -219,7 +219,7 @@ def _faults_of_episode(episode: StoredEpisode, replay: str) -> Iterator[str]:
         ("ticks", episode.ticks >= 0, "at least 0"),
         ("ticks", not last or played == episode.ticks, f"those of its keyposes, {shown(played)}"),
         ("last_move", not last or last[0][0] == episode.last_move, "the name of the last keypose"),
-        ("draws", episode.draws >= 0, "at least 0"),
+        ("draws", episode.draws >= 1, "at least 1"),
         ("line_fallbacks", episode.line_fallbacks >= 0, "at least 0"),
         (
             "state_hash",

@@ -16,8 +16,9 @@ from PIL import Image, ImageDraw, ImageFont
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env, expert_player
+from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.replanning import expert_of
 from lerobot_env_bimanual.expert.runner import run_episode
 from lerobot_env_bimanual.pictures.layout import GREEN, GREY, INK, PAPER, RED
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera
@@ -138,7 +139,7 @@ def _policys_take(auditor: EpisodeAuditor, played: PlayedEpisode, who: str) -> _
 def _experts_take(env: BimanualEnv, played: PlayedEpisode) -> _Take:
     camera = _Camera()
     with env.observed_by(camera.note):
-        outcome = run_episode(env, played.seed, expert_player(env), variation=played.variation)
+        outcome = run_episode(env, played.seed, expert_of(env), variation=played.variation)
     return camera.take(env, "expert", outcome.success)
 
 

@@ -261,7 +261,10 @@ class Scene(SceneView):
     # -- state --------------------------------------------------------------------------------------------
 
     def state_hash(self) -> str:
-        """SHA-256, in hex, of everything that decides how the scene goes on and how it looks."""
+        """SHA-256, in hex, of everything that decides how the scene goes on, and of the colours that the task sets.
+
+        Not of what perturbations change in images only, so that episodes of a seed have the same hashes under them.
+        """
         digest = hashlib.sha256(self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
