@@ -14,7 +14,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.expert import campaign, outcome_log
 from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.control_names import CONTROLS
+from lerobot_env_bimanual.expert.control_names import CONTROLS, EXPERTS, ROUNDABLE
 from lerobot_env_bimanual.expert.coupling import Coupling, mean_coupling
 from lerobot_env_bimanual.expert.criteria import MAX_RATES, complaints, rates
 from lerobot_env_bimanual.expert.evidence import Evidence, EvidenceRecorder
@@ -71,11 +71,25 @@ def test_certify_refuses_unknown_variations_before_it_starts_anything():
         certify(CertifyConfig(task="lift_ball", variation="7"))
 
 
+@pytest.mark.parametrize("control", CONTROLS)
+def test_certify_refuses_roundings_and_replays_that_would_change_nothing(control, monkeypatch):
+    def started(*_):
+        raise BimanualError("it starts")
+
+    monkeypatch.setattr(campaign, "Campaign", started)
+    monkeypatch.setattr("lerobot_env_bimanual.solo.ways.find_ways", str)  # not everybody wrote one
+    for option, value, takes in (("discretise", 100, ROUNDABLE), ("replay", "joint", EXPERTS)):
+        words = "it starts" if control in takes else f"^{option} of the control '{control}'"
+        with pytest.raises(BimanualError, match=words):
+            certify(CertifyConfig(control=control, **{option: value}))
+
+
 @pytest.mark.parametrize(
     ("discretise", "failed", "enough"), [(0, 1, True), (0, 2, False), (100, 3, True), (100, 4, False)]
 )
-def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(discretise, failed, enough):
-    found = complaints("expert", discretise, episodes(100 - failed, failed))
+@pytest.mark.parametrize("control", EXPERTS)
+def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(control, discretise, failed, enough):
+    found = complaints(control, discretise, episodes(100 - failed, failed))
     assert (found == []) is enough
 
 
@@ -129,7 +143,7 @@ def test_what_is_measured_without_a_limit_is_still_not_to_be_unstable():
 
 
 def test_every_control_has_its_limit():
-    assert {"expert", "random", *MAX_RATES} == set(CONTROLS)
+    assert {*EXPERTS, "random", *MAX_RATES} == set(CONTROLS)
 
 
 def test_rates_are_per_task_and_variation():

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_env_bimanual.expert.control_names import ControlName
+from lerobot_env_bimanual.expert.control_names import EXPERTS, ROUNDABLE, ControlName
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.expert.campaign import Campaign
@@ -30,8 +30,8 @@ class CertifyConfig:
     # `language_blind` does what one of the instructions that the scene allows asks for, at random; `rereading` is an expert
     # that begins again when a thing was moved and not by a hand, `planned_at_reset` one that never looks at what is different.
     control: ControlName = "expert"
-    discretise: int = 0  # voxels per axis to which the expert's keyposes are rounded; 0 leaves them exact
-    # Play each of the expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
+    discretise: int = 0  # voxels per axis to which the keyposes of a script are rounded; 0 leaves them exact
+    # Play each of an expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
     # What is different from the world as it is: AXIS:LEVEL, several separated by commas.
     perturb: str = ""
@@ -47,7 +47,7 @@ def certify(config: CertifyConfig) -> int:
     robots, not of the computer), and for experts the worst tip error: the largest distance of a hand from its target at
     the end of a keypose, but for the one at which the episode ended. Below, each failure of an expert with its
     seed, last move and unmet conditions, and whatever else is not good enough. Exits with 1 if anything is: an
-    expert below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, more than the real arm allows
+    expert (also `rereading`) below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, more than the real arm allows
     (torque, velocity, acceleration, jerk, contact force, finger speed, penetration), a replay through other states,
     keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
     keyposes of 30 training episodes of the variation, whatever the scene. The controls solo_left and solo_right are one arm
@@ -79,8 +79,7 @@ def certify(config: CertifyConfig) -> int:
     if config.control.startswith("solo"):
         for name in names:
             find_ways(name)
-    if config.discretise < 0:
-        raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
+    _check_effects(config)
     log = None
     if config.output is not None:
         check_output_file(config.output)
@@ -106,6 +105,16 @@ def certify(config: CertifyConfig) -> int:
         log.remove()
     certificate.print()
     return 1 if certificate.complaints else 0
+
+
+def _check_effects(config: CertifyConfig) -> None:
+    """Refuse what would change nothing, for a certificate would claim it."""
+    if config.discretise < 0:
+        raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
+    if config.discretise and config.control not in ROUNDABLE:
+        raise InvalidChoice(f"discretise of the control {config.control!r}", config.discretise, ["0"])
+    if config.replay != "none" and config.control not in EXPERTS:
+        raise InvalidChoice(f"replay of the control {config.control!r}", config.replay, ["none"])
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:

@@ -14,6 +14,7 @@ from itertools import islice
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.expert.control_names import EXPERTS
 from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes
 from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
 from lerobot_env_bimanual.expert.outcome import Job, Keyposes, Outcome
@@ -116,7 +117,7 @@ def play(job: Job) -> Outcome:
     codec = KeyposeCodec(voxels=job.discretise) if job.discretise else None
     control = make_control(job.control, job.seed, codec, job.blind_keyposes)
     moves: list[Move] = []
-    recorder = EvidenceRecorder(env) if job.control == "expert" else None
+    recorder = EvidenceRecorder(env) if job.control in EXPERTS else None
     with nullcontext() if recorder is None else env.observed_by(recorder.note, recorder.note_step):
         try:
             outcome = run_episode(env, job.seed, control, moves.append)

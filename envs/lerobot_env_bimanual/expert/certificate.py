@@ -14,6 +14,7 @@ from rich.console import Console
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.terminal_table import print_table
+from lerobot_env_bimanual.expert.control_names import EXPERTS
 from lerobot_env_bimanual.expert.coupling import mean_coupling
 from lerobot_env_bimanual.expert.criteria import complaints, rates
 from lerobot_env_bimanual.expert.outcome import Outcome
@@ -92,7 +93,7 @@ class Certificate:
         rate = rates(outcomes)[task, variation]
         row = {"task": task, "variation": variation, **asdict(rate), "wilson_95": list(rate.interval)}
         solved = [outcome for outcome in outcomes if outcome.success]
-        if self.control == "expert" and solved:
+        if self.control in EXPERTS and solved:
             evidence = [outcome.evidence for outcome in solved if outcome.evidence is not None]
             row |= {
                 "median_s": median(outcome.ticks for outcome in solved) / CONTROL_HZ,
@@ -132,12 +133,12 @@ class Certificate:
                     f"{rate.successes}/{rate.trials}",
                     f"{low:.1%} to {high:.1%}",
                     f"{median(outcome.ticks for outcome in outcomes) / CONTROL_HZ:.1f} s",
-                    f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control == "expert" else "",
+                    f"{worst_tip_error_mm(outcomes):.1f} mm" if self.control in EXPERTS else "",
                 )
             )
         print_table(headings, rows, f"{self.control} on {self.split} seeds {self.seeds}{rounding}{perturbed}")
         for outcome in self.outcomes:
-            if self.control == "expert" and not outcome.success:
+            if self.control in EXPERTS and not outcome.success:
                 console.print(_failure(outcome), highlight=False, soft_wrap=True)
         for complaint in self.complaints:
             console.print(f"not good enough: {complaint}", style="red", highlight=False, soft_wrap=True)

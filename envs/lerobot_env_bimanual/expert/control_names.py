@@ -14,3 +14,7 @@ ControlName = Literal[
     "language_blind",
 ]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)
+EXPERTS: tuple[ControlName, ...] = ("expert", "rereading")
+"""Who must succeed, and leaves evidence of how; all others are measured beside them."""
+ROUNDABLE: tuple[ControlName, ...] = (*EXPERTS, "planned_at_reset")
+"""Whose keyposes can be rounded: those of a script, exact to the last digit."""

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from lerobot_bimanual.statistics import SuccessRate
+from lerobot_env_bimanual.expert.control_names import EXPERTS
 from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.strain import excesses
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -15,7 +16,6 @@ MIN_DISCRETISED_RATE = 0.97
 MAX_RATES = {
     "noop": 0.0,
     "blind": 0.20,
-    "rereading": 1.0,
     "planned_at_reset": 1.0,
     "solo_left": 1.0,
     "solo_right": 1.0,
@@ -36,14 +36,14 @@ def rates(outcomes: Sequence[Outcome]) -> dict[tuple[str, int], SuccessRate]:
 def complaints(control: str, discretise: int, outcomes: Sequence[Outcome]) -> list[str]:
     """Why a campaign is not good enough; empty if it is.
 
-    The expert must succeed in 99 % of the episodes of every variation, 97 % with rounded keyposes, arrive at every
+    An expert must succeed in 99 % of the episodes of every variation, 97 % with rounded keyposes, arrive at every
     keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes; with exact keyposes, of which
     datasets are made, it must stay within what the real arm allows. (Half a voxel beside a handle that guides the hand, a
     stiff arm presses harder.) Holding still must never succeed, random keyposes in no more episodes than the task says (none, for
     most), and mean keyposes in at most 20 % of a task's episodes. How far one arm gets, and whoever does not read, is measured and not limited. Nothing may
     be unstable.
     """
-    if control == "expert":
+    if control in EXPERTS:
         found = [*_too_rare(outcomes, MIN_DISCRETISED_RATE if discretise else MIN_EXPERT_RATE)]
         found += _flaws_of_experts(outcomes)
         if not discretise:

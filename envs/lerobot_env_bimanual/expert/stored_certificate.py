@@ -19,7 +19,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.expert.certificate import STATE_HASH_DIGITS, Certificate
-from lerobot_env_bimanual.expert.control_names import ControlName
+from lerobot_env_bimanual.expert.control_names import EXPERTS, ControlName
 from lerobot_env_bimanual.expert.coupling import Coupling
 from lerobot_env_bimanual.expert.evidence import Evidence
 from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
@@ -163,7 +163,7 @@ def _decoded(path: Path, content: Any) -> StoredCertificate:
         for index, episode in enumerate(head.episodes)
     )
     for index, episode in enumerate(head.episodes):
-        wanted = set(EVIDENCE) if head.control == "expert" and episode["success"] else set()
+        wanted = set(EVIDENCE) if head.control in EXPERTS and episode["success"] else set()
         if set(EVIDENCE) & set(episode) != wanted:
             raise BadCertificate(
                 f"episodes[{index}] must have {', '.join(EVIDENCE)} just if an expert solved it"
@@ -275,7 +275,7 @@ def _faults_of_rates(stored: StoredCertificate) -> Iterator[str]:
         for name, value in truth.items():
             if row[name] != value or isinstance(row[name], bool):
                 yield f"{place}: {name} is {shown(row[name])}, but the episodes give {shown(value)}"
-        has_evidence = stored.campaign.control == "expert" and truth["successes"] > 0
+        has_evidence = stored.campaign.control in EXPERTS and truth["successes"] > 0
         if missing := [name for name in MEASURED if (name in row) != has_evidence]:
             yield f"{place}: {missing[0]} must be there just if an expert solved an episode"
         elif has_evidence:
