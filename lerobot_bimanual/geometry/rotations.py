@@ -19,7 +19,10 @@ SINGULAR_COSINE = 1e-6
 
 
 def quat_wxyz_canonical(quat_wxyz: ArrayLike) -> Array:
-    """Unit quaternion with w >= 0, so that equal rotations have equal numbers; shape (..., 4)."""
+    """Unit quaternion with w >= 0, so that equal rotations have equal numbers; shape (..., 4).
+
+    Along a continuous motion the signs flip where the angle passes 180 degrees: to subtract two, compare both signs.
+    """
     q = np.asarray(quat_wxyz, dtype=np.float64)
     if q.ndim == 1:  # an order of magnitude faster without arrays
         w, x, y, z = q.tolist()
