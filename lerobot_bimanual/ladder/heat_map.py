@@ -1,7 +1,7 @@
 """The picture of several ladders: axis against policy, each field the success at its three levels."""
 
 from collections.abc import Mapping, Sequence
-from itertools import batched
+from itertools import batched, groupby
 
 from lerobot_bimanual.canvas import GREY, INK, PALE, PAPER, WIDTH, Canvas, Color
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung, short_name
@@ -12,8 +12,8 @@ LEFT = 240
 """Where the fields begin; the axes' names stand before them."""
 HEADING = 50
 WIDEST, GAP = 132, 10
-MOST_COLUMNS = 12
-"""Side by side; more go below."""
+MOST_COLUMNS = 6
+"""Side by side, so that numbers of three digits fit; more go below."""
 FULL: Color = (0, 90, 150)
 """Of a rung where everything is solved; paper where nothing is."""
 CAPTION = (
@@ -23,13 +23,14 @@ CAPTION = (
 
 
 def heat_map(ladders: Mapping[str, LadderResult]) -> Canvas:
-    """One line per axis, one column per ladder.
+    """One line per axis, one column per ladder; the ladders of a task side by side.
 
     Args:
         ladders: by name.
     """
     axes = _axes([*ladders.values()])
-    blocks = [*batched(ladders.items(), MOST_COLUMNS)]
+    by_task = groupby(sorted(ladders.items(), key=_task), key=_task)
+    blocks = [block for _, of_task in by_task for block in batched(of_task, MOST_COLUMNS)]
     height = TOP + len(blocks) * (HEADING + (len(axes) + 1) * LINE + 2 * MARGIN)
     canvas = Canvas(height, _description(ladders))
     canvas.text(MARGIN, 24, "Success, rung by rung", size=20)
@@ -40,6 +41,10 @@ def heat_map(ladders: Mapping[str, LadderResult]) -> Canvas:
         _draw_block(canvas, top, block, axes)
         top += HEADING + (len(axes) + 1) * LINE + 2 * MARGIN
     return canvas
+
+
+def _task(named: tuple[str, LadderResult]) -> str:
+    return named[1].task
 
 
 def _axes(ladders: Sequence[LadderResult]) -> list[AxisRecord]:

@@ -152,6 +152,8 @@ def test_figures_grow_with_their_axes_and_ladders_and_hold_one_without_any():
     alone = ladder(axes=(), rungs=LADDER.rungs[:1])
     assert ladder_figure(alone).image().height <= ladder_figure(LADDER).image().height
     assert heat_map({"a": alone}).image().height < heat_map({"a": LADDER}).image().height
+    together, apart = {"a": LADDER, "b": LADDER}, {"a": LADDER, "b": ladder(task="push_box")}
+    assert heat_map(apart).image().height > heat_map(together).image().height
     many = dict.fromkeys("abcdefghijklm", LADDER)
     assert heat_map(many).image().height > heat_map(dict.fromkeys("abcdefghijkl", LADDER)).image().height
 
