@@ -6,6 +6,7 @@ Usage: .venv/bin/python benchmarks/merging.py [--shards=6]
 import argparse
 import contextlib
 import io
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -22,7 +23,7 @@ REPO_ID = "local/shards"
 
 
 def main() -> None:
-    """Record shards of one short episode each, merge them in both ways, print seconds per shard."""
+    """Record shards of one short episode each, merge them in both ways, print seconds per shard, and as JSON at last."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--shards", type=int, default=6)
     count = parser.parse_args().shards
@@ -42,7 +43,8 @@ def main() -> None:
         for shard in shards:
             recorder.record(settings, shard, root / shard.name, lambda: None)
         recorder.close()
-        print(f"recording one shard, both views: {(time.process_time() - recording) / count:.2f} s")
+        figures = {"recording_s": (time.process_time() - recording) / count}
+        print(f"recording one shard, both views: {figures['recording_s']:.2f} s")
         for view in VIEWS:
             parts = [root / shard.name / view for shard in shards]
             start = time.process_time()
@@ -58,6 +60,8 @@ def main() -> None:
             merge_datasets(parts, root / f"ours_{view}")
             theirs, ours = (middle - start) / count, (time.process_time() - middle) / count
             print(f"{view}: LeRobot {theirs:.2f} s, ours {ours:.3f} s per shard, ratio {ours / theirs:.3f}")
+            figures |= {f"{view}_theirs_s": theirs, f"{view}_ours_s": ours}
+        print(json.dumps({"shards": count} | figures))
 
 
 if __name__ == "__main__":

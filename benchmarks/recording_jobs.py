@@ -51,10 +51,11 @@ class PlainWriter(ViewWriter):
         height: int,
         width: int,
         intermediate: Sequence[float] = (),
+        depth: bool = True,
     ):
-        self.root, self.view = root, view
+        self.root, self.view, self._depth = root, view, depth
         self._cameras, self._intermediate = tuple(cameras), tuple(intermediate)
-        features = schema.features(self._cameras, height, width, view)
+        features = schema.features(self._cameras, height, width, view, depth)
         dataset = LeRobotDataset.create(repo_id, schema.FPS, features, root, use_videos=view == "frames")
         assert dataset.writer is not None
         self._writer = dataset.writer

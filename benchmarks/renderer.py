@@ -1,12 +1,12 @@
-"""RVT's renderer and decoder against their written-out formulations, and how long every keypose policy thinks.
+"""RVT's renderer and decoder against their written-out formulations.
 
 The written-out renderer paints all points from far to near; the written-out decoder gathers the five heatmaps at
 every voxel of the lattice; the written-out upsampling convolves the upsampled map. Each figure comes from a
 process of its own, one after the other, so that peak memory means something; times are the least CPU time of
-several calls. Prints two tables and, as the last line, the same figures as JSON.
+several calls. Prints a table and, as the last line, the same figures as JSON. How long whole policies think is said by
+`policies.py --policies`.
 
-    python benchmarks/renderer.py               # about three CPU minutes
-    python benchmarks/renderer.py --full_size   # also select_action at default sizes, about a minute more
+    python benchmarks/renderer.py   # about a CPU minute
 """
 
 import argparse
@@ -18,21 +18,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import draccus
-import numpy as np
 import torch
 import torch.nn.functional as F  # noqa: N812
-from lerobot.configs import PreTrainedConfig
-from lerobot.policies.factory import get_policy_class
-from policy_jobs import small_flags
 from rich.console import Console
 from rich.table import Table
 
-import lerobot_policy_bimanual as _registers  # noqa: F401
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
-from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation
 from lerobot_policy_bimanual.rvt.layers import UpsampledConv2d
 from lerobot_policy_bimanual.rvt.point_renderer import render_views
@@ -111,40 +102,11 @@ PAIRS = {
 }
 
 
-def observation(image_size: int) -> dict[str, Any]:
-    """What a policy sees when it acts: five cameras looking down on noise."""
-    batch: dict[str, Any] = {"task": ["lift the ball"]}
-    for camera in CAMERA_NAMES:
-        batch[schema.image_key(camera)] = torch.rand(1, 3, image_size, image_size)
-        batch[schema.depth_key(camera)] = 500 + 1500 * torch.rand(1, 1, image_size, image_size)
-    pose = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
-    batch[schema.CAMERA_EXTRINSICS] = pose.repeat(1, 5, 1, 1).flatten(1)
-    intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, image_size, image_size)).float()
-    batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(1, 5, 1, 1).flatten(1)
-    batch[schema.STATE] = torch.rand(1, 16)
-    batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(1, 4)
-    batch[schema.KEYPOSE_STEP] = torch.zeros(1, 1)
-    return batch
-
-
-def make_act(name: str) -> Callable[[], object]:
-    """One select_action, of "act:<policy>:<size>"."""
-    _, policy_type, size = name.split(":")
-    flags = small_flags(policy_type) if size == "small" else {}
-    config = draccus.parse(
-        PreTrainedConfig.get_choice_class(policy_type),
-        args=["--device=cpu", *(f"--{option}={value}" for option, value in flags.items())],
-    )
-    policy: Any = get_policy_class(policy_type)(config)
-    batch = observation(128)
-    return lambda: policy.select_action(batch)
-
-
 def child(options: argparse.Namespace) -> None:
     """Measure one job in this process and print it as JSON."""
     torch.set_num_threads(options.threads)
     torch.manual_seed(0)
-    job = make_act(options.child) if options.child.startswith("act:") else make_job(options.child)
+    job = make_job(options.child)
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cpu_s = []
     with torch.no_grad():
@@ -166,7 +128,6 @@ def measure(job: str, threads: int, repeats: int) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--full_size", action="store_true", help="also act with every policy's defaults")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--repeats", type=int, default=8, help="calls per figure; written-out ones get two")
     parser.add_argument("--child", default="", help=argparse.SUPPRESS)
@@ -192,20 +153,6 @@ def main() -> None:
         times = [f"{1e3 * ours['cpu_s']:.1f}", f"{1e3 * plain['cpu_s']:.0f}"]
         ratio = f"{plain['cpu_s'] / ours['cpu_s']:.1f} x"
         table.add_row(title, *times, ratio, f"{ours['peak_gb']:.2f}", f"{plain['peak_gb']:.2f}")
-    Console().print(table)
-
-    sizes = ("small", "default") if options.full_size else ("small",)
-    table = Table(
-        "policy", *(f"{size} s" for size in sizes), title="select_action, five 128 px cameras, CPU time"
-    )
-    for policy, config in PreTrainedConfig.get_known_choices().items():
-        if issubclass(config, KeyposePolicyConfig):
-            rows = [
-                measure(f"act:{policy}:{size}", options.threads, options.repeats if size == "small" else 1)
-                for size in sizes
-            ]
-            figures[policy] = dict(zip(sizes, rows, strict=True))
-            table.add_row(policy, *(f"{row['cpu_s']:.3f}" for row in rows))
     Console().print(table)
     print(json.dumps(figures))
 

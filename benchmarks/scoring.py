@@ -78,6 +78,7 @@ class ExpertHands:
 
     def install(self) -> None:
         """Replace what LeRobot calls of a policy."""
+        import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package comes before LeRobot
         from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
         def select_action(policy: KeyposePolicy, batch: dict[str, Any], **_: Any) -> Any:
@@ -194,12 +195,13 @@ class Scorer:
 
     def __init__(self, tree: Path):
         paths = os.pathsep.join(str(tree / folder) for folder in ("", "envs", "policies"))
+        self._words = tempfile.TemporaryFile("w+")  # noqa: SIM115  of LeRobot, shown if the process ends too early
         self._process = subprocess.Popen(
             [sys.executable, __file__, "--serve"],
             env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "HF_HUB_OFFLINE": "1"},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=self._words,
             text=True,
         )
 
@@ -208,7 +210,11 @@ class Scorer:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         print(json.dumps(flags), file=self._process.stdin, flush=True)
-        return json.loads(self._process.stdout.readline())
+        answer = self._process.stdout.readline()
+        if not answer:
+            self._words.seek(0)
+            sys.exit(f"{self._words.read()}\nthe evaluation of {flags['env.task']} ended without an answer")
+        return json.loads(answer)
 
     def close(self) -> None:
         """End the process."""

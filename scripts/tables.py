@@ -3,7 +3,9 @@
 Usage: tables.py
 """
 
+from functools import partial
 from pathlib import Path
+from statistics import fmean
 
 from lerobot_bimanual.benchmark.leaderboard import read_rows, success_table
 from lerobot_bimanual.benchmark.results import ResultRow
@@ -77,14 +79,14 @@ def _mended() -> str:
     return str(markdown_table(heads, lines))
 
 
-def _few() -> str:
-    """Policies that learned from few demonstrations, beside those of the board."""
-    many = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
-    lines = []
-    for row in read_rows(ROOT / "results/few_demonstrations").values():
-        others = many[_training(row)]
-        lines.append((f"`{row.task}`", row.rates["policy"], others.rates["policy"], row.rates["blind"]))
-    return str(markdown_table(("task", "20 demonstrations", "100 demonstrations", "blind"), lines))
+def _beside_board(room: str, heading: str, of_board: str) -> str:
+    """Policies that learned otherwise, beside those of the board with the same seed of the training."""
+    usual = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
+    rows = read_rows(ROOT / "results" / room).values()
+    rates = [(row.rates["policy"], usual[_training(row)].rates["policy"], row.rates["blind"]) for row in rows]
+    lines = [(f"`{row.task}`", *beside) for row, beside in zip(rows, rates, strict=True)]
+    means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
+    return markdown_table(("task", heading, of_board, "blind"), [*lines, (f"mean of {len(rows)}", *means)])
 
 
 def _training(row: ResultRow) -> tuple[str, str, str]:
@@ -95,7 +97,10 @@ TABLES = {
     "results": ("README.md", _results),
     "axes": ("docs/robustness.md", _axes),
     "mended": ("docs/robustness.md", _mended),
-    "few": ("docs/learning.md", _few),
+    "few": (
+        "docs/learning.md",
+        partial(_beside_board, "few_demonstrations", "20 demonstrations", "100 demonstrations"),
+    ),
 }
 """By name: the page that holds the table, and who writes it."""
 
