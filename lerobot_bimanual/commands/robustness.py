@@ -5,14 +5,8 @@ from pathlib import Path
 
 from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.ladder import certificates_page, ladders_page
 from lerobot_bimanual.ladder.heat_map import heat_map
-from lerobot_bimanual.ladder.page import (
-    HEADING,
-    HEADING_OF_CERTIFICATES,
-    LEGEND,
-    certificates_page,
-    ladders_page,
-)
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
 from lerobot_bimanual.markdown_table import write_page
@@ -56,9 +50,13 @@ def robustness(config: RobustnessConfig) -> None:
         raise BimanualError(
             "there are no results of `lerobot-bimanual ladder` at --ladders, and no --certificates to write instead"
         )
-    parts = [HEADING, LEGEND, ladders_page(ladders)] if ladders else [HEADING_OF_CERTIFICATES]
+    parts = (
+        [ladders_page.HEADING, ladders_page.LEGEND, ladders_page.render(ladders)]
+        if ladders
+        else [certificates_page.HEADING]
+    )
     if config.certificates is not None:
-        parts.append(certificates_page(read_rung_certificates(config.certificates)))
+        parts.append(certificates_page.render(read_rung_certificates(config.certificates)))
     write_page("\n".join(parts), config.output)
     if config.figure is not None:
         heat_map(ladders).save(config.figure)

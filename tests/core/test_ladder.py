@@ -13,10 +13,10 @@ from lerobot_bimanual.canvas import DESCRIPTION, VERMILION
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.ladder import certificates_page, ladders_page
 from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
-from lerobot_bimanual.ladder.page import certificates_page, ladders_page
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate, read_rung_certificates
 from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
@@ -223,23 +223,41 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
 
 def test_a_page_sums_a_policy_over_its_tasks_where_rungs_are_certified():
     half = ladder(task="push_box", rungs=(rung("", 0, "xxxxx....."), *LADDER.rungs[1:]))
-    page = ladders_page({"lift_ball_mine": LADDER, "push_box_mine": half, "push_box_yours": half})
+    page = ladders_page.render({"lift_ball_mine": LADDER, "push_box_mine": half, "push_box_yours": half})
     everything = page.split("### lift_ball")[0]
     assert "| axis | mine, 2 tasks |" in everything
     assert "| level 0 | 75% |" in everything
     assert "| camera_moved | 90% 40% 0% |" in everything
     assert "| mass | 100% 80% . |" in everything
-    assert "### All tasks" not in ladders_page({"lift_ball_mine": LADDER, "push_box_yours": half})
+    assert "### All tasks" not in ladders_page.render({"lift_ball_mine": LADDER, "push_box_yours": half})
+
+
+def test_a_page_says_how_far_trainings_of_one_policy_are_apart_beside_other_policies():
+    again = ladder(
+        checkpoint_sha256="1f" * 32,
+        rungs=(LADDER.level_0, rung("camera_moved", 1, "xxxxx....."), *LADDER.rungs[2:]),
+    )
+    worse = ladder(checkpoint_sha256="2f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:]))
+    trained = {"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": again}
+    others = {"lift_ball_yours": worse, "lift_ball_yours_seed7": replace(worse, checkpoint_sha256="3f" * 32)}
+    page = ladders_page.render(trained | others).split("### lift_ball")[0]
+    assert "| axis | mine | yours | two policies |" in page
+    assert "| level 0 | 0% | 0% | 40% |" in page
+    assert "| camera_moved | 40% 0% 0% | 0% 0% 0% | 20% 0% 0% |" in page
+    assert "| mass | 0% 0% . | 0% 0% . | 0% 0% . |" in page  # mass:3 is not certified
+    assert "| the furthest | 40% | 0% | 40% |" in page
+    copies = {"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": LADDER}
+    assert "Trainings" not in ladders_page.render(copies)  # the same weights are no second training
 
 
 def test_a_page_shows_who_looks_again_beside_who_planned_at_the_reset():
     nudged = CertifiedRung("nudge", 2, "02", (100,), (), planned_failed=(100, 101, 102))
     axes = (*CERTIFICATE.axes, AxisRecord("nudge", "time", "centimetres", (1, 2, 3)))
-    page = certificates_page(
+    page = certificates_page.render(
         {"lift_ball": replace(CERTIFICATE, axes=axes, rungs=(*CERTIFICATE.rungs, nudged))}
     )
     assert "| lift_ball |  | 99 of 100, 97 of 100 |  |" in page
-    assert "Looking again" not in certificates_page({"lift_ball": CERTIFICATE})
+    assert "Looking again" not in certificates_page.render({"lift_ball": CERTIFICATE})
 
 
 def test_robustness_without_results_or_with_two_of_one_name_says_so(tmp_path):

@@ -1,0 +1,89 @@
+"""How far trainings of one policy are apart on rungs: what two policies have to be apart by before it means something."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from lerobot_bimanual.ladder.result import LadderResult, Rung, short_name
+
+SEED = re.compile(r"_seed\d+$")
+"""Ladders whose names differ in nothing else, beside the task, are trainings of one policy."""
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far pairs of ladders are apart on rungs, as shares of the episodes of a rung.
+
+    Attributes:
+        pairs: rungs that were compared; of no pair nothing is known.
+        mean: over them, of the absolute difference of what is solved.
+        largest: likewise.
+    """
+
+    pairs: int
+    mean: float
+    largest: float
+
+
+class Trainings:
+    """Policies of which several trainings were played on the same episodes of a task.
+
+    Args:
+        ladders: by name.
+    """
+
+    def __init__(self, ladders: Mapping[str, LadderResult]):
+        of_policy: dict[tuple[str, str], list[LadderResult]] = {}
+        for name, ladder in ladders.items():
+            policy = SEED.sub("", short_name(name, ladder))
+            of_policy.setdefault((ladder.task, policy), []).append(ladder)
+        self._several = {key: found for key, found in of_policy.items() if len(_weights(found)) > 1}
+
+    @property
+    def policies(self) -> list[str]:
+        """Names of those that have several trainings on any task."""
+        return sorted({policy for _, policy in self._several})
+
+    def within(self, policy: str, rungs: Sequence[str]) -> Distance:
+        """Two trainings of a policy on the same task, over all tasks, on the certified of some rungs."""
+        pairs = (
+            pair
+            for (_, name), ladders in self._several.items()
+            if name == policy
+            for pair in combinations(ladders, 2)
+        )
+        return _distance(pairs, rungs)
+
+    def between(self, rungs: Sequence[str]) -> Distance:
+        """Two trainings of different policies, likewise."""
+        pairs = (
+            (first, second)
+            for ((one_task, _), some), ((other_task, _), others) in combinations(self._several.items(), 2)
+            if one_task == other_task
+            for first in some
+            for second in others
+        )
+        return _distance(pairs, rungs)
+
+
+def _weights(ladders: Iterable[LadderResult]) -> set[str]:
+    return {ladder.checkpoint_sha256 for ladder in ladders}
+
+
+def _distance(pairs: Iterable[tuple[LadderResult, LadderResult]], names: Sequence[str]) -> Distance:
+    apart = [
+        abs(first.by_name[name].rates["policy"].rate - second.by_name[name].rates["policy"].rate)
+        for first, second in pairs
+        for name in names
+        if _are_alike(first.by_name.get(name), second.by_name.get(name))
+    ]
+    return Distance(len(apart), sum(apart) / max(1, len(apart)), max(apart, default=0.0))
+
+
+def _are_alike(first: Rung | None, second: Rung | None) -> bool:
+    """Certified, in one world, and of the same episodes."""
+    if first is None or second is None:
+        return False
+    certified = first.is_certified and second.is_certified
+    return certified and first.world == second.world and first.seeds == second.seeds
