@@ -1,6 +1,6 @@
 """Ladders of several policies as parts of a page."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 
@@ -13,7 +13,7 @@ from lerobot_bimanual.ladder.result import (
     rung_name,
     short_name,
 )
-from lerobot_bimanual.ladder.trainings import Distance, Trainings
+from lerobot_bimanual.ladder.trainings import Distance, Trainings, policy_name
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.statistics import SuccessRate
@@ -47,14 +47,14 @@ def _all_tasks(ladders: Mapping[str, LadderResult]) -> Iterator[str]:
     """Success on each rung over the tasks where it is certified, of every policy that has a ladder on several."""
     of_policy: dict[str, list[LadderResult]] = {}
     for name, ladder in ladders.items():
-        of_policy.setdefault(short_name(name, ladder), []).append(ladder)
-    several = {name: found for name, found in of_policy.items() if len({each.task for each in found}) > 1}
+        of_policy.setdefault(policy_name(name, ladder), []).append(ladder)
+    several = {name: found for name, found in of_policy.items() if len(_tasks(found)) > 1}
     if not several:
         return
     yield "### All tasks\n"
     yield (
-        "Percent of the episodes solved at levels 1, 2 and 3, over the tasks of a policy where the rung is certified and the axis "
-        "has anything to change; above them at level 0, over all its tasks.\n"
+        "Percent of the episodes solved at levels 1, 2 and 3, over the trainings of a policy and its tasks where the rung is certified "
+        "and the axis has anything to change; above them at level 0, over all its tasks.\n"
     )
     axes = sorted(
         {(axis.group, axis.name) for found in several.values() for each in found for axis in each.axes}
@@ -63,10 +63,16 @@ def _all_tasks(ladders: Mapping[str, LadderResult]) -> Iterator[str]:
     for _, axis in axes:
         rungs = [rung_name(axis, level) for level in UPPER_LEVELS]
         rows.append([axis, *(" ".join(_share(found, rung) for rung in rungs) for found in several.values())])
-    yield (
-        markdown_table(["axis", *(f"{name}, {len(found)} tasks" for name, found in several.items())], rows)
-        + "\n"
-    )
+    yield markdown_table(["axis", *(_heading(name, found) for name, found in several.items())], rows) + "\n"
+
+
+def _tasks(ladders: Iterable[LadderResult]) -> set[str]:
+    return {ladder.task for ladder in ladders}
+
+
+def _heading(policy: str, ladders: Sequence[LadderResult]) -> str:
+    tasks = len(_tasks(ladders))
+    return f"{policy}, {tasks} tasks" + (f", {len(ladders)} trainings" if len(ladders) > tasks else "")
 
 
 def _trainings(ladders: Mapping[str, LadderResult]) -> Iterator[str]:

@@ -11,6 +11,23 @@ SEED = re.compile(r"_seed\d+$")
 """Ladders whose names differ in nothing else, beside the task, are trainings of one policy."""
 
 
+def policy_name(name: str, ladder: LadderResult) -> str:
+    """The name of a ladder without its task and without the seed of the training."""
+    return SEED.sub("", short_name(name, ladder))
+
+
+def by_policy(ladders: Mapping[str, LadderResult]) -> dict[tuple[str, str], list[LadderResult]]:
+    """All trainings of each policy on each task, by task and name of the policy.
+
+    Args:
+        ladders: by name.
+    """
+    found: dict[tuple[str, str], list[LadderResult]] = {}
+    for name, ladder in ladders.items():
+        found.setdefault((ladder.task, policy_name(name, ladder)), []).append(ladder)
+    return found
+
+
 @dataclass(frozen=True)
 class Distance:
     """How far pairs of ladders are apart on rungs, as shares of the episodes of a rung.
@@ -34,11 +51,7 @@ class Trainings:
     """
 
     def __init__(self, ladders: Mapping[str, LadderResult]):
-        of_policy: dict[tuple[str, str], list[LadderResult]] = {}
-        for name, ladder in ladders.items():
-            policy = SEED.sub("", short_name(name, ladder))
-            of_policy.setdefault((ladder.task, policy), []).append(ladder)
-        self._several = {key: found for key, found in of_policy.items() if len(_weights(found)) > 1}
+        self._several = {key: found for key, found in by_policy(ladders).items() if len(_weights(found)) > 1}
 
     @property
     def policies(self) -> list[str]:

@@ -161,8 +161,15 @@ def test_figures_grow_with_their_axes_and_ladders_and_hold_one_without_any():
 def test_the_heat_map_leaves_out_of_its_words_what_is_not_certified():
     description = heat_map({"a": LADDER, "b": ladder(policy="yours")}).description
     assert description.count("camera_moved:3 0%") == 2
-    assert "b, yours on lift_ball: level 0 100%" in description
+    assert "b, yours 0f0f0f0f, on lift_ball: level 0 100%" in description
     assert "mass:3" not in description
+
+
+def test_the_heat_map_shows_the_mean_of_trainings():
+    again = ladder(checkpoint_sha256="1f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:-1]))
+    description = heat_map({"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": again}).description
+    assert description.startswith("mine, 2 trainings, on lift_ball: level 0 80%, camera_moved:1 90%")
+    assert description.count("on lift_ball") == 1
 
 
 def test_compare_pairs_two_ladders_rung_by_rung(tmp_path, capsys, monkeypatch):
@@ -177,7 +184,7 @@ def test_compare_pairs_two_ladders_rung_by_rung(tmp_path, capsys, monkeypatch):
     assert "mass:3 2 2 0, 0 1 not certified" in output
     assert "certified rungs of level 2: first 12, second 18 of 20" in output
     assert "only one has played: camera_moved:3" in output
-    assert "yours on lift_ball" in Image.open(figure).info[DESCRIPTION]
+    assert "second, yours 0f0f0f0f, on lift_ball" in Image.open(figure).info[DESCRIPTION]
 
 
 @pytest.mark.parametrize(
@@ -218,7 +225,7 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
     assert "| mass (1.2, 1.5, 2 times the mass) | 10 8 (2) |" in text
     assert "| mass | 1 of 1 |  | 0 of 1 (not lift_ball) |" in text
     assert "| mass (1.2, 1.5, 2 times the mass) | 97/100, 1/30 |  | (96/100, 0/30) |" in text
-    assert "mine on lift_ball" in Image.open(figure).info[DESCRIPTION]
+    assert "mine, mine 0f0f0f0f, on lift_ball" in Image.open(figure).info[DESCRIPTION]
 
 
 def test_a_page_sums_a_policy_over_its_tasks_where_rungs_are_certified():
