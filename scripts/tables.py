@@ -80,13 +80,15 @@ def _mended() -> str:
 
 
 def _beside_board(room: str, heading: str, of_board: str) -> str:
-    """Policies that learned otherwise, beside those of the board with the same seed of the training."""
+    """Rows of another room, beside those of the board of the same policy and seed of the training."""
     usual = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
     rows = read_rows(ROOT / "results" / room).values()
     rates = [(row.rates["policy"], usual[_training(row)].rates["policy"], row.rates["blind"]) for row in rows]
-    lines = [(f"`{row.task}`", *beside) for row, beside in zip(rows, rates, strict=True)]
+    lines = [
+        (f"`{row.policy}` on `{row.task}`", *beside) for row, beside in zip(rows, rates, strict=True)
+    ]
     means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
-    return markdown_table(("task", heading, of_board, "blind"), [*lines, (f"mean of {len(rows)}", *means)])
+    return markdown_table(("policy", heading, of_board, "blind"), [*lines, (f"mean of {len(rows)}", *means)])
 
 
 def _training(row: ResultRow) -> tuple[str, str, str]:
@@ -101,6 +103,7 @@ TABLES = {
         "docs/learning.md",
         partial(_beside_board, "few_demonstrations", "20 demonstrations", "100 demonstrations"),
     ),
+    "again": ("docs/benchmark.md", partial(_beside_board, "made_again", "made again", "on the board")),
 }
 """By name: the page that holds the table, and who writes it."""
 

@@ -1,7 +1,6 @@
 """Ladders of several policies as parts of a page."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import chain
 
 from lerobot_bimanual.ladder.falls import Fall, falls, level_sums
@@ -76,7 +75,7 @@ def _heading(policy: str, ladders: Sequence[LadderResult]) -> str:
 
 
 def _trainings(ladders: Mapping[str, LadderResult]) -> Iterator[str]:
-    """How far trainings of one policy are apart, beside how far policies are."""
+    """How far trainings of one policy are apart, then how far policies are."""
     trainings = Trainings(ladders)
     if not trainings.policies:
         return
@@ -84,24 +83,39 @@ def _trainings(ladders: Mapping[str, LadderResult]) -> Iterator[str]:
     rungs = {"level 0": [LEVEL_0]}
     rungs |= {axis: [rung_name(axis, level) for level in UPPER_LEVELS] for _, axis in axes}
     every = [*chain.from_iterable(rungs.values())]
-    columns = [*(partial(trainings.within, policy) for policy in trainings.policies), trainings.between]
     rows = [
-        [name, *(" ".join(_apart(column([rung])) for rung in of_axis) for column in columns)]
+        [
+            name,
+            *(
+                " ".join(_apart(trainings.apart(policy, policy, [rung])) for rung in of_axis)
+                for policy in trainings.policies
+            ),
+        ]
         for name, of_axis in rungs.items()
     ]
-    rows.append(["all rungs", *(_apart(column(every)) for column in columns)])
-    rows.append(["the furthest", *(f"{column(every).largest:.0%}" for column in columns)])
     yield "### Trainings of one policy\n"
     yield (
         "Of what two trainings of one policy solve of the same episodes, the absolute difference in percent of them, at levels 1, 2 "
-        "and 3, in the mean over tasks and pairs; last, that of any two of these policies. Ladders whose names differ in "
-        "`_seed` and a number are trainings of one policy. Policies that are no further apart than that are not told apart.\n"
+        "and 3, in the mean over tasks and pairs. Ladders whose names differ in `_seed` and a number are trainings of one policy.\n"
     )
-    yield markdown_table(["axis", *trainings.policies, "two policies"], rows) + "\n"
+    yield markdown_table(["axis", *trainings.policies], rows) + "\n"
+    yield (
+        "The same over all rungs, and in brackets on the rung where it is largest: two trainings of one policy, and a training of one "
+        "beside one of another. Policies that are no further apart than their trainings are not told apart.\n"
+    )
+    matrix = [
+        [first, *(_furthest(trainings.apart(first, second, every)) for second in trainings.policies)]
+        for first in trainings.policies
+    ]
+    yield markdown_table(["", *trainings.policies], matrix) + "\n"
 
 
 def _apart(distance: Distance) -> str:
     return f"{distance.mean:.0%}" if distance.pairs else "."
+
+
+def _furthest(distance: Distance) -> str:
+    return f"{_apart(distance)} ({distance.largest:.0%})"
 
 
 def _share(ladders: Sequence[LadderResult], name: str) -> str:

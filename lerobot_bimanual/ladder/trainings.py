@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations, product
 
 from lerobot_bimanual.ladder.result import LadderResult, Rung, short_name
 
@@ -58,26 +58,21 @@ class Trainings:
         """Names of those that have several trainings on any task."""
         return sorted({policy for _, policy in self._several})
 
-    def within(self, policy: str, rungs: Sequence[str]) -> Distance:
-        """Two trainings of a policy on the same task, over all tasks, on the certified of some rungs."""
-        pairs = (
-            pair
-            for (_, name), ladders in self._several.items()
-            if name == policy
-            for pair in combinations(ladders, 2)
-        )
+    def apart(self, first: str, second: str, rungs: Sequence[str]) -> Distance:
+        """Trainings of two policies on the same task, over all tasks, on the certified of some rungs.
+
+        Args:
+            first: one of `policies`.
+            second: another, or the same: then any two of its trainings.
+            rungs: names of rungs.
+        """
+        tasks = {task for task, _ in self._several}
+        pairs = chain.from_iterable(self._pairs(task, first, second) for task in sorted(tasks))
         return _distance(pairs, rungs)
 
-    def between(self, rungs: Sequence[str]) -> Distance:
-        """Two trainings of different policies, likewise."""
-        pairs = (
-            (first, second)
-            for ((one_task, _), some), ((other_task, _), others) in combinations(self._several.items(), 2)
-            if one_task == other_task
-            for first in some
-            for second in others
-        )
-        return _distance(pairs, rungs)
+    def _pairs(self, task: str, first: str, second: str) -> Iterable[tuple[LadderResult, LadderResult]]:
+        some, others = (self._several.get((task, policy), []) for policy in (first, second))
+        return combinations(some, 2) if first == second else product(some, others)
 
 
 def _weights(ladders: Iterable[LadderResult]) -> set[str]:

@@ -111,7 +111,7 @@ def _lay_out(folder: Path) -> None:
         link.symlink_to(ROOT / "results/checkpoints/peract2_on_all")
     rows = folder / "results/leaderboard"
     rows.mkdir(parents=True)
-    for name in ("checkpoints", "certificates", "ladders"):
+    for name in ("checkpoints", "certificates", "few_demonstrations", "ladders"):
         (folder / "results" / name).symlink_to(ROOT / "results" / name)
     for row in (ROOT / "results/leaderboard").glob("lift_ball_*.json"):
         shutil.copy(row, rows)
