@@ -3,7 +3,6 @@
 Usage: tables.py
 """
 
-from functools import partial
 from pathlib import Path
 from statistics import fmean
 
@@ -79,16 +78,32 @@ def _mended() -> str:
     return str(markdown_table(heads, lines))
 
 
-def _beside_board(room: str, heading: str, of_board: str) -> str:
-    """Rows of another room, beside those of the board of the same policy and seed of the training."""
-    usual = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
-    rows = read_rows(ROOT / "results" / room).values()
-    rates = [(row.rates["policy"], usual[_training(row)].rates["policy"], row.rates["blind"]) for row in rows]
-    lines = [
-        (f"`{row.policy}` on `{row.task}`", *beside) for row, beside in zip(rows, rates, strict=True)
-    ]
+def _few() -> str:
+    """Policies that learned from few demonstrations, beside those of the board."""
+    pairs = _beside_board("few_demonstrations")
+    rates = [(row.rates["policy"], usual.rates["policy"], row.rates["blind"]) for row, usual in pairs]
+    lines = [(f"`{row.task}`", *beside) for (row, _), beside in zip(pairs, rates, strict=True)]
     means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
-    return markdown_table(("policy", heading, of_board, "blind"), [*lines, (f"mean of {len(rows)}", *means)])
+    heads = ("task", "20 demonstrations", "100 demonstrations", "blind")
+    return markdown_table(heads, [*lines, (f"mean of {len(lines)}", *means)])
+
+
+def _again() -> str:
+    """Cells of the board that were made again, beside those."""
+    lines = [
+        (
+            f"`{row.policy}` on `{row.task}`",
+            *(each for one in (row, usual) for each in (one.rates["policy"], one.checkpoint_sha256[:12])),
+        )
+        for row, usual in _beside_board("made_again")
+    ]
+    return markdown_table(("cell", "made again", "weights", "on the board", "weights"), lines)
+
+
+def _beside_board(room: str) -> list[tuple[ResultRow, ResultRow]]:
+    """Each row of another room, and that of the board of the same policy and seed of the training."""
+    usual = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
+    return [(row, usual[_training(row)]) for row in read_rows(ROOT / "results" / room).values()]
 
 
 def _training(row: ResultRow) -> tuple[str, str, str]:
@@ -99,11 +114,8 @@ TABLES = {
     "results": ("README.md", _results),
     "axes": ("docs/robustness.md", _axes),
     "mended": ("docs/robustness.md", _mended),
-    "few": (
-        "docs/learning.md",
-        partial(_beside_board, "few_demonstrations", "20 demonstrations", "100 demonstrations"),
-    ),
-    "again": ("docs/benchmark.md", partial(_beside_board, "made_again", "made again", "on the board")),
+    "few": ("docs/learning.md", _few),
+    "again": ("docs/benchmark.md", _again),
 }
 """By name: the page that holds the table, and who writes it."""
 

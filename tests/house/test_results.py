@@ -58,6 +58,14 @@ def described(picture: str) -> str:
         return image.info[DESCRIPTION]
 
 
+def test_cells_that_were_made_again_are_those_of_the_board_to_the_last_bit():
+    again = sorted((ROOT / "results/made_again").glob("*.json"))
+    assert again
+    for row, first in ((ResultRow.read(path), ResultRow.read(BOARD / path.name)) for path in again):
+        assert row.checkpoint_sha256 == first.checkpoint_sha256
+        assert row.episodes == first.episodes
+
+
 def test_every_row_is_of_the_world_that_is_certified():
     certificate = json.loads((ROOT / "results/certificates/expert.json").read_text())
     assert {(row.task, row.world) for row in map(ResultRow.read, ALL_ROWS)} <= certificate["worlds"].items()
