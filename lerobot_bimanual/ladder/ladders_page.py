@@ -80,7 +80,7 @@ def _trainings(ladders: Mapping[str, LadderResult]) -> Iterator[str]:
     if not trainings.policies:
         return
     axes = sorted({(axis.group, axis.name) for ladder in ladders.values() for axis in ladder.axes})
-    rungs = {"level 0": [LEVEL_0]}
+    rungs = {LEVEL_0: [LEVEL_0]}
     rungs |= {axis: [rung_name(axis, level) for level in UPPER_LEVELS] for _, axis in axes}
     every = [*chain.from_iterable(rungs.values())]
     rows = [
@@ -115,7 +115,7 @@ def _apart(distance: Distance) -> str:
 
 
 def _furthest(distance: Distance) -> str:
-    return f"{_apart(distance)} ({distance.largest:.0%})"
+    return f"{_apart(distance)} ({distance.largest:.0%})" if distance.pairs else "."
 
 
 def _share(ladders: Sequence[LadderResult], name: str) -> str:

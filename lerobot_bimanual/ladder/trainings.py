@@ -51,7 +51,8 @@ class Trainings:
     """
 
     def __init__(self, ladders: Mapping[str, LadderResult]):
-        self._several = {key: found for key, found in by_policy(ladders).items() if len(_weights(found)) > 1}
+        once = {key: _of_each_weights(found) for key, found in by_policy(ladders).items()}
+        self._several = {key: trained for key, trained in once.items() if len(trained) > 1}
 
     @property
     def policies(self) -> list[str]:
@@ -75,8 +76,9 @@ class Trainings:
         return combinations(some, 2) if first == second else product(some, others)
 
 
-def _weights(ladders: Iterable[LadderResult]) -> set[str]:
-    return {ladder.checkpoint_sha256 for ladder in ladders}
+def _of_each_weights(ladders: Iterable[LadderResult]) -> list[LadderResult]:
+    """One ladder of equal weights, which are no second training."""
+    return [*{ladder.checkpoint_sha256: ladder for ladder in ladders}.values()]
 
 
 def _distance(pairs: Iterable[tuple[LadderResult, LadderResult]], names: Sequence[str]) -> Distance:

@@ -255,6 +255,12 @@ def test_a_page_says_how_far_trainings_of_one_policy_are_apart_beside_other_poli
     # Of the six certified rungs: level 0 differs by 40 % of the episodes, and camera_moved:1 in one pair of two.
     assert "| mine | 7% (40%) | 10% (40%) |" in page
     assert "| yours | 10% (40%) | 0% (0%) |" in page
+    copied = ladders_page.render(trained | others | {"lift_ball_mine_seed3000": again})
+    assert "| mine | 7% (40%) | 10% (40%) |" in copied
+    elsewhere = {
+        name.replace("lift_ball", "push_box"): replace(each, task="push_box") for name, each in others.items()
+    }
+    assert "| mine | 7% (40%) | . |" in ladders_page.render(trained | elsewhere)
     copies = {"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": LADDER}
     assert "Trainings" not in ladders_page.render(copies)  # the same weights are no second training
 
