@@ -24,10 +24,16 @@ from lerobot_env_bimanual.tasks.registry import resolve_tasks
 ROOT = Path(__file__).parents[2]
 BOARD, *TRIALS = (
     ROOT / "results" / name
-    for name in ("leaderboard", "perturbed_demonstrations", "few_demonstrations", "made_again")
+    for name in (
+        "leaderboard",
+        "perturbed_demonstrations",
+        "few_demonstrations",
+        "shorter_trainings",
+        "made_again",
+    )
 )
-"""Trials are policies that learned in perturbed worlds (docs/robustness.md) or from fewer demonstrations (docs/learning.md), and
-cells of the board that were made again (docs/benchmark.md)."""
+"""Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations or in fewer steps
+(docs/learning.md), and cells of the board that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
 EPISODES_PLAYED = 160
