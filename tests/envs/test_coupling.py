@@ -9,7 +9,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.expert import coupling as coupling_module
-from lerobot_env_bimanual.expert.coupling import Coupling, CouplingMeter, transmitted_force
+from lerobot_env_bimanual.expert.coupling import Coupling, CouplingMeter, mean_coupling, transmitted_force
 from lerobot_env_bimanual.expert.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
@@ -162,3 +162,9 @@ def test_an_expert_passes_force_where_both_hands_hold_one_thing(task, coupled):
     assert coupling.both_moving_share > 0.8
     assert (coupling.shared_object_s > 0.5) == coupled
     assert (coupling.transmitted_force_mean_n > 10) == coupled
+
+
+def test_the_mean_coupling_is_taken_field_by_field():
+    assert mean_coupling(
+        [Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0), Coupling(2.0, 4.0, 6.0, 0.0, 0.0, 0.0)]
+    ) == Coupling(1.0, 2.0, 3.0, 0.5, 0.5, 0.5)
