@@ -80,12 +80,22 @@ def _mended() -> str:
 
 def _few() -> str:
     """Policies that learned from few demonstrations, beside those of the board."""
-    pairs = _beside_board("few_demonstrations")
+    return _task_by_task("few_demonstrations", "20 demonstrations", "100 demonstrations")
+
+
+def _uncounted() -> str:
+    """Policies that are not told how many keyposes were executed, beside those of the board."""
+    return _task_by_task("without_keypose_step", "not told the count", "told the count")
+
+
+def _task_by_task(room: str, own_head: str, usual_head: str) -> str:
+    pairs = _beside_board(room)
     rates = [(row.rates["policy"], usual.rates["policy"], row.rates["blind"]) for row, usual in pairs]
     lines = [(f"`{row.task}`", *beside) for (row, _), beside in zip(pairs, rates, strict=True)]
     means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
-    heads = ("task", "20 demonstrations", "100 demonstrations", "blind")
-    return markdown_table(heads, [*lines, (f"mean of {len(lines)}", *means)])
+    return markdown_table(
+        ("task", own_head, usual_head, "blind"), [*lines, (f"mean of {len(lines)}", *means)]
+    )
 
 
 def _again() -> str:
@@ -115,6 +125,7 @@ TABLES = {
     "axes": ("docs/robustness.md", _axes),
     "mended": ("docs/robustness.md", _mended),
     "few": ("docs/learning.md", _few),
+    "uncounted": ("docs/learning.md", _uncounted),
     "again": ("docs/benchmark.md", _again),
 }
 """By name: the page that holds the table, and who writes it."""
