@@ -37,7 +37,7 @@ BOARD, *TRIALS = (
 keyposes or in another number of steps (docs/learning.md), and cells of the board that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
-ROWS_PLAYED = 40
+ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
 

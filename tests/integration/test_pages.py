@@ -9,6 +9,7 @@ from pathlib import Path
 import draccus
 import pytest
 from lerobot.configs.train import TrainPipelineConfig
+from lerobot.utils.import_utils import register_third_party_plugins
 from small_commands import ROOT, commands, run, small
 
 ORDER = (
@@ -72,7 +73,14 @@ def test_every_reason_is_one_of_a_command() -> None:
     assert [start for start in NOT_RUN if not any(re.match(start, line) for line in found)] == []
 
 
+def test_what_a_command_reads_in_results_is_there() -> None:
+    found = [word for page in pages() for words in commands(page) for word in words if "=results/" in word]
+    assert found
+    assert [word for word in found if not (ROOT / word.partition("=")[2]).exists()] == []
+
+
 def test_lerobot_accepts_the_flags_of_trainings_on_several_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
+    register_third_party_plugins()
     found = [words for page in pages() for words in commands(page) if words[0] in ("torchrun", "accelerate")]
     assert found
     for words in found:
@@ -111,7 +119,8 @@ def _lay_out(folder: Path) -> None:
         link.symlink_to(ROOT / "results/checkpoints/peract2_on_all")
     rows = folder / "results/leaderboard"
     rows.mkdir(parents=True)
-    for name in ("checkpoints", "certificates", "few_demonstrations", "ladders"):
-        (folder / "results" / name).symlink_to(ROOT / "results" / name)
+    for found in (ROOT / "results").iterdir():
+        if found.name != rows.name:
+            (folder / "results" / found.name).symlink_to(found)
     for row in (ROOT / "results/leaderboard").glob("lift_ball_*.json"):
         shutil.copy(row, rows)
