@@ -182,6 +182,19 @@ def test_drawings_are_what_their_scripts_draw() -> None:
         assert drawn == policies.draw(policy), "run scripts/policy_figures.py"
 
 
+def test_the_picture_of_failures_shows_failed_episodes_of_the_tasks_that_are_solved_least() -> None:
+    from PIL import Image
+
+    figure = script("failures_figure")
+    with Image.open(figure.OUTPUT) as image:
+        shown = dict(re.findall(r"(\w+): seed (\d+),", image.info[figure.DESCRIPTION]))
+    rows = figure.worst_rows()
+    assert [*shown] == [row.task for row in rows], "run scripts/failures_figure.py"
+    for row in rows:
+        failed = {episode.seed for episode in row.evaluation.episodes if not episode.success}
+        assert int(shown[row.task]) in failed, "run scripts/failures_figure.py"
+
+
 def script(name: str) -> Any:
     """A script as a module; those that it imports lie beside it."""
     import importlib

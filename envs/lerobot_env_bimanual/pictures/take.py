@@ -32,13 +32,14 @@ class Take:
         return self.outcome.ticks * TICK_S
 
 
-def take(env: BimanualEnv, seed: int, player: Player) -> Take:
+def take(env: BimanualEnv, seed: int, player: Player, variation: int | None = None) -> Take:
     """Let somebody play an episode, and keep every state of it.
 
     Args:
         env: environment whose control mode takes the player's actions.
         seed: seed of the reset.
         player: who plays.
+        variation: index; None leaves it to the environment's options.
     """
     states: list[SceneState] = []
     moves: list[tuple[str, int]] = []
@@ -47,5 +48,5 @@ def take(env: BimanualEnv, seed: int, player: Player) -> Take:
         moves.append((move.name, len(states)))
 
     with env.observed_by(lambda env, _: states.append(env.scene.save_state())):
-        outcome = run_episode(env, seed, player, on_move=start_move)
+        outcome = run_episode(env, seed, player, start_move, variation)
     return Take(outcome, [*states, env.scene.save_state()], moves)
