@@ -1,7 +1,7 @@
 """Draw docs/failures.png: how PerAct2 loses an episode of the tasks that it solves least, beside how the expert goes on.
 
-Of each task the first failed episode of the first training whose kind of failure, as `blame` finds it, is the most
-frequent one there. Everything is played again from the recorded actions; no weights are needed.
+Of each task the training that solved least, and of that the first failed episode whose kind of failure, as `blame` finds
+it, is the most frequent one there. Everything is played again from the recorded actions; no weights are needed.
 
 Usage: failures_figure.py
 """
@@ -63,13 +63,13 @@ def main() -> None:
 
 
 def worst_rows() -> list[ResultRow]:
-    """The first training on each of the tasks of which all trainings solve least, those first."""
+    """The worst training on each of the tasks that all trainings together solve least, the worst task first."""
     trained: dict[str, list[ResultRow]] = {}
     for row in read_rows(BOARD).values():
         if row.learner == POLICY:
             trained.setdefault(row.task, []).append(row)
     worst = sorted(trained.values(), key=lambda rows: fmean(row.rates["policy"].rate for row in rows))
-    return [min(rows, key=lambda row: int(row.flags["seed"])) for rows in worst[:TASKS]]
+    return [min(rows, key=lambda row: row.rates["policy"].rate) for rows in worst[:TASKS]]
 
 
 def typical(blames: list[Blame]) -> Blame:

@@ -6,7 +6,7 @@ from lerobot_bimanual import codec
 from lerobot_bimanual.codec_torch import KeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.peract import reference
-from lerobot_policy_bimanual.peract.voxel_grid import voxelise
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise, with_squares
 
 
 def random_cloud(samples: int = 2, points: int = 300) -> tuple[torch.Tensor, torch.Tensor]:
@@ -51,6 +51,14 @@ def test_points_outside_and_invalid_points_leave_the_grid_empty():
     assert not grid[:, :6].any()
     assert not grid[:, 9].any()
     assert torch.isfinite(grid).all()
+
+
+def test_squares_of_colours_and_places_come_behind_the_grid():
+    grid = torch.randn(2, 10, 3, 3, 3)
+    squared = with_squares(grid)
+    assert torch.equal(squared[:, :10], grid)
+    assert torch.equal(squared[:, 10:13], grid[:, 3:6] ** 2)  # mean RGB
+    assert torch.equal(squared[:, 13:], grid[:, 6:9] ** 2)  # voxel index / voxels
 
 
 def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):

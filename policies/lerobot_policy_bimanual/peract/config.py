@@ -44,6 +44,9 @@ class PerActConfig(KeyposePolicyConfig):
     # that it sees that many voxels further to every side. Places in the air, far from all things, want [3,9] at 25
     # voxels; none for one voxel (departure from the paper otherwise).
     projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
+    # Show the network the squares of colours and places, too, so that one filter can be largest in the middle: at purple,
+    # between red and blue, or at the drawer between two others (departure from the paper otherwise).
+    grid_squares: bool = flag(False)
     activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):

@@ -13,7 +13,7 @@ from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchCo
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.perceiver import PerceiverIO
-from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS
+from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, SQUARED, with_squares
 
 HIDDEN = (256, 64)
 """Widths of the rotation and flags head (PerAct2 code)."""
@@ -37,9 +37,11 @@ class PerActNetwork(nn.Module):
         self.rotation_bins = config.codec.bins.rotation_bins
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
-        self.stem = PointwiseConv3d(GRID_CHANNELS, channels)
+        self.grid_squares = config.grid_squares
+        inputs = GRID_CHANNELS + (SQUARED.stop - SQUARED.start) * self.grid_squares
+        self.stem = PointwiseConv3d(inputs, channels)
         self.language_filters = (
-            LanguageFilters(config.language_dim, GRID_CHANNELS, channels) if config.language_filters else None
+            LanguageFilters(config.language_dim, inputs, channels) if config.language_filters else None
         )
         # PerAct2 pads the patches, which centres them on voxels 0, 5, 10, ... The factorised head instead needs
         # tokens that see exactly the voxels it then chooses from.
@@ -69,6 +71,7 @@ class PerActNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
+        grid = with_squares(grid) if self.grid_squares else grid
         words = None if self.language_filters is None else self.language_filters(language)
         stem, patches = self.translation.read(grid, self.stem, self.patchify, words)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
