@@ -88,6 +88,15 @@ def _uncounted() -> str:
     return _task_by_task("without_keypose_step", "not told the count", "told the count")
 
 
+def _squares() -> str:
+    """Policies that are shown squares, beside those of the board."""
+    lines = [
+        (f"`{row.task}`", row.flags["seed"], row.rates["policy"], usual.rates["policy"])
+        for row, usual in _beside_board("grid_squares")
+    ]
+    return markdown_table(("task", "seed of the training", "with squares", "without"), lines)
+
+
 def _task_by_task(room: str, own_head: str, usual_head: str) -> str:
     pairs = _beside_board(room)
     rates = [(row.rates["policy"], usual.rates["policy"], row.rates["blind"]) for row, usual in pairs]
@@ -126,6 +135,7 @@ TABLES = {
     "mended": ("docs/robustness.md", _mended),
     "few": ("docs/learning.md", _few),
     "uncounted": ("docs/learning.md", _uncounted),
+    "squares": ("docs/learning.md", _squares),
     "again": ("docs/benchmark.md", _again),
 }
 """By name: the page that holds the table, and who writes it."""

@@ -29,12 +29,13 @@ BOARD, *TRIALS = (
         "perturbed_demonstrations",
         "few_demonstrations",
         "without_keypose_step",
+        "grid_squares",
         "other_lengths",
         "made_again",
     )
 )
 """Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
-keyposes or in another number of steps (docs/learning.md), and cells of the board that were made again (docs/benchmark.md)."""
+keyposes, with squares or in another number of steps (docs/learning.md), and cells of the board that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
 ROWS_PLAYED = 20
