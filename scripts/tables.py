@@ -3,10 +3,11 @@
 Usage: tables.py
 """
 
+from collections import defaultdict
 from pathlib import Path
 from statistics import fmean
 
-from lerobot_bimanual.benchmark.leaderboard import read_rows, success_table
+from lerobot_bimanual.benchmark.leaderboard import mean_cell, read_rows, success_cell, success_table
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, rung_name
 from lerobot_bimanual.markdown_table import markdown_table
@@ -14,7 +15,9 @@ from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 ROOT = Path(__file__).parents[1]
-BOARD = ROOT / "results/leaderboard"
+BOARD, WITHOUT_SQUARES = ROOT / "results/leaderboard", ROOT / "results/without_squares"
+SQUARES = "policy.grid_squares"
+"""Flag that the board's PerAct2s have, and all else has not."""
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -53,7 +56,7 @@ def _axes() -> str:
 
 def _mended() -> str:
     """Ladders of policies that learned in perturbed worlds, each below that of its like which did not."""
-    plain = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
+    plain = _plain()
     played = {
         each.checkpoint_sha256: each
         for each in map(LadderResult.read, (ROOT / "results/ladders").rglob("*.json"))
@@ -79,26 +82,34 @@ def _mended() -> str:
 
 
 def _few() -> str:
-    """Policies that learned from few demonstrations, beside those of the board."""
+    """Policies that learned from few demonstrations, beside those that learned from all."""
     return _task_by_task("few_demonstrations", "20 demonstrations", "100 demonstrations")
 
 
 def _uncounted() -> str:
-    """Policies that are not told how many keyposes were executed, beside those of the board."""
+    """Policies that are not told how many keyposes were executed, beside those that are."""
     return _task_by_task("without_keypose_step", "not told the count", "told the count")
 
 
 def _squares() -> str:
-    """Policies that are shown squares, beside those of the board."""
-    lines = [
-        (f"`{row.task}`", row.flags["seed"], row.rates["policy"], usual.rates["policy"])
-        for row, usual in _beside_board("grid_squares")
-    ]
-    return markdown_table(("task", "seed of the training", "with squares", "without"), lines)
+    """The policies of the board that are shown squares, beside trainings that differ in nothing else."""
+    plain = _plain()
+    shown, not_shown = defaultdict(list), defaultdict(list)
+    for row in read_rows(WITHOUT_SQUARES).values():
+        shown[row.task].append(plain[*_training(row)[:-1], "true"])
+        not_shown[row.task].append(row)
+    lines = [(f"`{task}`", success_cell(shown[task]), success_cell(not_shown[task])) for task in shown]
+    means = (mean_cell([*side.values()]) for side in (shown, not_shown))
+    return markdown_table(("task", "with squares", "without"), [*lines, (f"mean of {len(lines)}", *means)])
+
+
+def _fresh() -> str:
+    """The first PerAct2s of the board on its seeds and on others."""
+    return _task_by_task("fresh_seeds", "fresh seeds", "seeds of the board")
 
 
 def _task_by_task(room: str, own_head: str, usual_head: str) -> str:
-    pairs = _beside_board(room)
+    pairs = _beside_plain(room)
     rates = [(row.rates["policy"], usual.rates["policy"], row.rates["blind"]) for row, usual in pairs]
     lines = [(f"`{row.task}`", *beside) for (row, _), beside in zip(pairs, rates, strict=True)]
     means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
@@ -108,25 +119,31 @@ def _task_by_task(room: str, own_head: str, usual_head: str) -> str:
 
 
 def _again() -> str:
-    """Cells of the board that were made again, beside those."""
+    """Cells that were made again, beside the first ones."""
     lines = [
         (
             f"`{row.policy}` on `{row.task}`",
             *(each for one in (row, usual) for each in (one.rates["policy"], one.checkpoint_sha256[:12])),
         )
-        for row, usual in _beside_board("made_again")
+        for row, usual in _beside_plain("made_again")
     ]
-    return markdown_table(("cell", "made again", "weights", "on the board", "weights"), lines)
+    return markdown_table(("cell", "made again", "weights", "made first", "weights"), lines)
 
 
-def _beside_board(room: str) -> list[tuple[ResultRow, ResultRow]]:
-    """Each row of another room, and that of the board of the same policy and seed of the training."""
-    usual = {_training(row): row for row in read_rows(BOARD).values() if row.learner == row.policy}
-    return [(row, usual[_training(row)]) for row in read_rows(ROOT / "results" / room).values()]
+def _beside_plain(room: str) -> list[tuple[ResultRow, ResultRow]]:
+    """Each row of a trial, and the plain row of the same training but for what was tried."""
+    plain = _plain()
+    return [(row, plain[_training(row)]) for row in read_rows(ROOT / "results" / room).values()]
 
 
-def _training(row: ResultRow) -> tuple[str, str, str]:
-    return row.task, row.policy, row.flags["seed"]
+def _plain() -> dict[tuple[str, ...], ResultRow]:
+    """The rows of the board and those without squares, each by what names its training."""
+    rows = [*read_rows(BOARD).values(), *read_rows(WITHOUT_SQUARES).values()]
+    return {_training(row): row for row in rows if row.learner == row.policy}
+
+
+def _training(row: ResultRow) -> tuple[str, ...]:
+    return row.task, row.policy, row.flags["seed"], row.flags.get(SQUARES, "false")
 
 
 TABLES = {
@@ -136,6 +153,7 @@ TABLES = {
     "few": ("docs/learning.md", _few),
     "uncounted": ("docs/learning.md", _uncounted),
     "squares": ("docs/learning.md", _squares),
+    "fresh": ("docs/learning.md", _fresh),
     "again": ("docs/benchmark.md", _again),
 }
 """By name: the page that holds the table, and who writes it."""

@@ -153,10 +153,10 @@ def success_table(rows: Sequence[ResultRow]) -> str:
     lines = []
     for place in places:
         rates = beside[place].rates
-        scores = [_cell(cells[place, name]) if (place, name) in cells else ABSENT for name in policies]
+        scores = [success_cell(cells[place, name]) if (place, name) in cells else ABSENT for name in policies]
         lines.append([f"`{place}`", *scores, str(rates["expert"].successes), _score(rates["blind"])])
     if len(places) > 1:
-        means = [_mean([cells.get((place, name), []) for place in places]) for name in policies]
+        means = [mean_cell([cells.get((place, name), []) for place in places]) for name in policies]
         controls = [
             f"{fmean(beside[place].rates[who].rate for place in places):.1%}" for who in ("expert", "blind")
         ]
@@ -164,14 +164,14 @@ def success_table(rows: Sequence[ResultRow]) -> str:
     return markdown_table(["task", *(f"`{name}`" for name in policies), "expert", "blind"], lines)
 
 
-def _mean(cells: Sequence[Sequence[ResultRow]]) -> str:
+def mean_cell(cells: Sequence[Sequence[ResultRow]]) -> str:
     """Over tasks, each by the mean of its trainings; of a policy that has been scored on all of them."""
     if not all(cells):
         return ABSENT
     return f"{fmean(fmean(row.rates['policy'].rate for row in rows) for rows in cells):.1%}"
 
 
-def _cell(rows: Sequence[ResultRow]) -> str:
+def success_cell(rows: Sequence[ResultRow]) -> str:
     """One training, or several by the seeds of the trainings."""
     ordered = sorted(rows, key=lambda row: int(row.flags["seed"]))
     rates = [row.rates["policy"] for row in ordered]

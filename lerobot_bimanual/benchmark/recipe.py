@@ -98,11 +98,11 @@ class Recipe:
         flags: dict[str, str] = {}
         for name, value in self.sections.items():
             if isinstance(value, dict):
-                flags |= {f"{name}.{key}": _text(inner) for key, inner in value.items()}
+                flags |= {f"{name}.{key}": flag_text(inner) for key, inner in value.items()}
             else:
-                flags[name] = _text(value)
+                flags[name] = flag_text(value)
         if features := self.sections["policy"].get("input_features"):
-            flags["policy.input_features"] = _text(_resized(features, image_size))
+            flags["policy.input_features"] = flag_text(_resized(features, image_size))
         return flags
 
 
@@ -115,5 +115,6 @@ def _resized(features: Mapping[str, Mapping[str, Any]], image_size: int) -> dict
     }
 
 
-def _text(value: Any) -> str:
+def flag_text(value: Any) -> str:
+    """A value as the text of a flag."""
     return value if isinstance(value, str) else json.dumps(value)

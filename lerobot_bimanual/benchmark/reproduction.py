@@ -1,18 +1,20 @@
 """The command that trains a row of results again, and how far it departs from today's recipe of that name.
 
 Rows hold every flag of their training, so they stay true when a recipe changes; what a recipe no longer says, the
-command says itself.
+command says itself. What a recipe did not say yet was the policy's default, which the command says, too.
 """
 
 import shlex
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from importlib import import_module
 from typing import Any, cast
 
 import yaml
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.protocol import RecipeName
+from lerobot_bimanual.benchmark.recipe import flag_text
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
 from lerobot_bimanual.errors import BimanualError
 
@@ -24,8 +26,8 @@ def config_of(row: ResultRow) -> BenchmarkConfig:
     """What is asked of a benchmark that trains a row again; what its recipe and protocol say anyway is left open.
 
     Raises:
-        BimanualError: policy or recipe is not installed, or the recipe now sets what the row was trained without, so
-            that no command gives it again.
+        BimanualError: policy or recipe is not installed, or the recipe now sets what the row was trained without and
+            the policy has no default of, so that no command gives it again.
     """
     asked = BenchmarkConfig(
         policy=row.policy,
@@ -62,17 +64,34 @@ def _val_episodes(row: ResultRow) -> int | None:
 
 def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:
     """The training flags of a row that are others than today's, in one text."""
-    if unset := today.keys() - row.flags.keys() - {*PLACES, *INCIDENTAL}:
+    unset = today.keys() - row.flags.keys() - {*PLACES, *INCIDENTAL}
+    defaults = policy_defaults(row.policy) if unset else {}
+    if unknown := unset - defaults.keys():
         raise BimanualError(
-            f"the recipe {row.recipe!r} of {row.policy!r} now sets {', '.join(sorted(unset))}, and the row of "
+            f"the recipe {row.recipe!r} of {row.policy!r} now sets {', '.join(sorted(unknown))}, and the row of "
             f"{row.task!r} was trained without: train it anew, or leave it out"
         )
     others = [
         f"--{name}={value}"
-        for name, value in row.flags.items()
+        for name, value in (row.flags | {name: defaults[name] for name in sorted(unset)}).items()
         if name not in INCIDENTAL and (name not in today or flag_value(today[name]) != flag_value(value))
     ]
     return " ".join(word if _is_a_word(word) else shlex.quote(word) for word in others)
+
+
+def policy_defaults(policy: str) -> dict[str, str]:
+    """The default of each flag of a policy that has one, as a flag's text; none of a policy that is not installed."""
+    from lerobot.configs.policies import PreTrainedConfig  # seconds, and few rows are older than their recipe
+    from lerobot.utils.import_utils import register_third_party_plugins
+
+    import_module("lerobot.policies")  # registers LeRobot's own
+    register_third_party_plugins()
+    config = PreTrainedConfig.get_known_choices().get(policy)
+    return {
+        f"policy.{field.name}": flag_text(field.default)
+        for field in (fields(config) if config else ())
+        if field.init and isinstance(field.default, str | int | float | tuple | None)
+    }
 
 
 def _is_a_word(text: str) -> bool:

@@ -12,7 +12,13 @@ from PIL import Image
 
 from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.reproduction import INCIDENTAL, command, config_of, flag_value
+from lerobot_bimanual.benchmark.reproduction import (
+    INCIDENTAL,
+    command,
+    config_of,
+    flag_value,
+    policy_defaults,
+)
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
 from lerobot_bimanual.benchmark.success_figure import success_figure
 from lerobot_bimanual.canvas import DESCRIPTION
@@ -29,13 +35,15 @@ BOARD, *TRIALS = (
         "perturbed_demonstrations",
         "few_demonstrations",
         "without_keypose_step",
-        "grid_squares",
+        "without_squares",
+        "fresh_seeds",
         "other_lengths",
         "made_again",
     )
 )
 """Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
-keyposes, with squares or in another number of steps (docs/learning.md), and cells of the board that were made again (docs/benchmark.md)."""
+keyposes, without squares or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
+cells that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
 ROWS_PLAYED = 20
@@ -66,12 +74,24 @@ def described(picture: str) -> str:
         return image.info[DESCRIPTION]
 
 
-def test_cells_that_were_made_again_are_those_of_the_board_to_the_last_bit():
+def test_cells_that_were_made_again_are_the_first_ones_to_the_last_bit():
     again = sorted((ROOT / "results/made_again").glob("*.json"))
     assert again
-    for row, first in ((ResultRow.read(path), ResultRow.read(BOARD / path.name)) for path in again):
+    rooms = BOARD, ROOT / "results/without_squares"
+    for path in again:
+        first = [ResultRow.read(room / path.name) for room in rooms if (room / path.name).is_file()]
+        row = ResultRow.read(path)
+        assert (row.checkpoint_sha256, row.episodes) in [
+            (each.checkpoint_sha256, each.episodes) for each in first
+        ]
+
+
+def test_fresh_seeds_were_played_with_the_weights_of_the_board():
+    fresh = sorted((ROOT / "results/fresh_seeds").glob("*.json"))
+    assert fresh
+    for row, first in ((ResultRow.read(path), ResultRow.read(BOARD / path.name)) for path in fresh):
         assert row.checkpoint_sha256 == first.checkpoint_sha256
-        assert row.episodes == first.episodes
+        assert not {each.seed for each in row.episodes} & {each.seed for each in first.episodes}
 
 
 def test_every_row_is_of_the_world_that_is_certified():
@@ -89,7 +109,8 @@ def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_ro
         {name: flag_value(value) for name, value in flags.items() if name not in (*PLACES, *INCIDENTAL)}
         for flags in (row.flags, plan.training_flags())
     )
-    assert planned == trained
+    unsaid = {name: flag_value(policy_defaults(row.policy)[name]) for name in planned.keys() - trained.keys()}
+    assert planned == unsaid | trained
     recorded, generated = (
         dict(word.removeprefix("--").split("=", 1) for word in words[2:])
         for words in (shlex.split(row.dataset.command), plan.generation().words)
