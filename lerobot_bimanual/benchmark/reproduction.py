@@ -6,6 +6,7 @@ command says itself. What a recipe did not say yet was the policy's default, whi
 
 import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, replace
 from importlib import import_module
 from typing import Any, cast
@@ -14,8 +15,9 @@ import yaml
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.protocol import RecipeName
-from lerobot_bimanual.benchmark.recipe import flag_text
+from lerobot_bimanual.benchmark.recipe import GROUP, flag_text
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 
 INCIDENTAL = ("num_workers", "wandb.enable")
@@ -80,12 +82,16 @@ def _further_flags(row: ResultRow, today: Mapping[str, str]) -> str:
 
 
 def policy_defaults(policy: str) -> dict[str, str]:
-    """The default of each flag of a policy that has one, as a flag's text; none of a policy that is not installed."""
+    """The default of each flag of a policy that has one, as a flag's text; none of a policy that is not found.
+
+    Those of LeRobot are found, and those whose config lies beside their recipe, named as LeRobot asks of plugins.
+    """
     from lerobot.configs.policies import PreTrainedConfig  # seconds, and few rows are older than their recipe
-    from lerobot.utils.import_utils import register_third_party_plugins
 
     import_module("lerobot.policies")  # registers LeRobot's own
-    register_third_party_plugins()
+    if policy not in PreTrainedConfig.get_known_choices():
+        with suppress(ImportError):  # then it has no defaults here
+            import_module(f"{entries(GROUP)[policy].value}.configuration_{policy}")
     config = PreTrainedConfig.get_known_choices().get(policy)
     return {
         f"policy.{field.name}": flag_text(field.default)
