@@ -17,7 +17,7 @@ from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 ROOT = Path(__file__).parents[1]
 BOARD, WITHOUT_SQUARES = ROOT / "results/leaderboard", ROOT / "results/without_squares"
 SQUARES = "policy.grid_squares"
-"""Flag that the board's PerAct2s have, and all else has not."""
+"""Flag that the board's PerAct2s have, and the other policies there have not."""
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -103,6 +103,18 @@ def _squares() -> str:
     return markdown_table(("task", "with squares", "without"), [*lines, (f"mean of {len(lines)}", *means)])
 
 
+def _squares_of_others() -> str:
+    """Other policies that are shown squares, beside those of the board, which are not."""
+    plain = _plain()
+    rows = read_rows(ROOT / "results/squares_of_others").values()
+    pairs = [(row, plain[*_training(row)[:-1], "false"]) for row in rows]
+    lines = [
+        (f"`{row.policy}` on `{row.task}`", row.rates["policy"], usual.rates["policy"])
+        for row, usual in pairs
+    ]
+    return markdown_table(("policy", "with squares", "without"), lines)
+
+
 def _fresh() -> str:
     """The first PerAct2s of the board on its seeds and on others."""
     return _task_by_task("fresh_seeds", "fresh seeds", "seeds of the board")
@@ -153,6 +165,7 @@ TABLES = {
     "few": ("docs/learning.md", _few),
     "uncounted": ("docs/learning.md", _uncounted),
     "squares": ("docs/learning.md", _squares),
+    "squares of others": ("docs/learning.md", _squares_of_others),
     "fresh": ("docs/learning.md", _fresh),
     "again": ("docs/benchmark.md", _again),
 }
