@@ -10,15 +10,15 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
-KILL_WHEN = {"tmp-*/frames": 0.5, "shards/000000": 0.2, "tmp-*/dataset": 0.05}
-"""What appears while the first shard is recorded, after it, and while shards are merged, and for how many seconds at most
-the run is let go on from there; what follows takes seconds, 0.3 s and 0.15 s."""
+DEATHS = (("record", "tmp-*/frames", 0.5), ("record", "shards/000000", 0.2), ("merge", "tmp-*/dataset", 0.1))
+"""(stage, sight, latest_s) of dying_generate.py: while the first shard is recorded, after it, and while shards are
+merged."""
 
+DYING = Path(__file__).with_name("dying_generate.py")
 DRILL = Path(__file__).with_name("crash_drill.py")
 KILLS = 8
 SEED = 20
@@ -30,24 +30,20 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
 ) -> None:
     root = tmp_path / generated.name
     partial = root.with_name(root.name + ".partial")
-    command = [
-        *(sys.executable, "-m", "lerobot_bimanual.cli", "generate", f"--root={root}", "--workers=2"),
-        *("--task=lift_ball", "--episodes=3", "--image_size=24x32", "--cameras=front,left_wrist"),
-        *("--intermediate=0.5", "--episodes_per_shard=2", "--repo_id=local/small"),
+    flags = [
+        *(f"--root={root}", "--workers=2", "--task=lift_ball", "--episodes=3", "--image_size=24x32"),
+        *("--cameras=front,left_wrist", "--intermediate=0.5", "--episodes_per_shard=2"),
+        "--repo_id=local/small",
     ]
     place = Path(tempfile.mkdtemp(dir="/tmp"))  # short enough for the path of a socket
     environment = os.environ | {"TMPDIR": str(place)}
-    rng = np.random.default_rng()  # at other moments in every run of the test
-    for sight, latest_s in KILL_WHEN.items():
+    for stage, sight, latest_s in DEATHS:
+        command = [sys.executable, str(DYING), stage, sight, str(latest_s), *flags]
         run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True, env=environment)
-        while not any(partial.glob(sight)):
-            assert run.poll() is None, f"ended before {sight} appeared"
-            time.sleep(0.01)
-        time.sleep(rng.uniform(0, latest_s))
-        os.kill(run.pid, signal.SIGKILL)  # the parent alone: its workers have to notice
-        run.wait()
+        assert run.wait() == -signal.SIGKILL  # the parent alone: its workers have to notice
         wait_until_gone(run.pid)
         assert not root.exists()
+    command = [sys.executable, "-m", "lerobot_bimanual.cli", "generate", *flags]
     last = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert last.returncode == 0, last.stderr
     assert "leaked" not in last.stderr
