@@ -17,7 +17,7 @@ from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 ROOT = Path(__file__).parents[1]
 BOARD, WITHOUT_SQUARES = ROOT / "results/leaderboard", ROOT / "results/without_squares"
 SQUARES = "policy.grid_squares"
-"""Flag that the board's PerAct2s have, and the other policies there have not."""
+"""Flag of the board's PerActs; the other policies there have no grid."""
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -92,27 +92,31 @@ def _uncounted() -> str:
 
 
 def _squares() -> str:
-    """The policies of the board that are shown squares, beside trainings that differ in nothing else."""
-    plain = _plain()
-    shown, not_shown = defaultdict(list), defaultdict(list)
-    for row in read_rows(WITHOUT_SQUARES).values():
-        shown[row.task].append(plain[*_training(row)[:-1], "true"])
-        not_shown[row.task].append(row)
-    lines = [(f"`{task}`", success_cell(shown[task]), success_cell(not_shown[task])) for task in shown]
-    means = (mean_cell([*side.values()]) for side in (shown, not_shown))
-    return markdown_table(("task", "with squares", "without"), [*lines, (f"mean of {len(lines)}", *means)])
+    return _beside_those_without_squares("peract2")
 
 
 def _squares_of_others() -> str:
-    """Other policies that are shown squares, beside those of the board, which are not."""
+    return _beside_those_without_squares("peract_lf", "peract_independent")
+
+
+def _beside_those_without_squares(*policies: str) -> str:
+    """Policies of the board, which are shown squares, beside trainings that differ in nothing else."""
     plain = _plain()
-    rows = read_rows(ROOT / "results/squares_of_others").values()
-    pairs = [(row, plain[*_training(row)[:-1], "false"]) for row in rows]
-    lines = [
-        (f"`{row.policy}` on `{row.task}`", row.rates["policy"], usual.rates["policy"])
-        for row, usual in pairs
-    ]
-    return markdown_table(("policy", "with squares", "without"), lines)
+    shown, not_shown = defaultdict(list), defaultdict(list)
+    for row in read_rows(WITHOUT_SQUARES).values():
+        shown[row.policy, row.task].append(plain[*_training(row)[:-1], "true"])
+        not_shown[row.policy, row.task].append(row)
+    tasks = dict.fromkeys(task for _, task in shown)
+    columns = {
+        f"`{policy}` {head}": [side[policy, task] for task in tasks]
+        for policy in policies
+        for head, side in (("with squares", shown), ("without", not_shown))
+    }
+    lines = zip(
+        (f"`{task}`" for task in tasks), *(map(success_cell, each) for each in columns.values()), strict=True
+    )
+    means = map(mean_cell, columns.values())
+    return markdown_table(("task", *columns), [*lines, (f"mean of {len(tasks)}", *means)])
 
 
 def _fresh() -> str:

@@ -88,10 +88,13 @@ def policy_defaults(policy: str) -> dict[str, str]:
     """
     from lerobot.configs.policies import PreTrainedConfig  # seconds, and few rows are older than their recipe
 
-    import_module("lerobot.policies")  # registers LeRobot's own
-    if policy not in PreTrainedConfig.get_known_choices():
-        with suppress(ImportError):  # then it has no defaults here
-            import_module(f"{entries(GROUP)[policy].value}.configuration_{policy}")
+    for module in (
+        f"{entries(GROUP)[policy].value}.configuration_{policy}",
+        "lerobot.policies",
+    ):  # all of LeRobot's
+        if policy not in PreTrainedConfig.get_known_choices():
+            with suppress(ImportError):  # then it has no defaults here
+                import_module(module)
     config = PreTrainedConfig.get_known_choices().get(policy)
     return {
         f"policy.{field.name}": flag_text(field.default)

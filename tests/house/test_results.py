@@ -36,14 +36,13 @@ BOARD, *TRIALS = (
         "few_demonstrations",
         "without_keypose_step",
         "without_squares",
-        "squares_of_others",
         "fresh_seeds",
         "other_lengths",
         "made_again",
     )
 )
 """Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
-keyposes, with or without squares or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
+keyposes, without squares or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
 cells that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
