@@ -88,10 +88,8 @@ def policy_defaults(policy: str) -> dict[str, str]:
     """
     from lerobot.configs.policies import PreTrainedConfig  # seconds, and few rows are older than their recipe
 
-    for module in (
-        f"{entries(GROUP)[policy].value}.configuration_{policy}",
-        "lerobot.policies",
-    ):  # all of LeRobot's
+    beside_recipe = f"{entries(GROUP)[policy].value}.configuration_{policy}"
+    for module in (beside_recipe, "lerobot.policies"):  # of LeRobot's all at once, which takes seconds more
         if policy not in PreTrainedConfig.get_known_choices():
             with suppress(ImportError):  # then it has no defaults here
                 import_module(module)

@@ -19,6 +19,7 @@ import numpy as np
 from lerobot_bimanual.cli.command_line import main
 
 POLL_S = 0.01
+"""How often an executor lets this process look; its own half second is longer than some stages are."""
 
 
 def die_in(stage: str, sight: str, latest_s: float, partial: Path) -> None:
