@@ -1,6 +1,7 @@
-"""Set-up of every test process: one thread per library, off-screen, no network, one width, fixed seeds."""
+"""Set-up of every test process: one thread per library, off-screen, no network, one width, interrupts, fixed seeds."""
 
 import os
+import signal
 import sys
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -10,6 +11,9 @@ if not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
 os.environ["HF_HUB_OFFLINE"] = "1"
 os.environ["WANDB_MODE"] = "disabled"
 os.environ["COLUMNS"] = "160"  # tables fold alike whatever terminal runs the tests
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a shell gives to programs in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
