@@ -285,7 +285,7 @@ def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_ho
     assert benchmark.stdout is not None
     program = int(benchmark.stdout.readline())
     os.killpg(benchmark.pid, signal.SIGINT)  # as a terminal does
-    _, errors = benchmark.communicate(timeout=90)
+    _, errors = benchmark.communicate(timeout=30)
     assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
     assert benchmark.returncode == 130
     with pytest.raises(ProcessLookupError):

@@ -52,7 +52,7 @@ def test_names_of_axes_are_known_without_mujoco():
         "import sys; from lerobot_env_bimanual.options import EnvOptions; EnvOptions(perturb='mass:1'); "
         "assert 'mujoco' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", script], check=True, timeout=300)
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
 
 
 def test_two_axes_of_one_name_are_refused():

@@ -37,6 +37,8 @@ def die_in(stage: str, sight: str, latest_s: float, partial: Path) -> None:
             if deadline is not None and time.monotonic() >= deadline:
                 break
             yield
+        if deadline is None:
+            sys.exit(f"{stage} is over, and {sight} did not appear")
         os.kill(os.getpid(), signal.SIGKILL)
 
     process_executor.POLL_S = POLL_S

@@ -70,7 +70,7 @@ def test_runs_killed_at_random_moments_lose_only_what_was_unfinished_and_leave_n
     assert outcome["leftovers"] == []
 
 
-def wait_until_gone(group: int, patience_s: float = 60) -> None:
+def wait_until_gone(group: int, patience_s: float = 20) -> None:
     deadline = time.monotonic() + patience_s
     while any(group_of(entry.name) == group for entry in Path("/proc").iterdir()):
         assert time.monotonic() < deadline, "workers outlived their parent"

@@ -16,8 +16,8 @@ import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
-PATIENCE_S = 60.0
-"""Within which orphans have to be gone; they take tenths of a second where nothing else runs."""
+PATIENCE_S = 10.0
+"""Within which orphans have to be gone; they take tenths of a second."""
 
 VERBS = {
     "certify": "--task=lift_ball --seeds=0:1000",

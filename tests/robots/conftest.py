@@ -45,7 +45,7 @@ def soon() -> Callable[[Callable[[], object]], object]:
     """Waits for another thread: the first true answer, or the last one after many."""
 
     def wait(ask: Callable[[], object]) -> object:
-        for _ in range(6000):
+        for _ in range(500):
             if answer := ask():
                 return answer
             time.sleep(0.01)
