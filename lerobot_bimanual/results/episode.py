@@ -1,0 +1,82 @@
+"""One played episode: what became of it, and, where it was recorded, what proves it."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, model_validator
+
+from lerobot_bimanual.evaluation.action_text import actions_from_text
+from lerobot_bimanual.evaluation.hash_chain import first_difference
+from lerobot_bimanual.results.record import Record, require
+
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class Proof(Record):
+    """All that is needed to play an episode again without the policy, and to compare every state on the way.
+
+    Attributes:
+        instruction: the sentence that the policy was given.
+        start: SHA-256 of the simulation's state after the reset.
+        actions: the policy's actions, as `action_text` writes them: one text for each run of actions of equal length.
+            A refused action is the last; one that could not be read has length 0.
+        links: the beginnings of the hash chain's links, one per action.
+        end: the chain's last link.
+    """
+
+    instruction: str
+    start: Sha256
+    actions: tuple[str, ...]
+    links: str
+    end: Sha256
+
+    @model_validator(mode="after")
+    def _links_are_readable(self) -> Self:
+        first_difference(self.links, self.links)
+        return self
+
+    def action_list(self) -> list[NDArray[np.float32]]:
+        """The actions, one array each.
+
+        Raises:
+            ValueError: they cannot be read.
+        """
+        return [action for text in self.actions for action in actions_from_text(text)]
+
+
+class Episode(Record):
+    """One played episode. What was not recorded is None.
+
+    Attributes:
+        seed: seed of the reset; its split is said by the record that holds the episode.
+        variation: index of the variation.
+        success: whether the episode was solved at its end.
+        failure: why it was not solved; empty after a success.
+        ticks: control ticks that it took.
+        keyposes: keyposes executed.
+        first_met_tick: number of control ticks after which all conditions of success held for the first time, if only
+            for a moment; None if they never did, or if that was not recorded.
+        state_hash: SHA-256 of the final state, or its first 16 hexadecimal digits.
+        proof: how to play the episode again.
+    """
+
+    seed: NonNegativeInt
+    variation: NonNegativeInt | None = None
+    success: bool
+    failure: str | None = None
+    ticks: NonNegativeInt | None = None
+    keyposes: NonNegativeInt | None = None
+    first_met_tick: NonNegativeInt | None = None
+    state_hash: Annotated[str, Field(pattern="^([0-9a-f]{16}|[0-9a-f]{64})$")] | None = None
+    proof: Proof | None = None
+
+    @model_validator(mode="after")
+    def _agrees(self) -> Self:
+        require(
+            self.failure is None or bool(self.failure) != self.success,
+            "failure must be set if and only if success is false",
+        )
+        late = self.first_met_tick is not None and self.ticks is not None and self.first_met_tick > self.ticks
+        require(not late, "first_met_tick must be one of the episode's ticks")
+        return self

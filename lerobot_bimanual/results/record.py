@@ -1,0 +1,99 @@
+"""Validated JSON records: frozen pydantic models that are read from and written to one file each."""
+
+import json
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.output_file import write_file
+
+MAX_BYTES = 2**26
+"""Larger than any result; a larger file is not read."""
+MAX_MESSAGE = 120
+
+
+class BadRecord(BimanualError):
+    """A file that does not hold the expected record; the message names the file and the field."""
+
+
+class Record(BaseModel):
+    """A frozen record whose every field is as declared: none missing, unknown, converted or not finite.
+
+    Rules between fields are pydantic validators; they use `require`.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """The record in a JSON file.
+
+        Raises:
+            BadRecord: the file cannot be read, or does not hold such a record.
+        """
+        try:
+            return cls.from_json(_read(path))
+        except BadRecord as error:
+            raise BadRecord(f"{path}: {error}") from None
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Self:
+        """The record in a JSON text.
+
+        Raises:
+            BadRecord: the text does not hold such a record; the message names the field.
+        """
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            first, more = error.errors(include_url=False)[0], error.error_count() - 1
+            place = ".".join(map(str, first["loc"])) or cls.__name__
+            got = repr(first["input"])
+            got = got if len(got) <= MAX_MESSAGE else f"{got[:MAX_MESSAGE]}..."
+            others = f" (and {more} more)" if more else ""
+            raise BadRecord(f"{place}: {first['msg']}, but is {got}{others}") from None
+
+    def write(self, path: Path) -> None:
+        """Write the record as JSON, atomically; items of its lists have one line each.
+
+        Raises:
+            UnwritableOutput: the file cannot be written.
+        """
+        write_file(path, self.to_json())
+
+    def to_json(self) -> str:
+        """The record as JSON; items of its lists have one line each. Fields that have their defaults are left out."""
+        fields = self.model_dump(mode="json", exclude_defaults=True)
+        return "{\n" + ",\n".join(f" {json.dumps(name)}: {_lines(fields[name])}" for name in fields) + "\n}\n"
+
+
+def require(holds: object, rule: str) -> None:
+    """Refuse a record that breaks a rule between its fields.
+
+    Raises:
+        ValueError: the rule does not hold; pydantic reports it as the field's or the record's error.
+    """
+    if not holds:
+        raise ValueError(rule)
+
+
+def _lines(value: Any) -> str:
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return "[\n" + ",\n".join(f"  {json.dumps(item, ensure_ascii=False)}" for item in value) + "\n ]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        path.stat()  # the clearest error of a missing file
+        if not path.is_file():  # a pipe or a device may never end
+            raise BadRecord("not a file")
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise BadRecord(error.strerror or str(error)) from None
+    if len(content) > MAX_BYTES:
+        raise BadRecord(f"file exceeds the {MAX_BYTES >> 20} MB limit")
+    return content
