@@ -39,9 +39,10 @@ FUZZ_EXAMPLES := 1000
 fuzz: setup  ## Feed every reader and action thousands of broken inputs (FUZZ_EXAMPLES of each kind)
 	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(PYTEST) --timeout=3600 -m fuzz
 
-check: setup  ## Lint, formatting, types
+check: setup  ## Lint, formatting, imports between packages, types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+	$(BIN)/lint-imports --no-cache
 	$(BIN)/pyright
 
 format: setup  ## Sort imports and format the code

@@ -42,7 +42,5 @@ esac
 certify blind --task="${TASK:-all}" --control=blind --variation=each --seeds="$few"
 certify random --task="${TASK:-all}" --control=random --seeds="$few"
 certify noop --task="${TASK:-all}" --control=noop --seeds="$few"
-echo "== visibility"
-.venv/bin/python scripts/visibility.py --task="${TASK:-all}" --output=results/visibility.json >/dev/null
 .venv/bin/lerobot-bimanual report --certificates="$folder" --output=docs/tasks.md
 [ -z "${failed:-}" ] || { echo "not good enough:$failed"; exit 1; }

@@ -167,34 +167,6 @@ def test_tables_of_pages_are_those_of_the_board_and_the_registry() -> None:
         assert tables.with_table(page, name) == page, "run scripts/tables.py"
 
 
-def test_drawings_are_what_their_scripts_draw() -> None:
-    from lerobot.configs import PreTrainedConfig
-
-    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
-
-    policies, frames = script("policy_figures"), script("frames_figure")
-    assert frames.OUTPUT.read_text(encoding="utf-8") == frames.draw(), "run scripts/frames_figure.py"
-    known = PreTrainedConfig.get_known_choices().items()
-    ours = {name for name, kind in known if kind.__module__.startswith("lerobot_policy_bimanual.")}
-    assert ours == set(policies.FIGURES)
-    for policy in policies.FIGURES:
-        drawn = (ROOT / f"docs/{policy}.svg").read_text(encoding="utf-8")
-        assert drawn == policies.draw(policy), "run scripts/policy_figures.py"
-
-
-def test_the_picture_of_failures_shows_failed_episodes_of_the_tasks_that_are_solved_least() -> None:
-    from PIL import Image
-
-    figure = script("failures_figure")
-    with Image.open(figure.OUTPUT) as image:
-        shown = dict(re.findall(r"(\w+): seed (\d+),", image.info[figure.DESCRIPTION]))
-    rows = figure.worst_rows()
-    assert [*shown] == [row.task for row in rows], "run scripts/failures_figure.py"
-    for row in rows:
-        failed = {episode.seed for episode in row.evaluation.episodes if not episode.success}
-        assert int(shown[row.task]) in failed, "run scripts/failures_figure.py"
-
-
 def script(name: str) -> Any:
     """A script as a module; those that it imports lie beside it."""
     import importlib

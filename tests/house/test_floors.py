@@ -1,7 +1,6 @@
 """Inside each distribution imports only go down, also where only a type checker looks."""
 
 import ast
-import importlib.util
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -95,11 +94,3 @@ def test_no_imports_go_in_circles(distribution):
 def test_a_circle_is_found():
     assert list(circles({"a": {"b"}, "b": {"c"}, "c": {"b"}})) == [["b", "c", "b"]]
     assert not list(circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}))
-
-
-def test_the_page_about_the_architecture_shows_these_floors():
-    spec = importlib.util.spec_from_file_location("architecture", ROOT / "scripts/architecture.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
-    assert script.with_floors(page) == page, "run scripts/architecture.py"

@@ -41,9 +41,7 @@ NOT_RUN = {
         "needs a CLIP; test_subtasks.py makes one"
     ),
     r"python -m lerobot\.async_inference": "a server that does not end; tests/robots serves one",
-    r"lerobot-bimanual accuracy .*push_box_val|python scripts/chunk_errors\.py": (
-        "of a policy that is trained for longer; test_inspect.py and test_chunk_errors.py have small ones"
-    ),
+    r"lerobot-bimanual accuracy .*push_box_val": "of a policy that is trained for longer; test_inspect.py has a small one",
     r"lerobot-bimanual compare .*outputs/ladder/": "of two long ladders; tests/envs/test_ladder.py has small ones",
 }
 """By the beginning of the command."""
