@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.errors import InvalidAction
-from lerobot_bimanual.evaluation.action_text import actions_to_text
-from lerobot_bimanual.evaluation.hash_chain import HashChain
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.results.action_text import actions_to_text
+from lerobot_bimanual.results.hash_chain import HashChain
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.progress import EpisodeProgress

@@ -5,7 +5,7 @@ from math import ceil
 
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.canvas import BLUE, GREY, INK, ORANGE, PALE, WIDTH, Canvas
-from lerobot_bimanual.statistics import holm
+from lerobot_bimanual.results.statistics import holm
 
 LEVEL = 0.05
 """Corrected p-values up to this one are marked."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 
 @dataclass(frozen=True)

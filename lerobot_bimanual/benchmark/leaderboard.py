@@ -15,7 +15,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.statistics import SuccessRate, standard_deviation
+from lerobot_bimanual.results.statistics import SuccessRate, standard_deviation
 
 PAGE = """\
 # Results of the recipe `{recipe}`

@@ -8,7 +8,7 @@ from math import lcm, sqrt
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.statistics import (
+from lerobot_bimanual.results.statistics import (
     SuccessRate,
     anytime_p_value,
     mcnemar_p_value,

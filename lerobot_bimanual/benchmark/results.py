@@ -30,7 +30,7 @@ from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord
 from lerobot_bimanual.json_file import parse_json, read_bytes, shown
 from lerobot_bimanual.json_record import decode
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 ROW_SCHEMA_VERSION = 3
 PLACES = ("dataset.root", "output_dir")

@@ -19,7 +19,7 @@ from lerobot_bimanual.canvas import (
     Color,
     Mark,
 )
-from lerobot_bimanual.statistics import SuccessRate, wilson_interval
+from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
 STYLES: tuple[tuple[Mark, Color], ...] = (
     ("circle", BLUE),

@@ -13,7 +13,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.ladder.comparison import LadderComparison
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.result import LadderResult, is_ladder
-from lerobot_bimanual.statistics import SuccessRate, holm
+from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.terminal_table import print_table
 
 type Rows = dict[str, tuple[ResultRow, ...]]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.evaluation.action_text import actions_from_text
-from lerobot_bimanual.evaluation.hash_chain import first_difference
+from lerobot_bimanual.results.action_text import actions_from_text
+from lerobot_bimanual.results.hash_chain import first_difference
 
 HASH = re.compile("[0-9a-f]{64}")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.ladder.result import LadderResult, Rung
-from lerobot_bimanual.statistics import SuccessRate, holm
+from lerobot_bimanual.results.statistics import SuccessRate, holm
 
 
 @dataclass(frozen=True)

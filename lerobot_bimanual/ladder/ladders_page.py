@@ -15,7 +15,7 @@ from lerobot_bimanual.ladder.result import (
 from lerobot_bimanual.ladder.trainings import Distance, Trainings, policy_name
 from lerobot_bimanual.markdown_table import markdown_table
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 UPPER_LEVELS = range(1, MAX_LEVEL + 1)
 SURE = 0.05

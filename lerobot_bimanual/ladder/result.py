@@ -13,7 +13,7 @@ from lerobot_bimanual.json_file import read_json, shown
 from lerobot_bimanual.json_record import read
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 LADDER_SCHEMA_VERSION = 1
 LEAST_EXPERT_RATE = 0.97

@@ -11,7 +11,7 @@ from lerobot_bimanual.json_record import read
 from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE, AxisRecord, rung_name
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 CERTIFICATE_SCHEMA_VERSION = 2
 MOST_SEEDS = 10**9

@@ -4,11 +4,12 @@ from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, NonNegativeInt, model_validator
+from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
 
-from lerobot_bimanual.evaluation.action_text import actions_from_text
-from lerobot_bimanual.evaluation.hash_chain import first_difference
+from lerobot_bimanual.results.action_text import actions_from_text
+from lerobot_bimanual.results.hash_chain import first_difference
 from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.statistics import SuccessRate
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
@@ -52,7 +53,7 @@ class Episode(Record):
         seed: seed of the reset; its split is said by the record that holds the episode.
         variation: index of the variation.
         success: whether the episode was solved at its end.
-        failure: why it was not solved; empty after a success.
+        failure: why it was not solved; None after a success.
         ticks: control ticks that it took.
         keyposes: keyposes executed.
         first_met_tick: number of control ticks after which all conditions of success held for the first time, if only
@@ -64,7 +65,7 @@ class Episode(Record):
     seed: NonNegativeInt
     variation: NonNegativeInt | None = None
     success: bool
-    failure: str | None = None
+    failure: Annotated[str, Field(min_length=1)] | None = None
     ticks: NonNegativeInt | None = None
     keyposes: NonNegativeInt | None = None
     first_met_tick: NonNegativeInt | None = None
@@ -73,10 +74,35 @@ class Episode(Record):
 
     @model_validator(mode="after")
     def _agrees(self) -> Self:
-        require(
-            self.failure is None or bool(self.failure) != self.success,
-            "failure must be set if and only if success is false",
-        )
+        require(not (self.success and self.failure), "failure must not be set after a success")
         late = self.first_met_tick is not None and self.ticks is not None and self.first_met_tick > self.ticks
         require(not late, "first_met_tick must be one of the episode's ticks")
         return self
+
+
+def _ascending(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
+    seeds = [episode.seed for episode in episodes]
+    require(
+        seeds and seeds == sorted(set(seeds)), "episodes must be non-empty with strictly increasing seeds"
+    )
+    return episodes
+
+
+def _proved(episodes: tuple[Episode, ...]) -> tuple[Episode, ...]:
+    for episode in episodes:
+        whole = episode.proof is not None and bool(episode.failure) != episode.success
+        require(
+            whole, f"the episode of seed {episode.seed} must have a proof, and a failure unless it was solved"
+        )
+    return episodes
+
+
+Episodes = Annotated[tuple[Episode, ...], AfterValidator(_ascending)]
+"""Episodes of one task with strictly increasing seeds."""
+ProvedEpisodes = Annotated[Episodes, AfterValidator(_proved)]
+"""Episodes of one task that can be played again."""
+
+
+def success_rate(episodes: tuple[Episode, ...] | list[Episode]) -> SuccessRate:
+    """Successes among episodes."""
+    return SuccessRate(sum(episode.success for episode in episodes), len(episodes))

@@ -17,7 +17,7 @@ from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import play_until_sure, run
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.statistics import anytime_p_value, mcnemar_p_value
+from lerobot_bimanual.results.statistics import anytime_p_value, mcnemar_p_value
 
 
 def test_episodes_are_paired_by_seed():

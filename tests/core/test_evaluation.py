@@ -9,9 +9,9 @@ from hypothesis.extra import numpy as drawn
 from made_up_rows import ROW
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_to_text
-from lerobot_bimanual.evaluation.hash_chain import HashChain, first_difference
 from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
+from lerobot_bimanual.results.hash_chain import HashChain, first_difference
 
 SHAPES = drawn.array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=20)
 

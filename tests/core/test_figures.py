@@ -17,7 +17,7 @@ from lerobot_bimanual.canvas import BLUE, DESCRIPTION, ORANGE, PAPER, PIXELS, WI
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.statistics import wilson_interval
+from lerobot_bimanual.results.statistics import wilson_interval
 
 
 def trained(policy: str, outcomes: str, seed: int = 1, task: str = "lift_ball") -> ResultRow:

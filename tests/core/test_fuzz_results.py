@@ -22,7 +22,7 @@ from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 pytestmark = pytest.mark.fuzz
 

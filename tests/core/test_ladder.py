@@ -19,7 +19,7 @@ from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate, read_rung_certificates
-from lerobot_bimanual.statistics import SuccessRate, holm, mcnemar_p_value
+from lerobot_bimanual.results.statistics import SuccessRate, holm, mcnemar_p_value
 
 
 def changed(path: Path, **changes) -> Path:

@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lerobot_bimanual.statistics import (
+from lerobot_bimanual.results.statistics import (
     SuccessRate,
     anytime_p_value,
     holm,

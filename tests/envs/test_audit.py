@@ -11,10 +11,10 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.evaluation.action_text import actions_from_text, actions_to_text
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
 from lerobot_env_bimanual.audit.result_files import result_files
 from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.statistics import wilson_interval
+from lerobot_bimanual.results.statistics import wilson_interval
 from lerobot_env_bimanual.commands.report import ReportConfig, report
 from lerobot_env_bimanual.expert import outcome_log
 from lerobot_env_bimanual.expert.outcome import Job, MoveReport, Outcome

@@ -12,7 +12,7 @@ from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.commands.certify_rungs import CertifyRungsConfig, certify_rungs
 from lerobot_env_bimanual.commands.ladder import LadderConfig, ladder

@@ -10,7 +10,7 @@ import pytest
 
 from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 
 ROOT = Path(__file__).parents[2]
 SISTER, DAMAGED = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "peract_lf"))

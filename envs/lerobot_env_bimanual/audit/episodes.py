@@ -9,10 +9,10 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 
 from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.evaluation.hash_chain import first_difference
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.results.hash_chain import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.freezing import INVALID_ACTION, FreezeWhenOver

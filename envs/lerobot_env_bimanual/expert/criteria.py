@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import EXPERTS
 from lerobot_env_bimanual.expert.outcome import Outcome
 from lerobot_env_bimanual.expert.strain import excesses

@@ -23,7 +23,7 @@ from lerobot_bimanual.ladder.result import (
     rung_name,
 )
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS

@@ -10,7 +10,7 @@ from typing import Any
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import MarkdownTable
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.expert.control_names import CONTROLS
 from lerobot_env_bimanual.expert.instruction_scripts import chance
 from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME

@@ -15,7 +15,7 @@ from lerobot_bimanual.benchmark.names import perturbed, place_name
 from lerobot_bimanual.benchmark.success_figure import success_figure
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.statistics import SuccessRate
+from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.audit.blame import Blame
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result

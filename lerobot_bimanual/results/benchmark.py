@@ -1,0 +1,247 @@
+"""One policy on one task, as a JSON file that says how the result came about."""
+
+from __future__ import annotations
+
+from datetime import date
+from os import cpu_count
+from typing import Annotated, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    JsonValue,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveInt,
+    model_validator,
+)
+
+from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
+from lerobot_bimanual.results.episode import (
+    Episode,
+    Episodes,
+    ProvedEpisodes,
+    Sha256,
+    success_rate,
+)
+from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
+from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.statistics import SuccessRate
+
+Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
+Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
+
+
+class BenchmarkSettings(Record):
+    """Settings of a benchmark, with every default of its recipe and protocol filled in.
+
+    Two benchmarks with equal settings are the same measurement.
+
+    Attributes:
+        policy: type of the policy, as for `lerobot-train`.
+        task: name of the task that is scored.
+        variation: index of the variation, or `any`.
+        trained_on: tasks and suites from whose demonstrations one network learned; empty for its task alone.
+        recipe: name of the recipe.
+        demos: demonstrations of each task.
+        image_size: side of the images in pixels.
+        steps: optimiser steps.
+        batch_size: rows of the dataset per step.
+        save_freq: steps between checkpoints.
+        val_episodes: validation episodes per checkpoint; 0 if there was nothing to choose.
+        test_episodes: test episodes of the chosen checkpoint.
+        seed: seed of the training.
+        first_seed: seed of the first validation and test episode.
+        perturb: perturbations of the test, `AXIS:LEVEL,...`.
+        demos_perturb: perturbations of the demonstrations.
+        device: torch device; None if LeRobot chose it.
+        training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
+        evaluation: further options of `lerobot-eval` by name.
+    """
+
+    policy: Name
+    task: Name
+    variation: Annotated[str, Field(pattern="^(any|[0-9]{1,4})$")] = "any"
+    trained_on: str = ""
+    recipe: Name
+    demos: PositiveInt
+    image_size: PositiveInt
+    steps: PositiveInt
+    batch_size: PositiveInt
+    save_freq: PositiveInt
+    val_episodes: NonNegativeInt
+    test_episodes: PositiveInt
+    seed: Seed
+    first_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
+    perturb: str = ""
+    demos_perturb: str = ""
+    device: str | None = None
+    training: dict[str, JsonValue]
+    evaluation: dict[str, JsonValue] = Field(default={})
+
+    @property
+    def eval_key(self) -> str:
+        """Name of what is scored: the task, or one variation of it, with its perturbations."""
+        return eval_key(self.task, self.variation, self.perturb)
+
+    @property
+    def policy_id(self) -> str:
+        """The policy, with what it learned from if that is not its nominal task alone."""
+        return self._learned(self.policy)
+
+    @property
+    def run_id(self) -> str:
+        """Name of the training: `policy_id` with recipe and seed."""
+        return self._learned(f"{self.policy}_{self.recipe}_seed{self.seed}")
+
+    @property
+    def file_name(self) -> str:
+        """Name of the result's file."""
+        return f"{self.eval_key}_{self.run_id}.json"
+
+    @property
+    def checkpoint_steps(self) -> tuple[int, ...]:
+        """Steps after which LeRobot leaves a checkpoint, the last one included."""
+        return (*range(self.save_freq, self.steps, self.save_freq), self.steps)
+
+    def _learned(self, name: str) -> str:
+        name = perturbed(name, self.demos_perturb)
+        return f"{name}_on_{self.trained_on.replace(',', '.')}" if self.trained_on else name
+
+
+class Demonstrations(Record):
+    """Dataset that the policy learned from.
+
+    Attributes:
+        settings: settings of the dataset's generation, by name; with `versions` they make it again.
+        seeds: seed of each demonstration of the task that is scored, in the split `train`.
+        versions: package -> version with which it was made.
+    """
+
+    settings: dict[str, JsonValue]
+    seeds: tuple[NonNegativeInt, ...]
+    versions: dict[str, str]
+
+
+class Machine(Record):
+    """Machine on which a policy was trained.
+
+    Attributes:
+        cpus: number of cores.
+        gpu: name of the first GPU, if there is one.
+    """
+
+    cpus: PositiveInt
+    gpu: Annotated[str, Field(pattern="^[^|\n]+$")] | None = None
+
+    @classmethod
+    def this(cls) -> Self:
+        """The machine at hand."""
+        import torch
+
+        gpu = torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
+        return cls(cpus=cpu_count() or 1, gpu=gpu)
+
+
+class Validation(Record):
+    """Episodes of the validation split with the checkpoint after `step` optimiser steps."""
+
+    step: PositiveInt
+    episodes: Episodes
+
+
+def _is_day(text: str) -> str:
+    require(date.fromisoformat(text).isoformat() == text, "date must be a day, YYYY-MM-DD")
+    return text
+
+
+class BenchmarkResult(Record):
+    """One policy on one task, beside the expert and the open-loop baseline on the same episodes.
+
+    Attributes:
+        schema_version: version of these fields.
+        config: what was measured.
+        world: version of what the task's world does; results of two worlds are not compared.
+        demonstrations: what the policy learned from.
+        checkpoint_step: optimiser steps of the checkpoint that was tested.
+        checkpoint_sha256: of its `model.safetensors`.
+        training_seconds: wall time of the training.
+        machine: where it ran.
+        options: options of the environment in which the policy was tested, by name.
+        batch_size: environments side by side in the test.
+        versions: package -> version in the test.
+        date: day of the test, ISO 8601.
+        validation: every checkpoint on the split `val`, from which the tested one was chosen; empty if the last was
+            taken without a choice.
+        episodes: the policy on the split `test`, with proofs.
+        expert: the expert on the same seeds.
+        open_loop: the open-loop baseline on the same seeds, on each variation if the policy was tested on any.
+    """
+
+    schema_version: Literal[4]
+    config: BenchmarkSettings
+    world: WorldVersion
+    demonstrations: Demonstrations
+    checkpoint_step: PositiveInt
+    checkpoint_sha256: Sha256
+    training_seconds: NonNegativeFloat
+    machine: Machine
+    options: dict[str, str | int]
+    batch_size: PositiveInt
+    versions: dict[str, str]
+    date: Annotated[str, AfterValidator(_is_day)]
+    validation: tuple[Validation, ...]
+    episodes: ProvedEpisodes
+    expert: Episodes
+    open_loop: tuple[Episode, ...]
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> Self:
+        config = self.config
+        seeds = [*range(config.first_seed, config.first_seed + config.test_episodes)]
+        for name in ("episodes", "expert"):
+            same = [episode.seed for episode in getattr(self, name)] == seeds
+            require(same, f"{name} must be on the {config.test_episodes} seeds from {config.first_seed} on")
+        variations = sorted({episode.variation or 0 for episode in self.open_loop})
+        played = [(episode.variation, episode.seed) for episode in self.open_loop]
+        complete = played == [(variation, seed) for variation in variations for seed in seeds]
+        require(
+            complete and played, "open_loop must be on the seeds of the policy, sorted by variation and seed"
+        )
+        require(self.options.get("split") == "test", "options must hold the split 'test'")
+        validated = [validation.step for validation in self.validation]
+        steps = [*config.checkpoint_steps] if config.val_episodes else []
+        require(validated == steps, f"validation must be of the checkpoints after {steps} steps")
+        require(
+            self.checkpoint_step in config.checkpoint_steps, "checkpoint_step must be one of the checkpoints"
+        )
+        seeds = [*range(config.first_seed, config.first_seed + config.val_episodes)]
+        for validation in self.validation:
+            same = [episode.seed for episode in validation.episodes] == seeds
+            require(
+                same, f"validation must be on the {config.val_episodes} seeds from {config.first_seed} on"
+            )
+        for package in SIMULATION_PACKAGES:
+            recorded, tested = self.demonstrations.versions.get(package), self.versions.get(package)
+            require(recorded == tested, f"{package} must be the same in demonstrations and test")
+        return self
+
+    @property
+    def task(self) -> str:
+        """Name of the task that is scored."""
+        return self.config.task
+
+    @property
+    def evaluation(self) -> EvaluationRecord:
+        """The policy's episodes by themselves, as `lerobot-eval` left them."""
+        shared = ("task", "world", "options", "batch_size", "versions", "episodes")
+        return EvaluationRecord(schema_version=2, **{name: getattr(self, name) for name in shared})
+
+    @property
+    def rates(self) -> dict[str, SuccessRate]:
+        """Success of `policy`, `expert` and `open_loop` on the split `test`."""
+        return {
+            "policy": success_rate(self.episodes),
+            "expert": success_rate(self.expert),
+            "open_loop": success_rate(self.open_loop),
+        }
