@@ -35,9 +35,7 @@ from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, 
 from lerobot_env_bimanual.episode_log import EpisodeLog
 from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.freezing import FreezeWhenOver
-from lerobot_env_bimanual.scratch import use_scratch_folder
-from lerobot_env_bimanual.worker import end_of, end_with_parent, told
-from lerobot_env_bimanual.workers import WorkerDied
+from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
@@ -115,7 +113,6 @@ def _main_module_hidden() -> Iterator[None]:
 
 def _start_fork_server() -> None:
     """Have the process that workers are forked from import what they need, while LeRobot loads the policy."""
-    use_scratch_folder()
     multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
     with interrupts_ignored():
         forkserver.ensure_running()

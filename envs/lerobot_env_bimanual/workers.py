@@ -1,20 +1,28 @@
-"""The one pool of worker processes, for all that is done on several cores.
+"""The pool of worker processes: `concurrent.futures` with ordered results, a progress bar and a retry after a death.
 
-Workers leave an interrupt from the keyboard to their parent and end when it ends, however that happens. Each
-computes on one core and on one item at a time, so that it is known which item a dead worker took along: that one is
-tried again, alone, when all others are done. Results depend on items alone, so any number of workers gives the same.
+Results depend on items alone, so any number of workers gives the same. Every worker computes on one core, leaves
+Ctrl-C to its parent, and ends when its parent does. Where a worker dies, all items that were under way are tried again
+one by one, so that the one that kills its worker is known and named.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
+import signal
+import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
+from dataclasses import dataclass
 from multiprocessing import connection, forkserver
 from multiprocessing.connection import Connection
-from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -22,19 +30,31 @@ from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
-from lerobot_env_bimanual.scratch import use_scratch_folder
-from lerobot_env_bimanual.worker import Failure, Worker, WorkFailed, end_of
 
 START_METHOD = "forkserver"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Read by the libraries of linear algebra when they are loaded, so before any code of a worker."""
+"""Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
-MAX_DEATHS = 2
-"""Of workers over one item, before it is given up."""
+
+class WorkFailed(BimanualError):
+    """An item could not be worked on for an unforeseen reason."""
 
 
 class WorkerDied(WorkFailed):
     """A worker process ended in the middle of its work."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What a worker returns instead of a result.
+
+    Attributes:
+        error: what was raised, with the worker's traceback as a note.
+        is_of_item: whether another item may succeed; otherwise the worker could not be prepared.
+    """
+
+    error: BimanualError
+    is_of_item: bool = True
 
 
 class WorkerPool:
@@ -61,12 +81,13 @@ class WorkerPool:
         if workers < 0:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
-        use_scratch_folder()
-        self._context = worker_context()
-        self._context.set_forkserver_preload(["lerobot_env_bimanual.worker", *preload])
+        self._context = multiprocessing.get_context(START_METHOD)
+        self._context.set_forkserver_preload([__name__, *preload])
         self._limit = workers or os.cpu_count() or 1
         self._preparation = (prepare, arguments)
-        self._workers: list[Worker] = []
+        self._executor: ProcessPoolExecutor | None = None
+        self._lifeline: Connection | None = None
+        self._running: dict[Future[bytes], int] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -75,7 +96,8 @@ class WorkerPool:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """End the processes."""
-        self._dismiss(self._workers)
+        self._end()
+        self._running.clear()
 
     def map[Item, Result](
         self,
@@ -87,144 +109,172 @@ class WorkerPool:
         name: Callable[[Item], str] = str,
         failed: Callable[[Item, str], Result] | None = None,
         note: Callable[[Item, Result], None] | None = None,
+        bar: bool = True,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
         Args:
             function: what a worker does with an item.
             items: what there is to do.
-            label: what stands before the bar.
+            label: text before the bar.
             unit: what an item is called.
             done: further items that the bar counts as done from the start.
             name: names an item in messages.
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
             note: called with an item and its result as soon as there is one, whatever earlier items still take.
+            bar: whether there is a progress bar.
 
         Raises:
             BimanualError: what a worker raised.
             WorkFailed: a worker raised something else.
-            WorkerDied: a worker was killed, twice over the same item.
+            WorkerDied: a worker died while it worked on an item, again when the item was tried alone.
         """
         early: dict[int, Result] = {}
         turn = 0
         with (
-            tqdm(desc=label, total=done + len(items), initial=done, unit=unit, smoothing=0) as bar,
+            tqdm(
+                desc=label, total=done + len(items), initial=done, unit=unit, smoothing=0, disable=not bar
+            ) as progress,
             closing(self._answers(function, items, name)) as answers,
         ):
-            for answered in answers:
-                assert answered is not None  # it waits for as long as it takes
-                index, answer = answered
+            for index, answer in answers:
                 if isinstance(answer, Failure):
                     if failed is None or not answer.is_of_item:
                         raise answer.error
                     answer = failed(items[index], str(answer.error))
                 if note is not None:
                     note(items[index], answer)
-                bar.update()
+                progress.update()
                 early[index] = answer
                 while turn in early:
                     yield early.pop(turn)
                     turn += 1
 
-    def run[Item](
-        self,
-        function: Callable[[Item], None],
-        items: Sequence[Item],
-        poll_s: float,
-        name: Callable[[Item], str] = str,
-    ) -> Iterator[None]:
-        """Do something with each item, in any order; yields every `poll_s` seconds or more often until all is done.
-
-        Raises:
-            BimanualError: what a worker raised, at once.
-            WorkFailed: workers raised something else or died, after all other items are done.
-        """
-        failures: list[BimanualError] = []
-        with closing(self._answers(function, items, name, poll_s)) as answers:
-            for answered in answers:
-                if answered is not None and isinstance(failure := answered[1], Failure):
-                    if not failure.is_of_item or not isinstance(failure.error, WorkFailed):
-                        raise failure.error
-                    failures.append(failure.error)
-                yield
-        if failures:
-            raise failures[0] if len(failures) == 1 else WorkFailed("; ".join(map(str, failures)))
-
     def _answers(
-        self,
-        function: Callable[[Any], Any],
-        items: Sequence[Any],
-        name: Callable[[Any], str],
-        poll_s: float | None = None,
-    ) -> Generator[tuple[int, Any] | None]:
-        """(index, result or failure) as they come, and None whenever nothing came for `poll_s` seconds."""
-        waiting = deque(range(len(items)))
-        suspects: deque[int] = deque()
-        deaths = [0] * len(items)
-        busy: dict[Connection, Worker] = {}
+        self, function: Callable[[Any], Any], items: Sequence[Any], name: Callable[[Any], str]
+    ) -> Generator[tuple[int, Any]]:
+        """(index, result or failure) as they come."""
+        waiting, suspects = deque(range(len(items))), deque[int]()
         try:
-            while waiting or suspects or busy:
-                if not (waiting or busy):
-                    self._dismiss(self._workers)  # a suspect has the whole machine
-                    waiting.append(suspects.popleft())
-                while waiting and len(busy) < self._limit:
-                    worker = self._idle_worker(busy)
-                    worker.give(waiting[0], function, items[waiting[0]])
-                    busy[worker.pipe] = worker
-                    waiting.popleft()
-                ready = connection.wait([*busy], poll_s)
-                for pipe in ready:
-                    assert isinstance(pipe, Connection)
-                    worker = busy.pop(pipe)
-                    index = worker.index
-                    try:
-                        answer = worker.answer(name(items[index]))
-                    except EOFError:
-                        deaths[index] += 1
-                        end = end_of(worker.process)
-                        self._dismiss([worker])
-                        if deaths[index] < MAX_DEATHS:
-                            suspects.append(index)
-                            continue
-                        answer = Failure(_death(name(items[index]), end))
-                    yield index, answer
-                if not ready:
-                    yield None
+            while waiting or suspects or self._running:
+                while waiting and len(self._running) < self._limit:
+                    self._submit(function, items, waiting.popleft())
+                is_retry = not self._running
+                if is_retry:
+                    self._end()  # a suspect has the whole machine
+                    self._submit(function, items, suspects.popleft())
+                finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+                if any(isinstance(future.exception(), BrokenProcessPool) for future in finished):
+                    finished, _ = wait(self._running)  # a death breaks the whole pool
+                    self._end()
+                for future in finished:
+                    index = self._running.pop(future)
+                    if not isinstance(future.exception(), BrokenProcessPool):
+                        yield index, _named(pickle.loads(future.result()), name(items[index]))
+                    elif is_retry:
+                        yield index, Failure(_death(name(items[index])))
+                    else:
+                        suspects.append(index)
         finally:
-            self._dismiss([*busy.values()])
+            if self._running:
+                self._end()
+                self._running.clear()
 
-    def _idle_worker(self, busy: dict[Connection, Worker]) -> Worker:
-        for worker in self._workers:
-            if worker.pipe not in busy:
-                if worker.process.is_alive():
-                    return worker
-                self._dismiss([worker])
-                break
-        with interrupts_ignored():
-            forkserver.ensure_running()
-        worker = Worker(self._context, *self._preparation)
-        self._workers.append(worker)
-        return worker
+    def _submit(self, function: Callable[[Any], Any], items: Sequence[Any], index: int) -> None:
+        if self._executor is None:
+            with interrupts_ignored():
+                forkserver.ensure_running()
+            reader, self._lifeline = self._context.Pipe(duplex=False)
+            self._executor = ProcessPoolExecutor(
+                self._limit, self._context, _prepare_worker, (reader, *self._preparation)
+            )
+        try:
+            future = self._executor.submit(_work, function, items[index])
+        except BrokenProcessPool as error:  # an idle worker died since the last submission
+            future = Future()
+            future.set_exception(error)
+        self._running[future] = index
 
-    def _dismiss(self, workers: Sequence[Worker]) -> None:
-        """End workers; busy ones at once, as what they have not finished is lost anyway."""
-        ended = [*workers]
-        for worker in ended:
-            worker.end()
-        for worker in ended:
-            worker.process.join()
-            worker.pipe.close()
-            self._workers.remove(worker)
-
-
-def worker_context() -> BaseContext:
-    """How workers are started; what they share with their parent is made by it, too."""
-    return multiprocessing.get_context(START_METHOD)
+    def _end(self) -> None:
+        """End the processes: in order if they are idle, at once if they work, as unfinished work is lost anyway."""
+        executor, lifeline = self._executor, self._lifeline
+        self._executor = self._lifeline = None
+        if executor is None or lifeline is None:
+            return
+        if not all(future.done() for future in self._running):
+            lifeline.close()
+        executor.shutdown(cancel_futures=True)
+        lifeline.close()
 
 
-def _death(name: str, end: str) -> WorkerDied:
+def end_with_parent() -> None:
+    """Have this process end when the one that started it does, whatever it is doing then; nothing in a main process."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        _end_with(parent.sentinel)
+
+
+def end_of(process: BaseProcess) -> str:
+    """How a process ended that is ending, in words."""
+    process.join()
+    code = process.exitcode or 0
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def told(error: Exception) -> BimanualError:
+    """An exception as an error that can travel between processes, with its traceback as a note."""
+    if not isinstance(error, BimanualError):
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+        text = f"unexpected {type(error).__name__}: {error}{place}"
+        error = WorkFailed(text).with_traceback(error.__traceback__)
+    error.add_note("".join(traceback.format_tb(error.__traceback__)))
+    return error
+
+
+def _death(name: str) -> WorkerDied:
     return WorkerDied(
-        f"{name}: its worker process died {MAX_DEATHS} times ({end}), most likely killed for want of memory: repeat "
+        f"{name}: its worker process died, also when it was tried alone, most likely killed for want of memory: repeat "
         "the command, perhaps with fewer --workers"
     )
+
+
+def _named(answer: Any, name: str) -> Any:
+    if isinstance(answer, Failure) and answer.is_of_item and isinstance(answer.error, WorkFailed):
+        return Failure(WorkFailed(f"{name}: {answer.error}"))
+    return answer
+
+
+_obstacle: Failure | None = None
+"""In a worker, why it could not be prepared."""
+
+
+def _prepare_worker(
+    lifeline: Connection, prepare: Callable[..., None] | None, arguments: tuple[Any, ...]
+) -> None:
+    """Prepare a worker, which ends as soon as its parent closes the other end of `lifeline`, or is gone."""
+    global _obstacle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _end_with(lifeline)
+    try:
+        if prepare is not None:
+            prepare(*arguments)
+    except Exception as error:
+        _obstacle = Failure(told(error), is_of_item=False)
+
+
+def _end_with(lifeline: Connection | int) -> None:
+    def await_end() -> None:
+        connection.wait([lifeline])
+        os._exit(1)
+
+    threading.Thread(target=await_end, daemon=True).start()
+
+
+def _work(function: Callable[[Any], Any], item: Any) -> bytes:
+    """The pickled result or failure; what cannot be pickled is a failure, too."""
+    try:
+        return pickle.dumps(function(item) if _obstacle is None else _obstacle)
+    except Exception as error:
+        return pickle.dumps(Failure(told(error)))

@@ -16,7 +16,7 @@ from lerobot_env_bimanual.expert.control_names import CONTROLS, EXPERTS, ROUNDAB
 from lerobot_env_bimanual.expert.outcome import Job
 from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
 from lerobot_env_bimanual.expert.seed_range import parse_seeds
-from lerobot_env_bimanual.worker import Failure, WorkFailed
+from lerobot_env_bimanual.workers import Failure, WorkFailed
 
 
 @pytest.mark.parametrize("text", ["", "5", "3:3", "4:2", "a:b", "-1:2", "0:1:2", "0:²", f"0:{'9' * 5000}"])

@@ -12,8 +12,7 @@ import pytest
 
 from lerobot_bimanual.errors import InvalidChoice, UnknownTask
 from lerobot_env_bimanual.tasks.registry import get_task
-from lerobot_env_bimanual.worker import WorkFailed
-from lerobot_env_bimanual.workers import WorkerDied, WorkerPool
+from lerobot_env_bimanual.workers import WorkerDied, WorkerPool, WorkFailed
 
 FOREVER_S = 100_000
 
@@ -21,7 +20,7 @@ BUSY = f"""
 import time
 from lerobot_env_bimanual.workers import WorkerPool
 with WorkerPool(2) as pool:
-    for _ in pool.run(time.sleep, [0, {FOREVER_S}, {FOREVER_S}], poll_s=0.1):
+    for _ in pool.map(time.sleep, [0, {FOREVER_S}, {FOREVER_S}], "sleeping", "night"):
         print("running", flush=True)
 """
 
@@ -52,13 +51,11 @@ def test_an_error_comes_home_as_it_was_raised() -> None:
 
 
 def test_the_death_of_a_worker_is_one_clear_error() -> None:
-    for use in (
-        lambda pool: list(pool.map(os._exit, [1], "dying", "worker")),
-        lambda pool: list(pool.run(os._exit, [1], poll_s=0.1)),
+    with (
+        pytest.raises(WorkerDied, match=r"1: its worker process died.*perhaps with fewer --workers"),
+        WorkerPool(1) as pool,
     ):
-        with pytest.raises(WorkerDied, match="repeat the command, perhaps with fewer --workers"):  # noqa: SIM117
-            with WorkerPool(1) as pool:
-                use(pool)
+        list(pool.map(os._exit, [1], "dying", "worker"))
 
 
 @pytest.fixture
@@ -77,18 +74,7 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
         one, lost, two, again, three = results
     assert (one, two, three) == ("aa", "bb", "cc")
     assert again == 2 * words[3]
-    assert lost.startswith("obstinate: its worker process died 2 times (killed by SIGKILL)")
-
-
-def test_work_in_any_order_goes_on_after_a_death_and_then_names_it(jobs, tmp_path):
-    paths = [jobs.OBSTINATE, *(str(tmp_path / str(number)) for number in range(3))]
-    with (
-        pytest.raises(WorkerDied, match="file obstinate: its worker process died"),
-        WorkerPool(1) as pool,
-    ):
-        for _ in pool.run(jobs.touch_or_die, paths, poll_s=0.1, name=lambda path: f"file {Path(path).name}"):
-            pass
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "2"]
+    assert lost.startswith("obstinate: its worker process died, also when it was tried alone")
 
 
 def test_whatever_goes_wrong_in_a_worker_comes_home_in_words(jobs):
@@ -124,14 +110,14 @@ def test_a_pool_needs_a_number_of_workers():
 
 def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
     with WorkerPool(2) as pool:
-        for _ in pool.run(time.sleep, [FOREVER_S, FOREVER_S], poll_s=0.05):
+        for _ in pool.map(time.sleep, [0, FOREVER_S, FOREVER_S], "sleeping", "night"):
             break
         assert list(pool.map(int, ["3", "1"], "reading", "number")) == [3, 1]
 
 
-def test_an_interrupted_pool_waits_for_nobody() -> None:
-    with pytest.raises(KeyboardInterrupt), WorkerPool(1) as pool:  # noqa: PT012
-        for _ in pool.run(time.sleep, [FOREVER_S], poll_s=0.1):
+def test_an_interrupted_pool_does_not_wait_for_its_workers() -> None:
+    with pytest.raises(KeyboardInterrupt), WorkerPool(2) as pool:  # noqa: PT012
+        for _ in pool.map(time.sleep, [0, FOREVER_S], "sleeping", "night"):
             raise KeyboardInterrupt
 
 

@@ -26,10 +26,6 @@ def double_or_die(word: str) -> str:
     return 2 * word
 
 
-def touch_or_die(path: str) -> None:
-    double_or_die(OBSTINATE) if path == OBSTINATE else Path(path).touch()
-
-
 def raise_unportable(_: int) -> None:
     raise Unportable(1, 2)
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
 """Exit codes; 2 is a command line that cannot be understood."""
 
-VERIFY = "verify_"
-"""Begins the name of a folder for what LeRobot's loader caches; `scratch` knows it."""
-
 MAX_LINES_PER_CHECK = 10
 CLOSE_EPISODES = 20
 """Drawn at random: also read through LeRobot's loader, and with statistics of all images. Of every other episode those of
@@ -69,13 +66,11 @@ def verify(config: VerifyConfig) -> int:
         lerobot-bimanual verify --root=data/lift_ball
         lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=all
     """
-    from lerobot_env_bimanual.scratch import use_scratch_folder
-
     if config.seed < 0:
         raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     rows = _parse_rows(config.render)
     roots = _views(config.root)
-    with tempfile.TemporaryDirectory(prefix=VERIFY, dir=use_scratch_folder()) as cache:
+    with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:
         views = [_look_at(root, config, rows, Path(cache)) for root in roots]
         _verify_episodes(views, config.workers)
     for view in views:

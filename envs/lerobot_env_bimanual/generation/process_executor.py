@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,12 +11,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
+from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import plain_write_errors
-from lerobot_env_bimanual.worker import WorkFailed
-from lerobot_env_bimanual.workers import WorkerPool, worker_context
+from lerobot_env_bimanual.workers import START_METHOD, WorkerPool, WorkFailed
 
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch."""
@@ -44,7 +44,7 @@ class ProcessExecutor(WorkerPool):
     def __init__(self, workers: int):
         # Not counters in shared memory: their locks outlive processes that are killed. A message is far below 4 kB, so
         # it arrives whole or not at all.
-        self._news, self._outlet = worker_context().Pipe(duplex=False)
+        self._news, self._outlet = multiprocessing.get_context(START_METHOD).Pipe(duplex=False)
         self._sum = _News()
         super().__init__(workers, _prepare, (self._outlet,), PRELOADED)
 
@@ -70,12 +70,14 @@ class ProcessExecutor(WorkerPool):
         """See `Executor`."""
         with _finished_shards_kept():
             work = [(settings, shard, folder(shard.name)) for shard in shards]
-            yield from self.run(_record, work, POLL_S, lambda item: f"shard {item[1].name}")
+            yield from self.map(_record, work, "", "", name=lambda item: f"shard {item[1].name}", bar=False)
 
     def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
         """See `Executor`."""
         with _finished_shards_kept():
-            yield from self.run(_merge, jobs, POLL_S, lambda job: f"merging view {job.view!r}")
+            yield from self.map(
+                _merge, jobs, "", "", name=lambda job: f"merging view {job.view!r}", bar=False
+            )
 
 
 @contextmanager
