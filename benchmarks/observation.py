@@ -25,7 +25,7 @@ SEEDS = (0, 1)
 def serve(count: int) -> None:
     """Ready the task that a line names; then answer every "again" with the seconds of all moments, until "next"."""
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.expert.runner import run_expert
+    from lerobot_env_bimanual.experts.runner import run_expert
     from lerobot_env_bimanual.world.rendering import Renderer
 
     for line in sys.stdin:

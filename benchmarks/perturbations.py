@@ -14,7 +14,7 @@ import statistics
 import time
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 SEED = 0

@@ -19,7 +19,7 @@ import lerobot_bimanual.dataset.writer
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_env_bimanual.expert.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation import shard as shard_module
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merge import merge_shards

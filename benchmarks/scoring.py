@@ -91,7 +91,7 @@ class ExpertHands:
     def learn(self, task: str, episodes: int, batch_size: int) -> None:
         """Play the episodes of an evaluation, once per task."""
         from lerobot_env_bimanual.env import BimanualEnv
-        from lerobot_env_bimanual.expert.runner import Move, run_expert
+        from lerobot_env_bimanual.experts.runner import Move, run_expert
 
         if task != self._task:
             self._task, self._keyposes = task, []

@@ -23,7 +23,7 @@ from two_trees import Figures, compare, serve
 
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.tasks.registry import list_tasks, resolve_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S

@@ -6,7 +6,7 @@ python examples/01_watch.py --task=lift_ball --seed=3 --output=outputs/watch
 import argparse
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--task", default="lift_ball")

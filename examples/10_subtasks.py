@@ -22,7 +22,7 @@ from lerobot.datasets.language import language_feature_info
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP
 from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import expert, run_episode
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 
 
 def stage_names(task: str, split: str, variation: int, seed: int) -> list[str]:

@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 
 seeds="${SEEDS:-61000:61100}"
 few="${seeds%%:*}:$((${seeds%%:*} + 50))"
-fewest="${seeds%%:*}:$((${seeds%%:*} + 20))"  # adversaries try several ways in each episode
+fewest="${seeds%%:*}:$((${seeds%%:*} + 20))"
 folder="${FOLDER:-results/certificates}"
 
 fail() {  # go on with the others, unless somebody has stopped this one
@@ -32,8 +32,6 @@ ambiguous=dual_push_buttons,put_item_in_drawer,handover_item  # whose scenes all
 
 certify expert --task="${TASK:-all}" --variation=each --seeds="$seeds" --replay=joint
 certify expert_discretised --task="${TASK:-all}" --variation=each --seeds="$seeds" --discretise=100
-certify solo_left --task="${TASK:-all}" --control=solo_left --seeds="$fewest"
-certify solo_right --task="${TASK:-all}" --control=solo_right --seeds="$fewest"
 case ",$ambiguous," in
     *",${TASK:-$ambiguous},"*)
         certify language_blind --control=language_blind --variation=each --seeds="$fewest" \

@@ -15,7 +15,7 @@ from typing import Any
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.output_file import write_file
-from lerobot_env_bimanual.expert.stored_certificate import StoredCertificate
+from lerobot_env_bimanual.experts.stored_certificate import StoredCertificate
 
 OF_TASKS = ("worlds", "complaints", "rates", "episodes")
 

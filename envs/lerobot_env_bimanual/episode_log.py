@@ -21,7 +21,7 @@ from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord, result_versions
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.episode_recorder import OUT_OF_TIME, PLAYED
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 
 EPISODES_SUFFIX = "_episodes.json"

@@ -11,7 +11,7 @@ import numpy as np
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import Move, Player
+from lerobot_env_bimanual.experts.runner import Move, Player
 
 
 def policy_player(checkpoint: Path) -> Player:

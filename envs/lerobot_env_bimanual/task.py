@@ -79,7 +79,7 @@ class TaskSpec:
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         strain_bounds: bounds of its own on what the expert asks of the arms, by name, where those of all tasks
-            (`lerobot_env_bimanual.expert.strain`) are too low for it; the task's file says why.
+            (`lerobot_env_bimanual.experts.strain`) are too low for it; the task's file says why.
         random_rate: share of episodes that random keyposes may solve; beyond 0 the task's file says how.
     """
 

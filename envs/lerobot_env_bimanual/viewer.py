@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import Player, run_episode
+from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.appearance import lent
 from lerobot_env_bimanual.world.servo_commands import TICK_S

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-from lerobot_bimanual.ladder.ladders_page import UPPER_LEVELS, counts_text, magnitudes_text
+from lerobot_bimanual.ladder.ladders_page import UPPER_LEVELS, magnitudes_text
 from lerobot_bimanual.ladder.result import LEAST_EXPERT_RATE
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate
 from lerobot_bimanual.markdown_table import markdown_table
-from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 
 HEADING = "# Where experts still succeed\n"
 LEGEND = (
@@ -24,7 +23,6 @@ def render(certificates: Mapping[str, RungCertificate]) -> str:
     """
     parts = (
         *_overview(certificates),
-        *_looking_again(certificates),
         *("\n".join(_certificate(each)) for each in certificates.values()),
     )
     return "\n".join(parts)
@@ -38,33 +36,6 @@ def _overview(certificates: Mapping[str, RungCertificate]) -> Iterator[str]:
         [name, *(_certified_tasks(certificates, name, level) for level in UPPER_LEVELS)] for name in names
     ]
     yield markdown_table(["axis", *(f"level {level}" for level in UPPER_LEVELS)], rows) + "\n"
-
-
-def _looking_again(certificates: Mapping[str, RungCertificate]) -> Iterator[str]:
-    """On rungs where things are moved later: who reads the scene again beside who planned at the reset."""
-    asked = [
-        (task, certificate, rung)
-        for task, certificate in certificates.items()
-        for rung in certificate.rungs
-        if rung.planned_failed is not None
-    ]
-    if not asked:
-        return
-    yield "### Looking again\n"
-    yield (
-        "Where things are moved while an episode runs: what is solved by the expert who reads the scene again after that, then "
-        "by the one who planned at the reset.\n"
-    )
-    axes = sorted({rung.axis for _, _, rung in asked})
-    cells: dict[tuple[str, str], list[str]] = {}
-    for task, certificate, rung in asked:
-        rates = certificate.rates(rung)
-        cells.setdefault((rung.axis, task), [""] * MAX_LEVEL)[rung.level - 1] = (
-            f"{counts_text(rates['expert'])}, {counts_text(rates['planned_at_reset'])}"
-        )
-    for axis in axes:
-        rows = [[task, *levels] for (name, task), levels in cells.items() if name == axis]
-        yield markdown_table([axis, *(f"level {level}" for level in UPPER_LEVELS)], rows) + "\n"
 
 
 def _certified_tasks(certificates: Mapping[str, RungCertificate], axis: str, level: int) -> str:

@@ -13,12 +13,12 @@ from lerobot_bimanual.canvas import DESCRIPTION, VERMILION
 from lerobot_bimanual.commands.compare import CompareConfig, compare
 from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.ladder import certificates_page, ladders_page
+from lerobot_bimanual.ladder import ladders_page
 from lerobot_bimanual.ladder.falls import falls, level_sums
 from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.ladder_figure import ladder_figure
-from lerobot_bimanual.ladder.result import AxisRecord, LadderResult
-from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate, read_rung_certificates
+from lerobot_bimanual.ladder.result import LadderResult
+from lerobot_bimanual.ladder.rung_certificate import RungCertificate, read_rung_certificates
 from lerobot_bimanual.results.statistics import SuccessRate, holm, mcnemar_p_value
 
 
@@ -263,16 +263,6 @@ def test_a_page_says_how_far_trainings_of_one_policy_are_apart_beside_other_poli
     assert "| mine | 7% (40%) | . |" in ladders_page.render(trained | elsewhere)
     copies = {"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": LADDER}
     assert "Trainings" not in ladders_page.render(copies)  # the same weights are no second training
-
-
-def test_a_page_shows_who_looks_again_beside_who_planned_at_the_reset():
-    nudged = CertifiedRung("nudge", 2, "02", (100,), (), planned_failed=(100, 101, 102))
-    axes = (*CERTIFICATE.axes, AxisRecord("nudge", "time", "centimetres", (1, 2, 3)))
-    page = certificates_page.render(
-        {"lift_ball": replace(CERTIFICATE, axes=axes, rungs=(*CERTIFICATE.rungs, nudged))}
-    )
-    assert "| lift_ball |  | 99 of 100, 97 of 100 |  |" in page
-    assert "Looking again" not in certificates_page.render({"lift_ball": CERTIFICATE})
 
 
 def test_robustness_without_results_or_with_two_of_one_name_says_so(tmp_path):

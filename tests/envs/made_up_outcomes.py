@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-from lerobot_env_bimanual.expert.coupling import Coupling
-from lerobot_env_bimanual.expert.evidence import Evidence
-from lerobot_env_bimanual.expert.outcome import MoveReport, Outcome
-from lerobot_env_bimanual.expert.strain import Strain
+from lerobot_env_bimanual.experts.evidence import Evidence
+from lerobot_env_bimanual.experts.outcome import MoveReport, Outcome
+from lerobot_env_bimanual.experts.strain import Strain
 
-NO_COUPLING = Coupling(0.0, 0.0, 0.0, 1.0, 1.0, 1.0)
 NO_STRAIN = Strain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "")
 SOLVED = Outcome(
     task="lift_ball",
@@ -24,7 +22,7 @@ SOLVED = Outcome(
     line_fallbacks=0,
     unstable=False,
     state_hash="00",
-    evidence=Evidence(keyframes_found=True, replayed=True, coupling=NO_COUPLING, strain=NO_STRAIN),
+    evidence=Evidence(keyframes_found=True, replayed=True, strain=NO_STRAIN),
 )
 FAILED = replace(SOLVED, success=False, failure="no move left", unmet=("above(ball)",), evidence=None)
 

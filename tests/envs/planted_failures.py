@@ -11,9 +11,9 @@ from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.json_record import decode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.expert.instruction_scripts import Script
-from lerobot_env_bimanual.expert.replanning import rereading
-from lerobot_env_bimanual.expert.runner import home_keypose, run_episode
+from lerobot_env_bimanual.experts.instruction_scripts import Script
+from lerobot_env_bimanual.experts.replanning import rereading
+from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
 from lerobot_env_bimanual.freezing import FreezeWhenOver
 
 Keyposes = NDArray[np.float32]

@@ -15,7 +15,7 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blamer, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.commands.blame import BlameConfig, blame
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 
 pytestmark = pytest.mark.sim
 

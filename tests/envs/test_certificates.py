@@ -7,8 +7,8 @@ import pytest
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 FOLDER = Path(__file__).parents[2] / "results" / "certificates"
@@ -73,13 +73,6 @@ def test_controls_that_must_fail_are_tried_fifty_times_on_every_task(name):
 
 def test_the_blind_control_is_tried_on_every_variation():
     assert sorted(trials("blind")) == sorted(VARIATIONS)
-
-
-@pytest.mark.parametrize("name", ["solo_left", "solo_right"])
-def test_either_arm_alone_is_tried_twenty_times_on_every_task(name):
-    tried = trials(name)
-    for task in list_tasks():
-        assert sum(count for (name, _), count in tried.items() if name == task) >= 20
 
 
 def test_whoever_does_not_read_is_tried_on_every_task_with_variations():

@@ -10,12 +10,12 @@ from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
 from lerobot_env_bimanual.commands.certify import CertifyConfig, certify
 from lerobot_env_bimanual.episode.reset import EpisodeReset
-from lerobot_env_bimanual.expert import campaign
-from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.control_names import CONTROLS, EXPERTS, ROUNDABLE
-from lerobot_env_bimanual.expert.outcome import Job
-from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-from lerobot_env_bimanual.expert.seed_range import parse_seeds
+from lerobot_env_bimanual.experts import campaign
+from lerobot_env_bimanual.experts.campaign import Campaign
+from lerobot_env_bimanual.experts.control_names import CONTROLS, EXPERTS
+from lerobot_env_bimanual.experts.outcome import Job
+from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
+from lerobot_env_bimanual.experts.seed_range import parse_seeds
 from lerobot_env_bimanual.workers import Failure, WorkFailed
 
 
@@ -45,8 +45,7 @@ def test_certify_refuses_roundings_and_replays_that_would_change_nothing(control
         raise BimanualError("it starts")
 
     monkeypatch.setattr(campaign, "Campaign", started)
-    monkeypatch.setattr("lerobot_env_bimanual.solo.ways.find_ways", str)  # not everybody wrote one
-    for option, value, takes in (("discretise", 100, ROUNDABLE), ("replay", "joint", EXPERTS)):
+    for option, value, takes in (("discretise", 100, EXPERTS), ("replay", "joint", EXPERTS)):
         words = "it starts" if control in takes else f"^{option} of the control '{control}'"
         with pytest.raises(BimanualError, match=words):
             certify(CertifyConfig(control=control, **{option: value}))
@@ -83,7 +82,6 @@ def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, c
     assert (rate["task"], rate["variation"], rate["successes"], rate["trials"]) == ("lift_ball", 0, 3, 3)
     assert rate["wilson_95"] == pytest.approx([0.4385, 1.0], abs=1e-4)
     assert rate["keyframes_found"] == 3
-    assert rate["coupling"]["shared_object_s"] > 0
     assert rate["strain"]["contact_force_n"] > 10
     assert rate["acceptance"] == 3 / sum(episode["draws"] for episode in first["episodes"])
     names = [name for name, *_ in first["episodes"][0]["keyposes"]]

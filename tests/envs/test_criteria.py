@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from made_up_outcomes import FAILED, NO_COUPLING, NO_STRAIN, SOLVED, episodes
+from made_up_outcomes import FAILED, NO_STRAIN, SOLVED, episodes
 
-from lerobot_env_bimanual.expert.control_names import CONTROLS, EXPERTS
-from lerobot_env_bimanual.expert.criteria import MAX_RATES, complaints, rates
-from lerobot_env_bimanual.expert.evidence import Evidence
+from lerobot_env_bimanual.experts.control_names import CONTROLS, EXPERTS
+from lerobot_env_bimanual.experts.criteria import MAX_RATES, complaints, rates
+from lerobot_env_bimanual.experts.evidence import Evidence
 
 
 @pytest.mark.parametrize(
@@ -27,13 +27,13 @@ def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(control, disc
             {"keyposes": (replace(SOLVED.keyposes[0], arrived=False, tip_error_mm=(1.0, 30.0)),)},
             "1 and 30 mm",
         ),
-        ({"evidence": Evidence(True, False, NO_COUPLING, NO_STRAIN)}, "replay"),
+        ({"evidence": Evidence(True, False, NO_STRAIN)}, "replay"),
         (
-            {"evidence": Evidence(False, True, NO_COUPLING, NO_STRAIN)},
+            {"evidence": Evidence(False, True, NO_STRAIN)},
             "keyframe discovery is right in 0 of 1",
         ),
         (
-            {"evidence": Evidence(True, True, NO_COUPLING, replace(NO_STRAIN, contact_force_n=554.0))},
+            {"evidence": Evidence(True, True, replace(NO_STRAIN, contact_force_n=554.0))},
             "contact_force_n is 554, but must be at most 100",
         ),
     ],
@@ -63,7 +63,7 @@ def test_controls_must_fail():
 
 
 def test_what_is_measured_without_a_limit_is_still_not_to_be_unstable():
-    for control in ("solo_left", "solo_right", "language_blind"):
+    for control in ("language_blind",):
         assert complaints(control, 0, episodes(50, 0)) == []
         assert "unstable" in complaints(control, 0, [replace(SOLVED, unstable=True)])[0]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.evidence import EvidenceRecorder
+from lerobot_env_bimanual.experts.runner import run_expert
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,6 @@ def test_an_episode_replays_from_its_actions(env, mode):
     evidence = recorder.evidence(keyposes, ticks, mode)
     assert evidence.replayed is True
     assert evidence.keyframes_found
-    assert evidence.coupling.transmitted_force_peak_n > 10
 
 
 @pytest.mark.sim

@@ -11,8 +11,10 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.controls import make_control, mean_keyposes, noop
-from lerobot_env_bimanual.expert.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
+from lerobot_env_bimanual.experts.controls import make_control, mean_keyposes, noop
+from lerobot_env_bimanual.experts.instruction_scripts import readings
+from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
+from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 SEEDS = (0, 1)
@@ -162,3 +164,30 @@ def test_mean_keyposes_leave_out_episodes_of_unusual_length():
     mean = mean_keyposes([[usual], [other, other], [usual]])
     assert mean.shape == (1, 18)
     assert mean[0] == pytest.approx(usual)
+
+
+@pytest.mark.parametrize("name", [name for name in TASK_NAMES if len(get_task(name).spec.variations) > 1])
+def test_one_of_the_readings_of_a_scene_is_the_right_one(env_of, name):
+    env = env_of(name)
+    for variation in get_task(name).spec.variations:
+        env.reset(seed=0, options={"variation": variation.index})
+        first = [next(iter(script(env.scene))) for script in readings(env.task_definition, env.scene)]
+        expert = next(iter(env.task_definition.script(env.scene, variation)))
+        poses = [_poses(stage) for stage in first]
+        assert any(np.allclose(pose, _poses(expert)) for pose in poses)
+        assert len({tuple(pose.round(6)) for pose in poses}) == len(poses)
+
+
+def _poses(stage) -> np.ndarray:
+    poses = [pose for pose in (stage.left, stage.right) if pose is not None]
+    return np.concatenate([pose.matrix.ravel() for pose in poses])
+
+
+def test_no_colour_of_a_button_tells_whether_it_is_meant():
+    targets = {color for *asked_for, _ in TRIPLES for color in asked_for}
+    left_alone = {other for *_, other in TRIPLES}
+    assert targets == left_alone == set(COLORS)
+    answers = [frozenset(triple[:2]) for triple in TRIPLES]
+    assert len(set(answers)) == len(answers)
+    for triple in TRIPLES:
+        assert sum(set(triple) == set(other) for other in TRIPLES) > 1

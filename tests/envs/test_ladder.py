@@ -206,27 +206,6 @@ def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed
         certify_rungs(replace(chosen, seeds="0:30"))
 
 
-def test_where_things_are_moved_later_a_certificate_keeps_who_planned_at_the_reset(tmp_path):
-    certify_rungs(
-        CertifyRungsConfig(
-            task="lift_ball",
-            axes=("mass", "nudge"),
-            levels=(1,),
-            seeds="0:3",
-            blind_seeds="0:3",
-            output=tmp_path,
-        )
-    )
-    level_0, mass, nudge = RungCertificate.read(tmp_path / "lift_ball.json").rungs
-    assert (level_0.planned_failed, mass.planned_failed) == (None, None)
-    assert nudge.planned_failed == (1, 2)
-    assert {job.control for job in MadeUpCampaign.jobs if job.perturb == "nudge:1"} == {
-        "rereading",
-        "planned_at_reset",
-        "blind",
-    }
-
-
 def test_a_checkpoint_says_which_images_it_reads():
     checkpoint = Checkpoint.read(TRAINED)
     assert checkpoint.policy == "peract2"

@@ -8,9 +8,9 @@ from made_up_outcomes import FAILED, SOLVED
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_record import decode
-from lerobot_env_bimanual.expert import outcome_log
-from lerobot_env_bimanual.expert.outcome import Job, Outcome
-from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+from lerobot_env_bimanual.experts import outcome_log
+from lerobot_env_bimanual.experts.outcome import Job, Outcome
+from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
 
 
 def test_an_outcome_survives_the_way_through_json():

@@ -6,7 +6,7 @@ import pytest
 
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbation_choice import axis_modules
 from lerobot_env_bimanual.perturbations.axis import HOOKS, Axis, Group

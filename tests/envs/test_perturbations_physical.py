@@ -13,9 +13,9 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.controls import make_control
-from lerobot_env_bimanual.expert.recorder import Recorder
-from lerobot_env_bimanual.expert.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.experts.controls import make_control
+from lerobot_env_bimanual.experts.recorder import Recorder
+from lerobot_env_bimanual.experts.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
@@ -172,16 +172,6 @@ def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():
     env.close()
 
 
-def test_whoever_rereads_answers_a_nudge_and_whoever_planned_at_reset_does_not(shared):
-    env = shared("handover_item_easy", "nudge", 3)
-    assert [
-        run_episode(env, 1, make_control(name, 1)).success for name in ("rereading", "planned_at_reset")
-    ] == [
-        True,
-        False,
-    ]
-
-
 def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     env = shared("handover_item_easy", "nudge", 3)
     assert not run_expert(env, 0, variation=0).success  # it read the scene once
@@ -195,11 +185,9 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
 
 def test_where_nothing_is_nudged_both_do_what_the_expert_does(shared):
     env = shared("handover_item_easy")
-    outcomes = [
-        run_episode(env, 2, make_control(name, 2)) for name in ("expert", "rereading", "planned_at_reset")
-    ]
+    outcomes = [run_episode(env, 2, make_control(name, 2)) for name in ("expert", "rereading")]
     assert outcomes[0].success
-    assert outcomes[1:] == outcomes[:1] * 2
+    assert outcomes[1:] == outcomes[:1]
 
 
 @pytest.mark.parametrize("seed", [0])

@@ -15,7 +15,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axes._colour_words import called, named_colours
 from lerobot_env_bimanual.perturbations.axes.instruction import paraphrases

@@ -20,7 +20,7 @@ from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
 from lerobot_env_bimanual.commands import report_results as verb
 from lerobot_env_bimanual.commands.report_results import ReportResultsConfig, report_results
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.pictures.episode_film import EVERY, Film, film_episode
 from lerobot_env_bimanual.reports.results_page import Section, film_size, results_page
 

@@ -6,7 +6,7 @@ import pytest
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.scene import Scene

@@ -7,10 +7,10 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.evidence import EvidenceRecorder
-from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import run_expert
-from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, StrainMeter, excesses, felt, peak_strain
+from lerobot_env_bimanual.experts.evidence import EvidenceRecorder
+from lerobot_env_bimanual.experts.outcome import Outcome
+from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.strain import BOUNDS, Strain, StrainMeter, excesses, felt, peak_strain
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S

@@ -11,7 +11,7 @@ import pytest
 
 from lerobot_env_bimanual import viewer
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.viewer import Key, Performance, Wish, no_window
 
 pytestmark = pytest.mark.sim

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from lerobot_env_bimanual.conditions import AtRest
-from lerobot_env_bimanual.expert.world_version import VERSION_DIGITS, joint_version, world_version
+from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, joint_version, world_version
 from lerobot_env_bimanual.motion import planner
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall

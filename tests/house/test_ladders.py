@@ -8,7 +8,7 @@ import pytest
 
 from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
 from lerobot_bimanual.ladder.result import LadderResult
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.ladder.rungs import perturb_text, rungs_of
 
 ROOT = Path(__file__).parents[2]

@@ -18,7 +18,7 @@ from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, make_dataset, settings_of
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.expert.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard_report import write_report

@@ -16,7 +16,7 @@ from vla_eval.specs import check_specs
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual import vla_eval as room
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.vla_eval.benchmark import BimanualBenchmark
 

@@ -14,7 +14,7 @@ from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_featu
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.perturbation_choice import axis_modules
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks

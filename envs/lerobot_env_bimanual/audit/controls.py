@@ -1,11 +1,10 @@
-"""What stands beside a policy in its row, played anew: demonstrations it learned from, expert, blind and one arm."""
+"""What stands beside a policy in its row, played anew: demonstrations it learned from, expert and blind."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -14,20 +13,12 @@ from lerobot_bimanual.benchmark.results import ResultRow, command_flags
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.audit.episodes import placement_hash
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.certificate import STATE_HASH_DIGITS
-from lerobot_env_bimanual.expert.control_names import ControlName
-from lerobot_env_bimanual.expert.outcome import Job
-from lerobot_env_bimanual.expert.stored_certificate import StoredCertificate
+from lerobot_env_bimanual.experts.campaign import Campaign
+from lerobot_env_bimanual.experts.certificate import STATE_HASH_DIGITS
+from lerobot_env_bimanual.experts.control_names import ControlName
+from lerobot_env_bimanual.experts.outcome import Job
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.tasks.registry import get_task
-
-SOLO: tuple[ControlName, ...] = ("solo_left", "solo_right")
-
-
-def solo_certificates(folder: Path) -> list[Path]:
-    """Where the certificates of one arm lie in a folder of certificates, if it holds them."""
-    return [folder / f"{control}.json" for control in SOLO]
 
 
 def demonstrated_placements(row: ResultRow) -> dict[str, int]:
@@ -59,16 +50,13 @@ def _placements(
     return found
 
 
-def control_problems(
-    row: ResultRow, campaign: Campaign, seeds: Iterable[int], certificates: Path | None
-) -> Iterator[str]:
-    """What a row, or the certificates beside it, say of expert, blind and one arm that is not so.
+def control_problems(row: ResultRow, campaign: Campaign, seeds: Iterable[int]) -> Iterator[str]:
+    """What a row says of expert and blind that is not so.
 
     Args:
         row: whose controls are played.
         campaign: plays them.
         seeds: of the sample.
-        certificates: folder of certificates, of which those of one arm are looked at; or None.
     """
     seeds = list(seeds)
     claims: dict[ControlName, list[EpisodeResult]] = {
@@ -77,19 +65,6 @@ def control_problems(
     }
     for control, episodes in claims.items():
         yield from _control_problems(campaign, row.task, control, episodes, row.evaluation.perturb)
-    for control, path in zip(SOLO, solo_certificates(certificates), strict=True) if certificates else ():
-        if not path.is_file():
-            continue
-        stored = [episode for episode in StoredCertificate.read(path).episodes if episode.task == row.task]
-        yield from _control_problems(
-            campaign,
-            row.task,
-            control,
-            [
-                EpisodeResult(episode.seed, episode.success, episode.variation, None, episode.state_hash)
-                for episode in stored[: len(seeds)]
-            ],
-        )
 
 
 def _control_problems(

@@ -13,7 +13,7 @@ from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import read_json
 from lerobot_env_bimanual.episode_log import EPISODES_SUFFIX
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task
 
 

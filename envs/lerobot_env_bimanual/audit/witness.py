@@ -13,7 +13,7 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Condition
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.strain import StrainMeter
+from lerobot_env_bimanual.experts.strain import StrainMeter
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.world.contacts import ContactQueries
 

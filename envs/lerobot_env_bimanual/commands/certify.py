@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_env_bimanual.expert.control_names import EXPERTS, ROUNDABLE, ControlName
+from lerobot_env_bimanual.experts.control_names import EXPERTS, ControlName
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.expert.campaign import Campaign
-    from lerobot_env_bimanual.expert.outcome import Job
+    from lerobot_env_bimanual.experts.campaign import Campaign
+    from lerobot_env_bimanual.experts.outcome import Job
 
 EACH_VARIATION = "each"
 
@@ -26,9 +26,8 @@ class CertifyConfig:
     seeds: str = "0:100"  # half-open range a:b
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
     # Who plays: the expert; `noop` holds still; `random` plays keyposes from the whole workspace; `blind` plays the mean
-    # keyposes of training episodes; `solo_left` and `solo_right` are one arm alone, as well as we know how;
-    # `language_blind` does what one of the instructions that the scene allows asks for, at random; `rereading` is an expert
-    # that begins again when a thing was moved and not by a hand, `planned_at_reset` one that never looks at what is different.
+    # keyposes of training episodes; `language_blind` does what one of the instructions that the scene allows asks for, at random; `rereading` is an expert
+    # that begins again when a thing was moved and not by a hand.
     control: ControlName = "expert"
     discretise: int = 0  # voxels per axis to which the keyposes of a script are rounded; 0 leaves them exact
     # Play each of an expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
@@ -50,25 +49,22 @@ def certify(config: CertifyConfig) -> int:
     expert (also `rereading`) below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, more than the real arm allows
     (torque, velocity, acceleration, jerk, contact force, finger speed, penetration), a replay through other states,
     keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
-    keyposes of 30 training episodes of the variation, whatever the scene. The controls solo_left and solo_right are one arm
-    alone, as well as we know how, and language_blind follows one of the instructions that the scene allows, at random;
-    their successes are measured and not complained of.
+    keyposes of 30 training episodes of the variation, whatever the scene. The control language_blind follows one of the
+    instructions that the scene allows, at random; its successes are measured and not complained of.
 
     Examples:
         lerobot-bimanual certify --task=lift_ball --seeds=0:300 --output=certificate.json
         lerobot-bimanual certify --variation=each --replay=joint
         lerobot-bimanual certify --discretise=100
         lerobot-bimanual certify --control=blind --seeds=0:40
-        lerobot-bimanual certify --control=solo_right --task=lift_tray --seeds=0:20
         lerobot-bimanual certify --task=lift_ball --perturb=mass:2
     """
     from lerobot_bimanual.output_file import check_output_file
-    from lerobot_env_bimanual.expert.campaign import Campaign
-    from lerobot_env_bimanual.expert.certificate import Certificate
-    from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
-    from lerobot_env_bimanual.expert.seed_range import parse_seeds
+    from lerobot_env_bimanual.experts.campaign import Campaign
+    from lerobot_env_bimanual.experts.certificate import Certificate
+    from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
+    from lerobot_env_bimanual.experts.seed_range import parse_seeds
     from lerobot_env_bimanual.perturbation_choice import checked_perturbation
-    from lerobot_env_bimanual.solo.ways import find_ways
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     config = replace(config, perturb=checked_perturbation(config.perturb))
@@ -76,9 +72,6 @@ def certify(config: CertifyConfig) -> int:
     if config.variation != EACH_VARIATION:
         for name in names:
             get_task(name).spec.variation_index(config.variation)
-    if config.control.startswith("solo"):
-        for name in names:
-            find_ways(name)
     _check_effects(config)
     log = None
     if config.output is not None:
@@ -111,14 +104,14 @@ def _check_effects(config: CertifyConfig) -> None:
     """Refuse what would change nothing, for a certificate would claim it."""
     if config.discretise < 0:
         raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
-    if config.discretise and config.control not in ROUNDABLE:
+    if config.discretise and config.control not in EXPERTS:
         raise InvalidChoice(f"discretise of the control {config.control!r}", config.discretise, ["0"])
     if config.replay != "none" and config.control not in EXPERTS:
         raise InvalidChoice(f"replay of the control {config.control!r}", config.replay, ["none"])
 
 
 def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
-    from lerobot_env_bimanual.expert.outcome import Job
+    from lerobot_env_bimanual.experts.outcome import Job
     from lerobot_env_bimanual.options import ANY_VARIATION
     from lerobot_env_bimanual.tasks.registry import get_task
 

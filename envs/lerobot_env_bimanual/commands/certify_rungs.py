@@ -35,7 +35,7 @@ def certify_rungs(config: CertifyRungsConfig) -> None:
         lerobot-bimanual certify-rungs --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/rungs
     """
     from lerobot_bimanual.output_file import check_output_folder
-    from lerobot_env_bimanual.expert.seed_range import parse_seeds
+    from lerobot_env_bimanual.experts.seed_range import parse_seeds
     from lerobot_env_bimanual.ladder.certification import RungCertification
     from lerobot_env_bimanual.ladder.rungs import rungs_of
     from lerobot_env_bimanual.tasks.registry import resolve_tasks

@@ -35,7 +35,7 @@ def regenerate(config: RegenerateConfig) -> None:
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
     from lerobot_env_bimanual.commands.generate import make_dataset
-    from lerobot_env_bimanual.expert.world_version import other_worlds
+    from lerobot_env_bimanual.experts.world_version import other_worlds
     from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 

@@ -92,7 +92,7 @@ def _read_indices(text: str, count: int) -> Sequence[int]:
 
 
 def _warn_of_other_versions(dataset: RecordedDataset) -> None:
-    from lerobot_env_bimanual.expert.world_version import other_worlds
+    from lerobot_env_bimanual.experts.world_version import other_worlds
 
     if dataset.provenance is None:
         print(f"warning: {dataset.root} does not say with which versions it was generated")

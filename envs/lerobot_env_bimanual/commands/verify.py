@@ -192,7 +192,7 @@ def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewR
 
 def _why_not_replayed(provenance: Provenance | None) -> str:
     """Empty if this installation can play the dataset's episodes."""
-    from lerobot_env_bimanual.expert.world_version import other_worlds
+    from lerobot_env_bimanual.experts.world_version import other_worlds
 
     if provenance is None:
         return "not replayed, so not passed: the dataset does not say with which versions it was generated"

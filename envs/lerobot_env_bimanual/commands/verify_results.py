@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
     from lerobot_bimanual.benchmark.results import ResultRow
     from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
     from lerobot_bimanual.evaluation.record import EvaluationRecord
     from lerobot_env_bimanual.audit.episodes import EpisodeAudit, EpisodeAuditor
-    from lerobot_env_bimanual.expert.campaign import Campaign
+    from lerobot_env_bimanual.experts.campaign import Campaign
 
 type Options = tuple[tuple[str, str], ...]
 
@@ -26,11 +26,8 @@ class VerifyResultsConfig:
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
     sample: int = 0  # episodes played again of each result, drawn at random; 0 plays all
-    controls: int = 3  # seeds on which expert, blind and one arm are played anew, of each row; 0 plays none
+    controls: int = 3  # seeds on which expert and blind are played anew, of each row; 0 plays none
     seed: int = 0  # of the draws
-    # Folder of certificates, whose one-arm controls are played too; by default `certificates` beside the folder of
-    # RESULTS, if it exists.
-    certificates: Path | None = None
     workers: int = 0  # processes; 0 takes one per core
 
 
@@ -39,28 +36,22 @@ def verify_results(config: VerifyResultsConfig) -> int:
 
     From each seed the recorded actions are played: the state after every one of them must be the recorded one, bit for
     bit, and instruction, outcome, first tick of success, failure, ticks and keyposes must come out as claimed. Of a row
-    of `benchmark`, no tested episode may start as a demonstration did, and on a few seeds the expert, the blind
-    control and, as certified, either arm alone are played anew. Exits with 1 if anything differs, and says where first.
+    of `benchmark`, no tested episode may start as a demonstration did, and on a few seeds the expert and the blind
+    control are played anew. Exits with 1 if anything differs, and says where first.
 
     Examples:
         lerobot-bimanual verify-results --results=results/leaderboard
         lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
     """
-    from lerobot_env_bimanual.audit.controls import SOLO, solo_certificates
     from lerobot_env_bimanual.audit.result_files import result_files
-    from lerobot_env_bimanual.expert.campaign import Campaign
+    from lerobot_env_bimanual.experts.campaign import Campaign
 
     for name in ("sample", "controls"):
         if getattr(config, name) < 0:
             raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
     if config.seed < 0:
         raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
-    if config.certificates is not None and not any(map(Path.is_file, solo_certificates(config.certificates))):
-        raise BimanualError(
-            f"certificates is {config.certificates}, which holds none of one arm ({', '.join(SOLO)}); leave it out to play no "
-            "such control where there is none"
-        )
     is_sound = True
     with Campaign(config.workers) as campaign:
         for path in result_files(config.results):
@@ -90,9 +81,8 @@ def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> It
     if row is not None:
         yield from _demonstrated(row, audits)
         seeds = [episode.seed for episode in drawn(record.episodes, config.controls, rng)]
-        certificates = config.certificates or path.parent.parent / "certificates"
         if config.controls:
-            yield from control_problems(row, campaign, seeds, certificates)
+            yield from control_problems(row, campaign, seeds)
 
 
 def _audits(

@@ -71,7 +71,7 @@ def _film(config: ViewConfig, reason: str) -> None:
     from tqdm import tqdm
 
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.expert.runner import expert
+    from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.pictures.beside import show_beside
     from lerobot_env_bimanual.pictures.take import take
 
@@ -100,7 +100,7 @@ def _film(config: ViewConfig, reason: str) -> None:
 
 def _perform(config: ViewConfig) -> None:
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.expert.runner import expert
+    from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.policy_player import policy_player
     from lerobot_env_bimanual.viewer import KEYS, Performance, Wish, mujoco_window
 

@@ -10,7 +10,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.dataset.seal import seal_problems
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.expert.world_version import other_worlds
+from lerobot_env_bimanual.experts.world_version import other_worlds
 from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 

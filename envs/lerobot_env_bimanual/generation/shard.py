@@ -16,7 +16,7 @@ from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Episode
 from lerobot_bimanual.errors import PlacementFailure
-from lerobot_env_bimanual.expert.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard_report import write_report

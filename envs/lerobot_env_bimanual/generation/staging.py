@@ -31,7 +31,7 @@ from tqdm import tqdm
 from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.json_file import read_json
-from lerobot_env_bimanual.expert.world_version import is_version, other_worlds, world_versions
+from lerobot_env_bimanual.experts.world_version import is_version, other_worlds, world_versions
 from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.publication import is_published

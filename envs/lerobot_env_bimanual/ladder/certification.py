@@ -13,9 +13,9 @@ from lerobot_bimanual.ladder.rung_certificate import (
     CertifiedRung,
     RungCertificate,
 )
-from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.outcome_log import OutcomeLog, versions
-from lerobot_env_bimanual.ladder.controls import Controls, RungKey, has_late_moves
+from lerobot_env_bimanual.experts.campaign import Campaign
+from lerobot_env_bimanual.experts.outcome_log import OutcomeLog, versions
+from lerobot_env_bimanual.ladder.controls import Controls, RungKey
 from lerobot_env_bimanual.ladder.rungs import Rungs
 from lerobot_env_bimanual.ladder.worlds import worlds_of
 from lerobot_env_bimanual.options import ANY_VARIATION
@@ -78,8 +78,6 @@ class RungCertification:
         controls = Controls(campaign, self.task, ANY_VARIATION, SPLIT)
         expert = controls.solved("expert", keys, self.expert_seeds)
         blind = controls.solved("blind", keys, self.blind_seeds)
-        moved_later = [key for key in keys if has_late_moves(key[0])]
-        planned = controls.solved("planned_at_reset", moved_later, self.expert_seeds) if moved_later else {}
         return {
             key: CertifiedRung(
                 axis=key[0],
@@ -87,7 +85,6 @@ class RungCertification:
                 world=worlds[key],
                 expert_failed=self._failed(expert[key]),
                 blind_solved=blind[key],
-                planned_failed=self._failed(planned[key]) if key in planned else None,
             )
             for key in keys
         }

@@ -27,8 +27,8 @@ from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
-from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.outcome_log import OutcomeLog
+from lerobot_env_bimanual.experts.campaign import Campaign
+from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
 from lerobot_env_bimanual.ladder.controls import ControlOfRungs, Controls, RungKey
 from lerobot_env_bimanual.ladder.rung_rollout import RungRollout
 from lerobot_env_bimanual.ladder.rungs import Rungs, perturb_text

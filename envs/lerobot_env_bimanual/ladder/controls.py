@@ -7,22 +7,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lerobot_env_bimanual.episode.draw import draw_episode
-from lerobot_env_bimanual.expert.campaign import Campaign
-from lerobot_env_bimanual.expert.control_names import ControlName
-from lerobot_env_bimanual.expert.outcome import Job, Keyposes
-from lerobot_env_bimanual.expert.replanning import expert_under
+from lerobot_env_bimanual.experts.campaign import Campaign
+from lerobot_env_bimanual.experts.control_names import ControlName
+from lerobot_env_bimanual.experts.outcome import Job, Keyposes
+from lerobot_env_bimanual.experts.replanning import expert_under
 from lerobot_env_bimanual.ladder.rungs import perturb_text
-from lerobot_env_bimanual.perturbations.registry import get_axis
 from lerobot_env_bimanual.tasks.registry import get_task
 
 type RungKey = tuple[str, int]
 """Axis and level."""
-type ControlOfRungs = Literal["expert", "blind", "planned_at_reset"]
-
-
-def has_late_moves(axis: str) -> bool:
-    """Whether things are moved after the start on an axis's rungs; level 0 is of no axis."""
-    return bool(axis) and get_axis(axis).moves_things_later
+type ControlOfRungs = Literal["expert", "blind"]
 
 
 def _player(control: ControlOfRungs, axis: str) -> ControlName:
@@ -51,8 +45,7 @@ class Controls:
     ) -> dict[RungKey, tuple[int, ...]]:
         """The seeds that a control solves on each rung, rising.
 
-        Where things are moved after the start, the expert is the one that looks again then (`rereading`), and
-        `planned_at_reset` the one that does not. The blind control knows the variation, as a policy does from the
+        Where things are moved after the start, the expert is the one that looks again then (`rereading`). The blind control knows the variation, as a policy does from the
         instruction, and plays the mean keyposes of training episodes of level 0.
 
         Raises:

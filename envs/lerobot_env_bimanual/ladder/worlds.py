@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lerobot_env_bimanual.expert.world_version import world_version
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.ladder.controls import RungKey
 from lerobot_env_bimanual.ladder.rungs import perturb_text
 from lerobot_env_bimanual.workers import WorkerPool

@@ -18,8 +18,8 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.replanning import expert_of
-from lerobot_env_bimanual.expert.runner import run_episode
+from lerobot_env_bimanual.experts.replanning import expert_of
+from lerobot_env_bimanual.experts.runner import run_episode
 from lerobot_env_bimanual.pictures.layout import GREEN, GREY, INK, PAPER, RED
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera
 from lerobot_env_bimanual.world.rendering import Renderer

@@ -16,8 +16,8 @@ from PIL import Image
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import expert
+from lerobot_env_bimanual.experts.outcome import Outcome
+from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.pictures.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.pictures.take import take
 from lerobot_env_bimanual.pictures.viewpoint import clearest_camera, close_up

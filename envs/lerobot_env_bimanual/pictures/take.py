@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.outcome import Outcome
-from lerobot_env_bimanual.expert.runner import Move, Player, run_episode
+from lerobot_env_bimanual.experts.outcome import Outcome
+from lerobot_env_bimanual.experts.runner import Move, Player, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 

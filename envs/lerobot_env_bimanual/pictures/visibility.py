@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.cameras import CAMERA_NAMES, unproject
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import Move, run_expert
+from lerobot_env_bimanual.experts.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.cameras import calibration
 from lerobot_env_bimanual.world.rendering import Renderer

@@ -1,4 +1,4 @@
-"""Certificates as Markdown tables: experts and controls, the tasks beside the paper's, and the arms' coupling."""
+"""Certificates as Markdown tables: experts and controls and the tasks beside the paper's."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.markdown_table import MarkdownTable
 from lerobot_bimanual.results.statistics import SuccessRate
-from lerobot_env_bimanual.expert.control_names import CONTROLS
-from lerobot_env_bimanual.expert.instruction_scripts import chance
-from lerobot_env_bimanual.expert.runner import OUT_OF_MOVES, OUT_OF_TIME
-from lerobot_env_bimanual.expert.seed_range import parse_seeds
-from lerobot_env_bimanual.expert.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode
-from lerobot_env_bimanual.expert.strain import BOUNDS, Strain, peak_strain
+from lerobot_env_bimanual.experts.control_names import CONTROLS
+from lerobot_env_bimanual.experts.instruction_scripts import chance
+from lerobot_env_bimanual.experts.runner import OUT_OF_MOVES, OUT_OF_TIME
+from lerobot_env_bimanual.experts.seed_range import parse_seeds
+from lerobot_env_bimanual.experts.stored_certificate import BadCertificate, StoredCertificate, StoredEpisode
+from lerobot_env_bimanual.experts.strain import BOUNDS, Strain, peak_strain
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -25,7 +25,6 @@ CERTIFICATES = (EXACT, ROUNDED, *(name for name in CONTROLS if name != EXACT))
 """Names of the files, without `.json`."""
 
 PLAYERS = (EXACT, ROUNDED, "blind", "random", "noop")
-ONE_ARM = {"left": "solo_left", "right": "solo_right"}
 LANGUAGE_BLIND = "language_blind"
 
 NOT_MEASURED = "–"
@@ -121,7 +120,7 @@ class Certified:
 
 
 def success_table(certified: Certified) -> MarkdownTable:
-    """Experts and controls, successes of trials per task; of the two single arms the better one."""
+    """Experts and controls, successes of trials per task."""
     headings = (
         "task",
         "expert",
@@ -129,22 +128,13 @@ def success_table(certified: Certified) -> MarkdownTable:
         "blind",
         "random",
         "no-op",
-        "one arm",
         "unread (chance)",
     )
     rows = []
     for task in certified.tasks:
         cells = [_cell(certified.rate(name, task)) for name in PLAYERS]
-        rows.append((f"`{task}`", *cells, _one_arm(certified, task), _unread(certified, task)))
+        rows.append((f"`{task}`", *cells, _unread(certified, task)))
     return MarkdownTable(headings, rows)
-
-
-def _one_arm(certified: Certified, task: str) -> str:
-    measured = {arm: rate for arm, name in ONE_ARM.items() if (rate := certified.rate(name, task))}
-    if not measured:
-        return NOT_MEASURED
-    arm = max(measured, key=lambda arm: measured[arm].successes / measured[arm].trials)
-    return f"{_cell(measured[arm])}{f' {arm}' if measured[arm].successes else ''}"
 
 
 def _unread(certified: Certified, task: str) -> str:
@@ -208,45 +198,6 @@ def paper_table(certified: Certified) -> MarkdownTable:
             )
         )
     rows.append(("all", sum(row[1] for row in rows), "", "", "", f"{ORIGINAL_ORACLE_MEAN:.1%}"))
-    return MarkdownTable(headings, rows)
-
-
-def coupling_table(certified: Certified) -> MarkdownTable:
-    """The coupling of the arms as the physics shows it, beside the paper's taxonomy."""
-    headings = (
-        "task",
-        "paper",
-        "both hold it",
-        "force passed, mean",
-        "peak",
-        "moving together",
-        "speeds correlate",
-        "mirrored",
-    )
-    rows = []
-    for task in certified.tasks:
-        taxonomy, variations = get_task(task).spec.taxonomy, certified.rows(EXACT, task)
-
-        def coupling(name: str, rows: Sequence[Row] = variations) -> float:
-            return _mean(rows, lambda row: row["coupling"][name])
-
-        words = [
-            name
-            for name in ("temporal", "spatial", "physical", "symmetric", "synchronous")
-            if getattr(taxonomy, name)
-        ]
-        rows.append(
-            (
-                f"`{task}`",
-                ", ".join(words),
-                f"{coupling('shared_object_s'):.2f} s",
-                f"{coupling('transmitted_force_mean_n'):.1f} N",
-                f"{coupling('transmitted_force_peak_n'):.0f} N",
-                f"{coupling('both_moving_share'):.0%}",
-                f"{coupling('speed_correlation'):.2f}",
-                f"{coupling('mirror_similarity'):.2f}",
-            )
-        )
     return MarkdownTable(headings, rows)
 
 

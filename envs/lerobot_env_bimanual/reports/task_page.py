@@ -10,7 +10,6 @@ from lerobot_bimanual.markdown_table import MarkdownTable, markdown_table
 from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.reports.certified import (
     Certified,
-    coupling_table,
     evidence_table,
     paper_table,
     strain_table,
@@ -71,10 +70,6 @@ In brackets the paper's figures.
 
 {paper}
 
-### How the arms depend on each other
-
-{coupling}
-
 ### What the cameras see
 
 {visibility}
@@ -120,7 +115,6 @@ class TaskPages:
             evidence=tables["evidence"].upright(row),
             strain=tables["strain"].upright(row, *bounds),
             paper=tables["paper"].upright(row),
-            coupling=tables["coupling"].upright(row),
             visibility=tables["visibility"].upright(row),
         )
 
@@ -131,7 +125,6 @@ class TaskPages:
             "evidence": evidence_table(self._certified),
             "strain": strain_table(self._certified),
             "paper": paper_table(self._certified),
-            "coupling": coupling_table(self._certified),
             "visibility": targets_table(self._visibility),
         }
 

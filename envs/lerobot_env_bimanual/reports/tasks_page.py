@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lerobot_env_bimanual.expert.world_version import joint_version
+from lerobot_env_bimanual.experts.world_version import joint_version
 from lerobot_env_bimanual.reports.certified import (
     EXACT,
     NOT_MEASURED,
     ROUNDED,
     Certified,
-    coupling_table,
     evidence_table,
     excess_sentence,
     paper_table,
@@ -30,9 +29,7 @@ World `{world}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each
 
 Successes of episodes. *Rounded* keyposes lie on a grid of {voxels} voxels per axis and on bins of 5 degrees, like those
 a policy predicts. *Blind* plays the mean keyposes of 30 training episodes of the variation, whatever the scene; *random*
-plays keyposes from the whole workspace. *One arm* is the better of the two arms alone, the other one resting at home with
-its hand open: a script that knows the scene's state, written to beat the task, which may choose among its ways by trying
-them in a copy of the episode. *Unread* plays the right keyposes for one of the instructions that the scene allows, drawn
+plays keyposes from the whole workspace. *Unread* plays the right keyposes for one of the instructions that the scene allows, drawn
 at random; *chance* is one in the number of these instructions.
 
 {success}
@@ -51,7 +48,7 @@ is one that both arms can serve, and the rates are rates of those.
 ## What is asked of the arms
 
 The largest value of any episode of the experts with exact keyposes, beside what a real Panda allows
-(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.expert.strain` give the sources); `certify` names every
+(`lerobot_env_bimanual.robots.panda` and `lerobot_env_bimanual.experts.strain` give the sources); `certify` names every
 episode that asks for more. {excess}
 
 Torque is the motors', gravity included, over their limits of 87 and 12 N m, at every 2 ms; *a motor at its
@@ -73,14 +70,6 @@ original simulator; it is published for two tasks and on average.
 
 {paper}
 
-## How the arms depend on each other
-
-The paper sorts its tasks by hand; the other columns are measured in the experts' episodes: how long both hands
-touch the same object, the force that one arm passes to the other through it, the share of moving time in which both
-hands move, the correlation of their speeds, and how alike their motions are when one is mirrored (1 mirror images, -1
-one follows the other).
-
-{coupling}
 {visibility}"""
 
 
@@ -106,6 +95,5 @@ def tasks_page(certified: Certified, folder: Path, seen: Visibility | None) -> s
         excess=excess_sentence(certified),
         strain=strain_table(certified),
         paper=paper_table(certified),
-        coupling=coupling_table(certified),
         visibility=visibility_section(seen) if seen else "",
     )

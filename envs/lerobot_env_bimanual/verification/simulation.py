@@ -13,7 +13,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Episode, EpisodeMeta
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.expert.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.verification.fault import Fault, first_of
 
 REPLAY, KEYPOSES, ACTIONS, OBSERVATIONS = (

@@ -4,7 +4,7 @@ import pytest
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.expert.runner import run_expert
+from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.motion.pace import CONTACT, FREE
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks

@@ -1,0 +1,169 @@
+"""Which world a task is played in: a short hash of what it does, not of the text it is written in.
+
+Certificates and results are true of a world. Moving a comment or a file leaves its version as it is; another friction,
+planner, placement law or success condition changes it.
+
+Plans differ in the last bit between families of processors, so nothing is hashed that such a bit can reach: numbers of
+the compiled model by six digits, and of one expert's episode what was drawn, how long each motion took, and where the
+arms stood before anything was touched.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.runner import Move, run_expert
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.perturbation_choice import checked_perturbation
+from lerobot_env_bimanual.robots.arm_pair import FINGERS
+from lerobot_env_bimanual.task import Task
+from lerobot_env_bimanual.tasks.registry import list_tasks
+
+PROBE_SPLIT, PROBE_SEED = "val", 0
+VERSION_DIGITS = 12
+SILENT_S = 2.0
+"""So long worlds are looked at without a progress bar."""
+
+MODEL_PARTS = (
+    "body",
+    "jnt",
+    "dof",
+    "geom",
+    "site",
+    "cam",
+    "light",
+    "tendon",
+    "eq",
+    "actuator",
+    "pair",
+    "exclude",
+)
+"""Prefixes of the model's arrays that say what there is and how it moves; the rest is bookkeeping."""
+NOISY = ("body_iquat",)
+"""Axes of inertia, which round bodies leave to the last bit."""
+NEARLY_ZERO = 1e-9
+ARM_POSITIONS = len(ARMS) * (JOINTS_PER_ARM + len(FINGERS))
+"""Of a scene's positions these come first."""
+OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity", "density", "iterations", "tolerance")
+
+
+@functools.cache
+def world_version(task: str, perturb: str = "") -> str:
+    """Version of a task's world; plays one episode of its expert, half a second or two.
+
+    Args:
+        task: its name.
+        perturb: what is different from the world as it is, `AXIS:LEVEL,...`. Of what is only seen, the magnitudes count.
+
+    Raises:
+        UnknownTask: there is no such task.
+        InvalidChoice: there is no such axis or level.
+    """
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb)
+    digest = hashlib.sha256()
+    perturbed = (f"{axis} {magnitude}" for axis, magnitude in env.perturbations.magnitudes.items())
+    for fact in (*_task_facts(env.task_definition), *_model_facts(env), *_episode_facts(env), *perturbed):
+        digest.update(fact.encode() + b"\n")
+    env.close()
+    return digest.hexdigest()[:VERSION_DIGITS]
+
+
+def joint_version(worlds: Mapping[str, str]) -> str:
+    """One version for several tasks, given each one's."""
+    text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
+    return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
+
+
+def is_version(text: str) -> bool:
+    """Whether it has the form of a world's version."""
+    return bool(re.fullmatch(f"[0-9a-f]{{{VERSION_DIGITS}}}", text))
+
+
+def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:
+    """The version of each task's world, see `world_version`; "none" of a task or a perturbation that is not here."""
+    try:
+        checked_perturbation(perturb)
+    except InvalidChoice:
+        return dict.fromkeys(tasks, "none")
+    bar = tqdm([*tasks], "worlds", unit="task", leave=False, delay=SILENT_S)
+    return {task: world_version(task, perturb) if task in list_tasks() else "none" for task in bar}
+
+
+def other_worlds(recorded: Mapping[str, str], perturb: str) -> str:
+    """Which tasks are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
+
+    Args:
+        recorded: task -> version of the world in which something was played.
+        perturb: what was different from the world as it is, `AXIS:LEVEL,...`.
+    """
+    here = world_versions(recorded, perturb)
+    return ", ".join(
+        f"{task} in world {version} (here: {here[task]})"
+        for task, version in recorded.items()
+        if version != here[task]
+    )
+
+
+def _task_facts(task: Task) -> Iterator[str]:
+    """What the task asks for: sentences, and conditions with all their thresholds."""
+    spec = task.spec
+    yield f"{spec.name} {spec.id} horizon {spec.horizon_ticks}"
+    for variation in spec.variations:
+        yield f"{variation} {spec.instructions_for(variation)}"
+        for condition in task.conditions(variation):
+            values = {field.name: getattr(condition, field.name) for field in fields(condition)}
+            yield f"{type(condition).__name__} {values}"
+
+
+def _model_facts(env: BimanualEnv) -> Iterator[str]:
+    """The compiled model, by six digits."""
+    model = env.scene.model
+    for name in OPTIONS:
+        yield f"{name} {_digits(np.atleast_1d(getattr(model.opt, name)))}"
+    for name in sorted(dir(model)):
+        is_part = name.partition("_")[0] in MODEL_PARTS and name not in NOISY
+        values = getattr(model, name) if is_part else None
+        if isinstance(values, np.ndarray):
+            yield f"{name} {_digits(values)}"
+    yield f"mujoco {mujoco.mj_versionString()}"
+
+
+def _episode_facts(env: BimanualEnv) -> Iterator[str]:
+    """What is drawn in one episode of the expert, where its first motion ends, and how long each takes."""
+    stood: list[NDArray[np.float64]] = []
+
+    def note(_: Move) -> None:
+        if len(stood) < 2:  # at the start, and after the first motion
+            stood.append(np.append(env.scene.data.time, env.scene.data.qpos))
+
+    try:
+        outcome = run_expert(env, PROBE_SEED, on_move=note)
+    except PlacementFailure as failure:
+        yield str(failure)
+        return
+    yield f"variation {env.variation} {env.task_description} draws {outcome.draws}"
+    yield f"placed {_positions(stood[0], 4)}"
+    yield f"moved {_positions(stood[-1][: 1 + ARM_POSITIONS], 3)}"
+    for report in outcome.keyposes:
+        yield f"{report.name} {report.ticks}"
+    yield f"success {outcome.success} ticks {outcome.ticks}"
+
+
+def _positions(values: NDArray[np.float64], decimals: int) -> str:
+    return " ".join(f"{value:.{decimals}f}" for value in (np.round(values, decimals) + 0.0).tolist())
+
+
+def _digits(values: NDArray) -> str:
+    cleaned = np.where(np.abs(values) < NEARLY_ZERO, 0, values)
+    return " ".join(f"{value:.6g}" for value in cleaned.ravel().tolist())

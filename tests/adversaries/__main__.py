@@ -1,0 +1,31 @@
+"""Play the single-arm adversaries and print how many episodes each arm solves.
+
+Usage, in the folder `tests`: python -m adversaries [--task=lift_tray] [--first_seed=61000] [--episodes=20]
+"""
+
+import argparse
+
+from adversaries.single_arm import single_arm
+from lerobot_bimanual.arms import ARMS
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.runner import run_episode
+from lerobot_env_bimanual.tasks.registry import resolve_tasks
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--task", default="all")
+    parser.add_argument("--first_seed", type=int, default=61000)
+    parser.add_argument("--episodes", type=int, default=20)
+    arguments = parser.parse_args()
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.episodes)
+    for task in resolve_tasks(arguments.task):
+        env = BimanualEnv(task, split="test", obs="state")
+        for arm in ARMS:
+            solved = [seed for seed in seeds if run_episode(env, seed, single_arm(arm)).success]
+            print(f"{task}: {arm.value} arm alone solves {len(solved)} of {len(seeds)}: {solved}")  # noqa: T201
+        env.close()
+
+
+if __name__ == "__main__":
+    main()
