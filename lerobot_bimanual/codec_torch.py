@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
+from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.rotations_torch import (
     euler_xyz_to_quat_wxyz,
     quat_wxyz_canonical,
@@ -22,7 +22,7 @@ from lerobot_bimanual.keypose import (
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteKeypose:
+class KeyposeBins:
     """Bins of a batch of keyposes, left first; the fields of `codec.DiscreteKeypose` as int64 tensors."""
 
     voxel: Tensor
@@ -32,29 +32,29 @@ class DiscreteKeypose:
 
 
 @dataclass(frozen=True)
-class KeyposeCodec:
+class TorchKeyposeCodec:
     """A `codec.KeyposeCodec` on tensors of any device.
 
     Attributes:
         bins: the same in NumPy, which says how space and angles are cut.
     """
 
-    bins: NumpyKeyposeCodec
+    bins: KeyposeCodec
 
-    def encode(self, vectors: Tensor) -> DiscreteKeypose:
+    def encode(self, vectors: Tensor) -> KeyposeBins:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
         voxel = self.in_voxels(vectors).floor().long()
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
         rotation = ((euler_deg + 180) / self.bins.rotation_bin_deg).round().long() % self.bins.rotation_bins
-        return DiscreteKeypose(
+        return KeyposeBins(
             voxel,
             rotation,
             (arms[..., GRIPPER_OPEN] > 0.5).long(),
             (arms[..., IGNORE_COLLISIONS] > 0.5).long(),
         )
 
-    def decode(self, discrete: DiscreteKeypose) -> Tensor:
+    def decode(self, discrete: KeyposeBins) -> Tensor:
         """Flat keyposes (..., 18) at the voxel centres and bin angles."""
         return self.assemble(self.voxel_centers(discrete.voxel), discrete)
 
@@ -70,7 +70,7 @@ class KeyposeCodec:
         size = torch.tensor(self.bins.voxel_size_m, dtype=torch.float32, device=voxel.device)
         return lower + (voxel + 0.5) * size
 
-    def assemble(self, position: Tensor, discrete: DiscreteKeypose) -> Tensor:
+    def assemble(self, position: Tensor, discrete: KeyposeBins) -> Tensor:
         """Flat keyposes (..., 18) from positions (..., 2, 3) in metres and the other bins."""
         euler_rad = torch.deg2rad(discrete.rotation * self.bins.rotation_bin_deg - 180)
         flags = torch.stack([discrete.gripper_open, discrete.ignore_collisions], dim=-1).to(position)

@@ -51,7 +51,7 @@ TINY_PERACTS = {
         "voxel_cells": 3,
         "projection_dilations": (2,),
         "language_filters": True,
-        "grid_squares": True,
+        "quadratic_features": True,
     },
 }
 

@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
-from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.rotations_torch import (
     quat_wxyz_conjugate,
     quat_wxyz_multiply,
@@ -79,7 +79,7 @@ def test_a_yaw_shifts_the_bins_of_upright_hands_by_whole_bins(random_keyposes):
     per_arm = arms(keyposes)
     per_arm[..., 3:7] = torch.tensor([0.0, 1.0, 0.0, 0.0])  # pointing straight down
     keyposes = per_arm.flatten(1)
-    codec = KeyposeCodec(NumpyKeyposeCodec())
+    codec = TorchKeyposeCodec(KeyposeCodec())
     before = codec.encode(keyposes).rotation
     motion = augmentation(shift_m=(0.0, 0.0, 0.0)).sample(keyposes)
     after = codec.encode(move_keyposes(motion, keyposes)).rotation

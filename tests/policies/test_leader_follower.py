@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import GRIPPER_FINGERS, NEXT_KEYPOSE
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.leader_follower import LeaderFollower
@@ -41,7 +41,7 @@ def spy(policy: KeyposePolicy) -> dict[str, torch.Tensor]:
     return seen
 
 
-def numbers(policy: KeyposePolicy, bins: DiscreteKeypose, arm) -> torch.Tensor:
+def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
     """What the follower should be told of an arm's bins: where in the workspace, which angles, which flags."""
     position = policy.codec.decode(bins).view(-1, 2, 9)[:, arm.ordinal, :3]
     lower, upper = torch.tensor(policy.config.workspace_lower), torch.tensor(policy.config.workspace_upper)
@@ -94,10 +94,10 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
     batch = make_batch()
     observation, bins = policy.observe(batch), policy.target_bins(batch[NEXT_KEYPOSE])
 
-    def turned(arm) -> DiscreteKeypose:
+    def turned(arm) -> KeyposeBins:
         rotation = bins.rotation.clone()
         rotation[:, arm.ordinal] = (rotation[:, arm.ordinal] + 20) % policy.codec.bins.rotation_bins
-        return DiscreteKeypose(bins.voxel, rotation, bins.gripper_open, bins.ignore_collisions)
+        return KeyposeBins(bins.voxel, rotation, bins.gripper_open, bins.ignore_collisions)
 
     before = policy.predict(observation, bins).rotation
     after = policy.predict(observation, turned(leader)).rotation
@@ -138,7 +138,7 @@ def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch
     target = policy.target_bins(batch[NEXT_KEYPOSE])
     before = policy.predict(policy.observe(batch), target)
     batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
-    other = DiscreteKeypose(
+    other = KeyposeBins(
         *(torch.stack([value[:, 0], value[:, 1].flip(0)], dim=1) for value in vars(target).values())
     )
     after = policy.predict(policy.observe(batch), other)

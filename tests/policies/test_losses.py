@@ -5,16 +5,16 @@ import math
 import pytest
 import torch
 
-from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
-from lerobot_bimanual.codec_torch import DiscreteKeypose, KeyposeCodec
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.codec_torch import KeyposeBins, TorchKeyposeCodec
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
 
 
-def random_target(samples: int = 3, voxels: int = 10) -> DiscreteKeypose:
-    return DiscreteKeypose(
+def random_target(samples: int = 3, voxels: int = 10) -> KeyposeBins:
+    return KeyposeBins(
         torch.randint(0, voxels, (samples, 2, 3)),
         torch.randint(0, 72, (samples, 2, 3)),
         torch.randint(0, 2, (samples, 2)),
@@ -88,7 +88,7 @@ def test_errors_are_the_distances_that_were_put_in(random_keyposes):
 
 
 def test_a_perfect_prediction_decodes_to_within_half_a_voxel_and_half_a_bin(random_keyposes):
-    codec, keyposes = KeyposeCodec(NumpyKeyposeCodec(voxels=10)), random_keyposes(5)
+    codec, keyposes = TorchKeyposeCodec(KeyposeCodec(voxels=10)), random_keyposes(5)
     errors = keypose_errors(codec.decode(codec.encode(keyposes)), keyposes)
     assert errors["left_position_cm"] <= 100 * 0.05 * 3**0.5
     assert errors["right_rotation_deg"] <= 2.5 * 3**0.5 + 1e-3

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract import reference
@@ -45,10 +45,10 @@ def head_config(**changes) -> PerAct2Config:
     return PerAct2Config(device="cpu", translation_head="factorised", channels=4, token_dim=8, **changes)
 
 
-def labels(voxel: torch.Tensor) -> DiscreteKeypose:
+def labels(voxel: torch.Tensor) -> KeyposeBins:
     """Labels with these voxels; the network reads no other part of them."""
     rest = torch.zeros(voxel.shape[:-1], dtype=torch.long)
-    return DiscreteKeypose(voxel, voxel, rest, rest)
+    return KeyposeBins(voxel, voxel, rest, rest)
 
 
 def pose_logits(prediction) -> torch.Tensor:

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from lerobot_bimanual.codec import KeyposeCodec as NumpyKeyposeCodec
-from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_policy_bimanual.rvt.point_renderer import render_views
 from lerobot_policy_bimanual.rvt.views import VIEWS, pixels_of_voxels
@@ -156,7 +156,7 @@ def test_a_point_on_the_border_stays_there():
 def test_a_points_voxel_is_in_the_pixel_that_shows_it():
     points, colours = cloud(1, 500)
     images = render(points, colours)[0]
-    codec = KeyposeCodec(NumpyKeyposeCodec(BOX, 12, 5.0))
+    codec = TorchKeyposeCodec(KeyposeCodec(BOX, 12, 5.0))
     keyposes = torch.zeros(500, 18)
     keyposes[:, :3] = points[0].T
     keyposes[:, 3] = keyposes[:, 12] = 1

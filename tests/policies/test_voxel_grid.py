@@ -3,10 +3,10 @@
 import torch
 
 from lerobot_bimanual import codec
-from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.peract import reference
-from lerobot_policy_bimanual.peract.voxel_grid import voxelise, with_squares
+from lerobot_policy_bimanual.peract.voxel_grid import voxelise, with_quadratic_features
 
 
 def random_cloud(samples: int = 2, points: int = 300) -> tuple[torch.Tensor, torch.Tensor]:
@@ -55,7 +55,7 @@ def test_points_outside_and_invalid_points_leave_the_grid_empty():
 
 def test_squares_of_colours_and_places_come_behind_the_grid():
     grid = torch.randn(2, 10, 3, 3, 3)
-    squared = with_squares(grid)
+    squared = with_quadratic_features(grid)
     assert torch.equal(squared[:, :10], grid)
     assert torch.equal(squared[:, 10:13], grid[:, 3:6] ** 2)  # mean RGB
     assert torch.equal(squared[:, 13:], grid[:, 6:9] ** 2)  # voxel index / voxels
@@ -63,7 +63,7 @@ def test_squares_of_colours_and_places_come_behind_the_grid():
 
 def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):
     keyposes = random_keyposes(20)
-    bins = KeyposeCodec(codec.KeyposeCodec(voxels=50)).encode(keyposes)
+    bins = TorchKeyposeCodec(codec.KeyposeCodec(voxels=50)).encode(keyposes)
     for keypose, voxel in zip(keyposes, bins.voxel, strict=True):
         left = keypose[:3].view(1, 3, 1)
         grid = voxelise(left, torch.zeros_like(left), workspace=VOXEL_WORKSPACE, voxels=50)

@@ -15,7 +15,7 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual import codec
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.codec_torch import KeyposeCodec
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
@@ -171,9 +171,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
         return Workspace(self.workspace_lower, self.workspace_upper)
 
     @property
-    def codec(self) -> KeyposeCodec:
+    def codec(self) -> TorchKeyposeCodec:
         """The discretisation of keyposes."""
-        return KeyposeCodec(codec.KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg))
+        return TorchKeyposeCodec(codec.KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg))
 
     @property
     def observation_keys(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.geometry.rotations_torch import rotation_angle_rad
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -15,7 +15,7 @@ FAR_M = 0.05
 
 
 def keypose_losses(
-    prediction: KeyposePrediction, target: DiscreteKeypose, offset: Tensor | None = None
+    prediction: KeyposePrediction, target: KeyposeBins, offset: Tensor | None = None
 ) -> dict[str, Tensor]:
     """Cross-entropies of all parts, each summed over arms and rotation axes and averaged over the batch.
 

@@ -10,7 +10,7 @@ from huggingface_hub import ModelCard
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.errors import BadConfig
@@ -83,7 +83,7 @@ class KeyposePolicy(PreTrainedPolicy):
     def scene(self, observation: Observation) -> Tensor:
         """The cloud as the network sees it."""
 
-    def predict(self, observation: Observation, target: DiscreteKeypose | None) -> KeyposePrediction:
+    def predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
         """Run the network.
 
         Args:
@@ -204,17 +204,17 @@ class KeyposePolicy(PreTrainedPolicy):
             self._check_observation.look_at_points(observation.points, self.config.workspace)
         return observation
 
-    def target_bins(self, keyposes: Tensor) -> DiscreteKeypose:
+    def target_bins(self, keyposes: Tensor) -> KeyposeBins:
         """Bins of the labels; positions outside the workspace count as its nearest voxel."""
         bins = self.codec.encode(keyposes)
-        return DiscreteKeypose(
+        return KeyposeBins(
             bins.voxel.clamp(0, self.codec.bins.voxels - 1),
             bins.rotation,
             bins.gripper_open,
             bins.ignore_collisions,
         )
 
-    def _predict(self, observation: Observation, target: DiscreteKeypose | None) -> KeyposePrediction:
+    def _predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
         enabled = self.config.dtype == "bfloat16"
         with torch.autocast(observation.points.device.type, torch.bfloat16, enabled=enabled):
             return self.predict(observation, target)

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.codec_torch import DiscreteKeypose, KeyposeCodec
+from lerobot_bimanual.codec_torch import KeyposeBins, TorchKeyposeCodec
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, join_arms, one_arm
 
 KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
@@ -35,7 +35,7 @@ class LeaderFollower(nn.Module):
         *,
         proprio_dim: int,
         leader: Arm,
-        codec: KeyposeCodec,
+        codec: TorchKeyposeCodec,
     ):
         super().__init__()
         self.leading_arm = leader
@@ -44,7 +44,7 @@ class LeaderFollower(nn.Module):
         self.follower = make_network(proprio_dim=proprio_dim + KEYPOSE_NUMBERS)
 
     def forward(
-        self, scene: Any, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+        self, scene: Any, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
     ) -> KeyposePrediction:
         """Predict the next keypose of both arms.
 
@@ -69,7 +69,7 @@ class LeaderFollower(nn.Module):
         predictions = {leading: leader, following: follower}
         return join_arms([predictions[arm] for arm in ARMS])
 
-    def _numbers(self, keypose: DiscreteKeypose) -> Tensor:
+    def _numbers(self, keypose: KeyposeBins) -> Tensor:
         """One arm's bins (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.
 
         The reference code gives the bare indices, up to 99, beside features of size one, and does not move them

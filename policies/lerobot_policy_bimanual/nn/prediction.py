@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +77,13 @@ class KeyposePrediction:
     gripper_open: Tensor
     ignore_collisions: Tensor
 
-    def best(self, candidates: VoxelCandidates | None = None) -> DiscreteKeypose:
+    def best(self, candidates: VoxelCandidates | None = None) -> KeyposeBins:
         """The most probable class of every part.
 
         Args:
             candidates: those of the translation, by a caller that has asked for them already.
         """
-        return DiscreteKeypose(
+        return KeyposeBins(
             voxel=(candidates or self.translation.candidates()).best(),
             rotation=self.rotation.argmax(dim=-1),
             gripper_open=self.gripper_open.argmax(dim=-1),
@@ -133,10 +133,10 @@ def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:
     )
 
 
-def one_arm(keypose: DiscreteKeypose, arm: Arm) -> DiscreteKeypose:
+def one_arm(keypose: KeyposeBins, arm: Arm) -> KeyposeBins:
     """One arm's bins (b, 1, ...) of both arms' (b, 2, ...)."""
     index = slice(arm.ordinal, arm.ordinal + 1)
-    return DiscreteKeypose(
+    return KeyposeBins(
         keypose.voxel[:, index],
         keypose.rotation[:, index],
         keypose.gripper_open[:, index],

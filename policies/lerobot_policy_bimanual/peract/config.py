@@ -46,7 +46,7 @@ class PerActConfig(KeyposePolicyConfig):
     projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
     # Show the network the squares of colours and places, too, so that one filter can be largest in the middle: at purple,
     # between red and blue, or at the drawer between two others (departure from the paper otherwise).
-    grid_squares: bool = flag(False)
+    quadratic_features: bool = flag(False)
     activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):

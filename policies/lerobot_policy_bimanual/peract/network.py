@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.activation import init_linear
 from lerobot_policy_bimanual.nn.language_filters import LanguageFilters
 from lerobot_policy_bimanual.nn.precision import at_least_float32
@@ -13,7 +13,7 @@ from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchCo
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
 from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.perceiver import PerceiverIO
-from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, SQUARED, with_squares
+from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC, with_quadratic_features
 
 HIDDEN = (256, 64)
 """Widths of the rotation and flags head (PerAct2 code)."""
@@ -37,8 +37,8 @@ class PerActNetwork(nn.Module):
         self.rotation_bins = config.codec.bins.rotation_bins
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
-        self.grid_squares = config.grid_squares
-        inputs = GRID_CHANNELS + (SQUARED.stop - SQUARED.start) * self.grid_squares
+        self.quadratic_features = config.quadratic_features
+        inputs = GRID_CHANNELS + (QUADRATIC.stop - QUADRATIC.start) * self.quadratic_features
         self.stem = PointwiseConv3d(inputs, channels)
         self.language_filters = (
             LanguageFilters(config.language_dim, inputs, channels) if config.language_filters else None
@@ -61,7 +61,7 @@ class PerActNetwork(nn.Module):
             self.compile()  # in place: the names in the checkpoint stay the same
 
     def forward(
-        self, grid: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+        self, grid: Tensor, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
     ) -> KeyposePrediction:
         """Predict the next keypose of every arm.
 
@@ -71,7 +71,7 @@ class PerActNetwork(nn.Module):
             language: (b, language_tokens, language_dim).
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
-        grid = with_squares(grid) if self.grid_squares else grid
+        grid = with_quadratic_features(grid) if self.quadratic_features else grid
         words = None if self.language_filters is None else self.language_filters(language)
         stem, patches = self.translation.read(grid, self.stem, self.patchify, words)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)

@@ -8,7 +8,7 @@ from lerobot_bimanual.geometry.workspace import Workspace
 GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
 
-SQUARED = slice(3, 9)
+QUADRATIC = slice(3, 9)
 """Channels of which a network may be shown the squares, too: colours and voxel indices."""
 
 CELLS_BEHIND = 4096
@@ -61,6 +61,6 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         return grid
 
 
-def with_squares(grid: Tensor) -> Tensor:
-    """A grid (b, 10, v, v, v) and, behind its channels, the squares of `SQUARED`: (b, 16, v, v, v)."""
-    return torch.cat([grid, grid[:, SQUARED].square()], dim=1)
+def with_quadratic_features(grid: Tensor) -> Tensor:
+    """A grid (b, 10, v, v, v) and, behind its channels, the squares of `QUADRATIC`: (b, 16, v, v, v)."""
+    return torch.cat([grid, grid[:, QUADRATIC].square()], dim=1)

@@ -8,7 +8,7 @@ https://arxiv.org/abs/2209.05451).
 from torch import Tensor, nn
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, join_arms, one_arm
 from lerobot_policy_bimanual.peract.config import PerActConfig
@@ -32,7 +32,7 @@ class IndependentArms(nn.Module):
         self.arms = nn.ModuleList(PerActNetwork(config, arms=1, proprio_dim=proprio_dim) for _ in ARMS)
 
     def forward(
-        self, grid: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+        self, grid: Tensor, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
     ) -> KeyposePrediction:
         """Predict the next keypose of both arms, left first; arguments as for `PerActNetwork`."""
         bodies = proprio.chunk(len(ARMS), dim=-1)

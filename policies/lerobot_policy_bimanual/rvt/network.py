@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from lerobot_bimanual.codec_torch import DiscreteKeypose
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.activation import activate, init_linear
 from lerobot_policy_bimanual.nn.attention import Block
 from lerobot_policy_bimanual.nn.language_filters import LanguageFilters
@@ -70,7 +70,7 @@ class RVTNetwork(nn.Module):
             self.compile()  # in place: the names in the checkpoint stay the same
 
     def forward(
-        self, views: Tensor, proprio: Tensor, language: Tensor, target: DiscreteKeypose | None = None
+        self, views: Tensor, proprio: Tensor, language: Tensor, target: KeyposeBins | None = None
     ) -> KeyposePrediction:
         """Predict the next keypose of one arm.
 
