@@ -4,9 +4,9 @@
 #   benchmarks/gpu_train.sh pack WHEELS               elsewhere, with network: put every package into a folder (3 GB)
 #   benchmarks/gpu_train.sh run WHEELS MINUTES [FLAG ...]
 #                                                     on the GPU machine: install them, measure how long a step takes,
-#                                                     and run `lerobot-bimanual benchmark` with as many as fit
+#                                                     and run `lerobot-bimanual policy benchmark` with as many as fit
 #
-# FLAGs are those of `lerobot-bimanual benchmark`, all but --steps and --save_freq:
+# FLAGs are those of `lerobot-bimanual policy benchmark`, all but --steps and --save_freq:
 #
 #   benchmarks/gpu_train.sh run wheels 30 --task=push_box
 #   benchmarks/gpu_train.sh run wheels 120 --task=lift_ball --recipe=paper --train_flags="--policy.dtype=bfloat16"
@@ -51,7 +51,7 @@ install() {
 
 # The command of a dry run that begins with these words, as a list in `command`.
 plan() {
-    eval "command=($(lerobot-bimanual benchmark "${flags[@]}" --dry_run=true 2>/dev/null | grep -m 1 "^$1"))"
+    eval "command=($(lerobot-bimanual policy benchmark "${flags[@]}" --dry_run=true 2>/dev/null | grep -m 1 "^$1"))"
 }
 
 # The value of one of its flags.
@@ -68,7 +68,7 @@ run() {
     [[ $wheels == - ]] || install "$wheels"
     flags=(--output=outputs/gpu --device="${DEVICE:-cuda}" "$@")
     lerobot-bimanual doctor
-    plan "lerobot-bimanual generate"
+    plan "lerobot-bimanual dataset generate"
     [[ -d "$(value_of root)" ]] || "${command[@]}"
     plan "lerobot-[a-z-]*train"
     local record steps
@@ -88,7 +88,7 @@ run() {
     steps="$(<"$record")"
     ((steps > 0)) || { echo "Not even four steps fit into $minutes minutes." >&2; exit 1; }
     echo "Training $steps steps in about $minutes minutes."
-    exec lerobot-bimanual benchmark "${flags[@]}" --steps="$steps" --save_freq=$((steps / 4))
+    exec lerobot-bimanual policy benchmark "${flags[@]}" --steps="$steps" --save_freq=$((steps / 4))
 }
 
 case "${1:-}:$#" in

@@ -33,7 +33,7 @@ from rich.table import Table
 from lerobot_bimanual.benchmark.protocol import PROTOCOLS
 from lerobot_bimanual.benchmark.recipe import Recipe
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, settings_of
 from lerobot_env_bimanual.generation.shard import quieten_libraries
 
 RUNS = {
@@ -138,7 +138,7 @@ def make_datasets(options: argparse.Namespace, folder: Path) -> dict[str, Path]:
     roots = {}
     for name in options.runs:
         view, writer = RUNS[name]
-        config = GenerateConfig(
+        config = DatasetGenerateConfig(
             task=options.task,
             episodes=options.demos,
             view=view,

@@ -15,7 +15,7 @@ from lerobot.datasets.aggregate import aggregate_datasets
 
 from lerobot_bimanual.dataset.merging import merge_datasets
 from lerobot_bimanual.dataset.schema import VIEWS
-from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, settings_of
 from lerobot_env_bimanual.generation.plan import next_round
 from lerobot_env_bimanual.generation.shard import ShardRecorder
 
@@ -29,7 +29,7 @@ def main() -> None:
     count = parser.parse_args().shards
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(io.StringIO()):
         root = Path(folder)
-        config = GenerateConfig(
+        config = DatasetGenerateConfig(
             task="lift_ball",
             episodes=count,
             episodes_per_shard=1,

@@ -1,4 +1,4 @@
-"""What a stored demonstration costs, stage by stage, and how many an hour `lerobot-bimanual generate` makes.
+"""What a stored demonstration costs, stage by stage, and how many an hour `lerobot-bimanual dataset generate` makes.
 
 Records the same few demonstrations in every form, merges them, and writes them once more with LeRobot's plain
 writer and its default settings (whose encoding is part of its writing: it has no stage of its own to stop). Then
@@ -36,7 +36,7 @@ from rich.table import Table
 from two_trees import Figures, compare, serve
 
 from lerobot_bimanual.dataset.writer import ViewWriter
-from lerobot_env_bimanual.commands.generate import GenerateConfig, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, settings_of
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard import quieten_libraries
 
@@ -57,7 +57,7 @@ WARM_UP = {"episodes": 1, "image_size": "32"}
 
 def dataset_of(options: argparse.Namespace, view: View, root: Path, **others: Any) -> GenerationSettings:
     values = {"task": options.task, "episodes": options.demos, "image_size": options.image_size}
-    return settings_of(GenerateConfig(**values | others, view=view, root=root))
+    return settings_of(DatasetGenerateConfig(**values | others, view=view, root=root))
 
 
 def ready(task: str, options: argparse.Namespace) -> Callable[[], Figures]:
@@ -124,7 +124,7 @@ def time_generate(options: argparse.Namespace, workers: int, demos: int, root: P
     }
     program = Path(sys.executable).with_name("lerobot-bimanual")
     words = [f"--{name}={value}" for name, value in flags.items()]
-    subprocess.run([program, "generate", *words], check=True, capture_output=True)
+    subprocess.run([program, "dataset", "generate", *words], check=True, capture_output=True)
     return time.perf_counter() - start
 
 
@@ -144,7 +144,7 @@ def rate(options: argparse.Namespace, workers: int, folder: Path) -> dict[str, f
 
 def rates_table(rates: list[dict[str, float]]) -> Table:
     headings = ("workers", "demonstrations", "run, s", "of it start, s", "then per hour")
-    table = Table(*headings, title="`lerobot-bimanual generate`, both views, by the clock")
+    table = Table(*headings, title="`lerobot-bimanual dataset generate`, both views, by the clock")
     for each in rates:
         table.add_row(*map(str, each.values()))
     return table

@@ -130,7 +130,7 @@ class Recording:
 
 
 def record(settings: GenerationSettings, writer: type[ViewWriter], folder: Path) -> Recording:
-    """Record and merge as `lerobot-bimanual generate` does in one of its workers.
+    """Record and merge as `lerobot-bimanual dataset generate` does in one of its workers.
 
     Args:
         settings: what is recorded, of one task.

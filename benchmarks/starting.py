@@ -44,9 +44,15 @@ COMMANDS = {
     "import lerobot_env_bimanual": ["-c", "import lerobot_env_bimanual"],
     "import lerobot_policy_bimanual": ["-c", "import lerobot_policy_bimanual"],
     "lerobot-bimanual --help": [*CLI, "--help"],
-    "lerobot-bimanual inspect --help": [*CLI, "inspect", "--help"],
-    "lerobot-bimanual inspect, no checkpoint": [*CLI, "inspect", "--checkpoint=/none", "--dataset=/none"],
-    "lerobot-bimanual tasks": [*CLI, "tasks"],
+    "lerobot-bimanual policy inspect --help": [*CLI, "policy", "inspect", "--help"],
+    "lerobot-bimanual policy inspect, no checkpoint": [
+        *CLI,
+        "policy",
+        "inspect",
+        "--checkpoint=/none",
+        "--dataset=/none",
+    ],
+    "lerobot-bimanual task list": [*CLI, "task", "list"],
     "lerobot-bimanual demo --help": [*CLI, "demo", "--help"],
     "lerobot-bimanual doctor": [*CLI, "doctor"],
     "lerobot-train --help": ["-c", LEROBOT_HELP.format(name="lerobot_train")],
@@ -63,7 +69,7 @@ def commands_on(dataset: Path, loaders: list[int], folder: Path) -> dict[str, li
     flags = [f"--config_path={recipe}", f"--dataset.root={dataset}", "--policy.device=cpu", "--steps=1"]
     train = ["-m", "lerobot.scripts.lerobot_train", *flags, "--save_checkpoint=false"]
     absent = [f"--checkpoint={CHECKPOINT}", f"--dataset={dataset}", "--index=1000000000"]
-    return {"lerobot-bimanual inspect, no such row": [*CLI, "inspect", *absent]} | {
+    return {"lerobot-bimanual policy inspect, no such row": [*CLI, "policy", "inspect", *absent]} | {
         f"lerobot-train, first step, {count} loaders": [
             *train,
             f"--num_workers={count}",

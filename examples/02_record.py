@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
 
 
 def main() -> None:
@@ -21,9 +21,9 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("outputs/record"))
     arguments = parser.parse_args()
 
-    # What `lerobot-bimanual generate` does. The same arguments again find everything there.
-    generate(
-        GenerateConfig(
+    # What `lerobot-bimanual dataset generate` does. The same arguments again find everything there.
+    dataset_generate(
+        DatasetGenerateConfig(
             task=arguments.task,
             episodes=arguments.episodes,
             image_size=arguments.image_size,

@@ -8,7 +8,7 @@ STEPS=${STEPS:-20}
 OUT=${OUT:-outputs/train}
 RECIPE=${RECIPE:-policies/lerobot_policy_bimanual/peract2/recipes/small.yaml}
 
-lerobot-bimanual generate --task="$TASK" --episodes="$EPISODES" --view=keyframes --image_size=128 \
+lerobot-bimanual dataset generate --task="$TASK" --episodes="$EPISODES" --view=keyframes --image_size=128 \
     --root="$OUT/dataset" --repo_id="example/$TASK"
 
 # The recipe is the network's sizes and all else that it learns with. Without it, `--policy.type=peract2` is the network

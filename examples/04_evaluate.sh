@@ -9,7 +9,7 @@ SEEDS=${SEEDS:-$SEED:$((SEED + EPISODES))}
 OUT=${OUT:-outputs/evaluate}
 
 # A stranger's checkpoint is looked at before anything loads it.
-lerobot-bimanual check-checkpoint --checkpoint="$POLICY"
+lerobot-bimanual policy check --checkpoint="$POLICY"
 
 # Images as in training; films of the whole motion, and records of every action.
 lerobot-eval --policy.path="$POLICY" --policy.device=cpu --seed="$SEED" \
@@ -18,9 +18,9 @@ lerobot-eval --policy.path="$POLICY" --policy.device=cpu --seed="$SEED" \
     --eval.n_episodes="$EPISODES" --eval.batch_size=2 --output_dir="$OUT/eval"
 
 # The same placements without any policy: what the scripts score that see the scene, and that do not.
-lerobot-bimanual certify --task="$TASK" --seeds="$SEEDS" --output="$OUT/expert.json"
-lerobot-bimanual certify --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
+lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --output="$OUT/expert.json"
+lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
     echo "the blind control scores more than it should; on few episodes that happens"
 
 # The first of them as a film and in pictures, the policy beside the expert.
-lerobot-bimanual view --task="$TASK" --seed="$SEED" --image_size=128 --checkpoint="$POLICY" --film --output="$OUT/view"
+lerobot-bimanual task view --task="$TASK" --seed="$SEED" --image_size=128 --checkpoint="$POLICY" --film --output="$OUT/view"

@@ -7,7 +7,7 @@ STEPS=${STEPS:-20}
 OUT=${OUT:-outputs/multi_task}
 
 # One dataset; EPISODES of each task.
-lerobot-bimanual generate --task="$TASKS" --episodes="$EPISODES" --view=keyframes --image_size=128 \
+lerobot-bimanual dataset generate --task="$TASKS" --episodes="$EPISODES" --view=keyframes --image_size=128 \
     --root="$OUT/dataset" --repo_id=example/tasks
 
 lerobot-bimanual-train --dataset.repo_id=example/tasks --dataset.root="$OUT/dataset" \

@@ -7,7 +7,7 @@ EPISODES=${EPISODES:-2}
 STEPS=${STEPS:-20}
 OUT=${OUT:-outputs/act}
 
-lerobot-bimanual generate --task="$TASK" --episodes="$EPISODES" --view=frames --depth=false --image_size=128 \
+lerobot-bimanual dataset generate --task="$TASK" --episodes="$EPISODES" --view=frames --depth=false --image_size=128 \
     --cameras=front,left_wrist,right_wrist --root="$OUT/dataset" --repo_id="example/$TASK"
 
 # Without the sizes it is ACT as published: hours on a CPU.

@@ -31,7 +31,7 @@ def observe(row: dict, config) -> dict:
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument(
-    "--dataset", type=Path, required=True, help="one view that `lerobot-bimanual generate` made"
+    "--dataset", type=Path, required=True, help="one view that `lerobot-bimanual dataset generate` made"
 )
 parser.add_argument("--checkpoint", type=Path, default=CHECKPOINT)
 parser.add_argument("--episode", type=int, default=0)

@@ -1,8 +1,8 @@
 """What the expert does, stage by stage and in words, in the columns that LeRobot keeps for language.
 
-lerobot-bimanual generate --task=lift_ball --episodes=10 --root=data/lift_ball
+lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --root=data/lift_ball
 python examples/10_subtasks.py --root=data/lift_ball
-lerobot-bimanual verify --root=data/lift_ball
+lerobot-bimanual dataset verify --root=data/lift_ball
 
 Experts know their stages by name. `generate` leaves the names out, as LeRobot's recorder has no language columns; LeRobot adds
 them to finished datasets, and so does this. docs/datasets.md says who reads them.
@@ -56,7 +56,9 @@ def annotate(view: Path) -> None:
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--root", type=Path, required=True, help="what `lerobot-bimanual generate` was given")
+parser.add_argument(
+    "--root", type=Path, required=True, help="what `lerobot-bimanual dataset generate` was given"
+)
 arguments = parser.parse_args()
 
 for view in sorted(path.parent.parent for path in arguments.root.glob("**/meta/info.json")):

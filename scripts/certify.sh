@@ -18,11 +18,11 @@ fail() {  # go on with the others, unless somebody has stopped this one
 certify() {
     echo "== $1"
     if [ -z "${TASK:-}" ]; then
-        .venv/bin/lerobot-bimanual certify --output="$folder/$1.json" "${@:2}" || fail $? "$1"
+        .venv/bin/lerobot-bimanual expert evaluate --output="$folder/$1.json" "${@:2}" || fail $? "$1"
         return
     fi
     local renewed="$folder/renewed/$1.json"
-    .venv/bin/lerobot-bimanual certify --output="$renewed" "${@:2}" || fail $? "$1"
+    .venv/bin/lerobot-bimanual expert evaluate --output="$renewed" "${@:2}" || fail $? "$1"
     .venv/bin/python scripts/renew_certificate.py "$folder/$1.json" "$renewed"
     rm "$renewed"
     rmdir --ignore-fail-on-non-empty "$folder/renewed"
@@ -40,5 +40,5 @@ esac
 certify blind --task="${TASK:-all}" --control=blind --variation=each --seeds="$few"
 certify random --task="${TASK:-all}" --control=random --seeds="$few"
 certify noop --task="${TASK:-all}" --control=noop --seeds="$few"
-.venv/bin/lerobot-bimanual report --certificates="$folder" --output=docs/tasks.md
+.venv/bin/lerobot-bimanual expert report --certificates="$folder" --output=docs/tasks.md
 [ -z "${failed:-}" ] || { echo "not good enough:$failed"; exit 1; }

@@ -22,7 +22,7 @@ def main() -> None:
     print(f"filming {len(missing)} experts, about ten seconds each on one core", flush=True)
     program = Path(sys.executable).with_name("lerobot-bimanual")
     made = ROOT / "build/render"
-    words = ["render", f"--task={','.join(missing)}", "--quality=observation", f"--output={made}"]
+    words = ["task", "render", f"--task={','.join(missing)}", "--quality=observation", f"--output={made}"]
     subprocess.run([program, *words], check=True)
     FILMS.mkdir(parents=True, exist_ok=True)
     for task in missing:

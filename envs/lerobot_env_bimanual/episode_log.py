@@ -148,7 +148,7 @@ class EpisodeLog:
         return path
 
     def _write_record(self, folder: Path, played: list[PlayedEpisode]) -> str:
-        """Write what `lerobot-bimanual verify-results` reads, and say where, or why not."""
+        """Write what `lerobot-bimanual results verify` reads, and say where, or why not."""
         path = folder / record_name(self._task, self._options)
         record = EvaluationRecord(
             schema_version=RECORD_SCHEMA_VERSION,

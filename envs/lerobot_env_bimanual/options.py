@@ -62,7 +62,7 @@ class EnvOptions:
     # per keypose.)
     video_dir: str | None = None
     # Folder for a record of every episode that a vector environment plays: outcome, actions and a chain of state hashes,
-    # from which `lerobot-bimanual verify-results` plays it again without the policy. One file per task, written when the
+    # from which `lerobot-bimanual results verify` plays it again without the policy. One file per task, written when the
     # environments are closed, in the place of an older one.
     results_dir: str | None = None
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.

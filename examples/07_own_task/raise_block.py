@@ -5,9 +5,9 @@ this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its
 verb, `--env.task` and Gymnasium know it:
 
     pip install -e examples/07_own_task
-    lerobot-bimanual certify --task=raise_block --seeds=0:20
-    lerobot-bimanual certify --task=raise_block --seeds=0:20 --control=blind
-    lerobot-bimanual generate --task=raise_block --episodes=20 --root=data/raise_block
+    lerobot-bimanual expert evaluate --task=raise_block --seeds=0:20
+    lerobot-bimanual expert evaluate --task=raise_block --seeds=0:20 --control=blind
+    lerobot-bimanual dataset generate --task=raise_block --episodes=20 --root=data/raise_block
 
 A task of this repository is the same code in a file of `lerobot_env_bimanual/tasks/`, without an entry point.
 """

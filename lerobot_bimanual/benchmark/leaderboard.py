@@ -20,7 +20,7 @@ from lerobot_bimanual.results.statistics import SuccessRate, standard_deviation
 PAGE = """\
 # Results of the recipe `{recipe}`
 
-Written by `lerobot-bimanual leaderboard` from the rows in `{folder}`; do not edit.
+Written by `lerobot-bimanual results leaderboard` from the rows in `{folder}`; do not edit.
 
 Each cell is one training with one seed, successes of unseen episodes of the split `test` and their 95 % Wilson interval, or
 several trainings, successes of each, their mean and the standard deviation between trainings. The checkpoint was chosen on
@@ -32,12 +32,12 @@ over tasks, of policies that were scored on all.
 {success}
 {figure}
 What each was trained on, for how long by the clock on the machine named in its row, and with which flags of
-`lerobot-bimanual benchmark` beyond those of the recipe as it is today:
+`lerobot-bimanual policy benchmark` beyond those of the recipe as it is today:
 
 {training}
 
 A row holds the flags of its training, the command of its dataset, every episode and the versions of all packages.
-`lerobot-bimanual verify-results --results={folder}` plays its test episodes again without the policy, and
+`lerobot-bimanual results verify --results={folder}` plays its test episodes again without the policy, and
 compares every state and claim.{again}
 """
 AGAIN = """ One cell trained and tested again, that of the last line of a policy that is installed:
@@ -95,7 +95,7 @@ def read_rows(folder: Path) -> dict[Path, ResultRow]:
     paths = sorted(folder.glob("*.json"))
     if not paths:
         raise BimanualError(
-            f"{folder} holds no results; `lerobot-bimanual benchmark` writes them to OUTPUT/results"
+            f"{folder} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
         )
     rows = {path: ResultRow.read(path) for path in paths}
     for path, row in rows.items():
@@ -112,7 +112,7 @@ def _check_whole(rows: Mapping[Path, ResultRow]) -> None:
         if row.stopped_against is not None:
             raise BimanualError(
                 f"{path}: its test was stopped as soon as it differed from another policy, which favours one side of its "
-                "rate; it is for `lerobot-bimanual compare`, and a table needs a test without --stop_when_sure"
+                "rate; it is for `lerobot-bimanual results compare`, and a table needs a test without --stop_when_sure"
             )
 
 

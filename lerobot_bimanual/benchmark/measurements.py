@@ -123,7 +123,7 @@ def check_agreement(record: EvaluationRecord, evaluation: Sequence[EpisodeResult
 
 
 def read_certificate(path: Path, control: str, task: str, seeds: Sequence[int]) -> Certified:
-    """Episodes of a `lerobot-bimanual certify` result of one task on the split `test`.
+    """Episodes of a `lerobot-bimanual expert evaluate` result of one task on the split `test`.
 
     Raises:
         BadResult: the file is no such result, or of another control, split, task or other seeds.

@@ -33,7 +33,7 @@ class BenchmarkConfig:
     """What is asked of a benchmark; flags of the verb `benchmark`."""
 
     policy: str = "peract2"  # type of the policy, as for lerobot-train
-    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual tasks` lists them
+    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual task list` lists them
     variation: str = "any"  # index, or `any` for one that each seed draws
     # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
     # and its last checkpoint is scored. By default it learns from this task alone.
@@ -207,7 +207,7 @@ class Plan:
             **_unless_empty("perturb", self.config.demos_perturb),
             "workers": self.config.workers,
         }
-        words = ["lerobot-bimanual", "generate", *flag_words(flags)]
+        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(flags)]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
     def certification(self, control: str) -> Command:
@@ -223,7 +223,7 @@ class Plan:
             "workers": self.config.workers,
             "output": output,
         }
-        words = ["lerobot-bimanual", "certify", *flag_words(flags)]
+        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(flags)]
         return Command(output.stem, words, output=output, judges=True)
 
     def training_flags(self) -> dict[str, str]:

@@ -117,7 +117,7 @@ def beyond_recipe(config: BenchmarkConfig) -> str:
 
 def command(config: BenchmarkConfig) -> str:
     """The command line of a benchmark, without the flags that have their defaults."""
-    return " ".join(["lerobot-bimanual", "benchmark", *_words(config).values()])
+    return " ".join(["lerobot-bimanual", "policy", "benchmark", *_words(config).values()])
 
 
 def _words(config: BenchmarkConfig) -> dict[str, str]:

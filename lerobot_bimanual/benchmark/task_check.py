@@ -11,7 +11,7 @@ from lerobot_bimanual.errors import BimanualError, UnknownVariation
 def check_task(config: BenchmarkConfig) -> None:
     """Ask the environment, before anything runs that takes minutes.
 
-    Through its verb `tasks` in a process of its own: core knows the environment by its commands only.
+    Through its command `task list` in a process of its own: core knows the environment by its commands only.
 
     Raises:
         BimanualError: no environment is installed, or what is asked for is no task, a suite, or a variation that the
@@ -33,7 +33,7 @@ def check_task(config: BenchmarkConfig) -> None:
 
 def _variations(tasks: str) -> dict[str, int]:
     """How many each task has, of tasks and suites separated by commas."""
-    words = ["tasks", f"--task={tasks}", "--format=json"]
+    words = ["task", "list", f"--task={tasks}", "--format=json"]
     program = [sys.executable, "-m", "lerobot_bimanual.cli"]
     answer = subprocess.run([*program, *words], capture_output=True, text=True, check=False)
     if answer.returncode:

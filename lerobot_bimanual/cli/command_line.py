@@ -1,4 +1,4 @@
-"""From the words of a command line to a verb, its help or a message."""
+"""From the words of a command line to a command, its help or a message."""
 
 import difflib
 import inspect
@@ -7,14 +7,14 @@ import signal
 import sys
 import textwrap
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, version
 from types import FrameType
 
+from lerobot_bimanual.cli.commands import by_section, config_type_of, find_commands, leaves, summary
 from lerobot_bimanual.cli.flag_help import describe_flags
 from lerobot_bimanual.cli.flags import BadCommandLine, parse_flags
-from lerobot_bimanual.cli.verbs import config_type_of, find_verbs, summary
 from lerobot_bimanual.errors import BimanualError
 
 PROGRAM = "lerobot-bimanual"
@@ -23,7 +23,7 @@ HELP_FLAGS = ("-h", "--help")
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one verb.
+    """Run one command.
 
     Args:
         words: words after the program's name; those of the process when None.
@@ -52,7 +52,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
-    """Let a termination unwind the verb, so that its workers end and its temporary files go; it is silent."""
+    """Let a termination unwind the command, so that its workers end and its temporary files go; it is silent."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -67,42 +67,88 @@ def _ended_in_order() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The name of the command that words begin with, and the words that follow it.
+
+    Args:
+        words: words after the program's name, at least one.
+
+    Raises:
+        BadCommandLine: no installed command has that name.
+    """
+    names = find_commands()
+    first, *rest = words
+    if first in names:
+        return first, rest
+    members = leaves(first, names)
+    if not members:
+        groups = dict.fromkeys(name.split()[0] for name in names)
+        meant = {name.split()[-1]: name for name in names} | {group: group for group in groups}
+        raise BadCommandLine(_unknown(first, first, meant, f"Commands: {', '.join(groups)}"))
+    leaf = rest[0] if rest else ""
+    if leaf not in members:
+        meant = {member: f"{first} {member}" for member in members}
+        raise BadCommandLine(
+            _unknown(f"{first} {leaf}", leaf, meant, f"Commands of {first}: {', '.join(members)}")
+        )
+    return f"{first} {leaf}", rest[1:]
+
+
 def _dispatch(words: list[str]) -> int:
-    verbs = find_verbs()
+    commands = find_commands()
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     if not words or words[0] in HELP_FLAGS:
-        print(_overview(verbs))
+        print(_overview(commands))
         return 0
-    name, *flags = words
-    if name == "--version":
+    if words[0] == "--version":
         print(f"{PROGRAM} {version('lerobot_bimanual')}")
         return 0
-    if name not in verbs:
-        raise BadCommandLine(_unknown_verb(name, verbs))
-    verb = verbs[name].load()
-    config_type = config_type_of(verb)
-    if any(flag in HELP_FLAGS for flag in flags):
-        print(_verb_help(name, inspect.getdoc(verb) or "", describe_flags(config_type)))
+    if leaves(words[0], commands) and (len(words) == 1 or words[1] in HELP_FLAGS):
+        print(_group_help(words[0], commands))
         return 0
-    return verb(parse_flags(config_type, flags)) or 0
+    name, flags = find_command(words)
+    command = commands[name].load()
+    config_type = config_type_of(command)
+    if any(flag in HELP_FLAGS for flag in flags):
+        print(_command_help(name, inspect.getdoc(command) or "", describe_flags(config_type)))
+        return 0
+    return command(parse_flags(config_type, flags)) or 0
 
 
-def _overview(verbs: dict[str, EntryPoint]) -> str:
-    width = max(map(len, verbs), default=0) + 2
-    listing = "\n".join(f"  {name:<{width}}{summary(entry)}" for name, entry in verbs.items())
+def _overview(commands: Mapping[str, EntryPoint]) -> str:
+    width = max(map(len, commands), default=0) + 2
+    sections = "\n\n".join(
+        f"{section}:\n{_listing({name: commands[name] for name in names}, width)}"
+        for section, names in by_section(commands).items()
+    )
     return (
-        f"usage: {PROGRAM} <verb> [--flag=value ...]\n\nverbs:\n{listing}\n\n"
-        f"`{PROGRAM} <verb> --help` lists a verb's flags. Training and evaluation are LeRobot's own:\n"
+        f"usage: {PROGRAM} <command> [--flag=value ...]\n\n{sections}\n\n"
+        f"`{PROGRAM} help <command>` lists a command's flags. Training and evaluation are LeRobot's own:\n"
         "`lerobot-train --policy.type=peract2` and `lerobot-eval --env.type=bimanual`."
     )
 
 
-def _unknown_verb(name: str, verbs: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(verbs), n=1)
-    guess = f" Did you mean {close[0]!r}?" if close else ""
-    return f"unknown verb {name!r}.{guess} The installed verbs are: {', '.join(verbs)}."
+def _group_help(group: str, commands: Mapping[str, EntryPoint]) -> str:
+    members = {leaf: commands[f"{group} {leaf}"] for leaf in leaves(group, commands)}
+    listing = _listing(members, max(map(len, members)) + 2)
+    return (
+        f"usage: {PROGRAM} {group} <command> [--flag=value ...]\n\n{listing}\n\n"
+        f"`{PROGRAM} help {group} <command>` lists a command's flags."
+    )
 
 
-def _verb_help(name: str, docstring: str, flags: str) -> str:
+def _listing(commands: Mapping[str, EntryPoint], width: int) -> str:
+    return "\n".join(f"  {name:<{width}}{summary(entry)}" for name, entry in commands.items())
+
+
+def _unknown(typed: str, word: str, meant: Mapping[str, str], valid: str) -> str:
+    close = difflib.get_close_matches(word, meant, n=1)
+    guess = f" Did you mean {meant[close[0]]!r}?" if close else ""
+    return f"unknown command {typed.strip()!r}.{guess} {valid}."
+
+
+def _command_help(name: str, docstring: str, flags: str) -> str:
     text, _, examples = docstring.partition("\nExamples:\n")
     parts = [f"usage: {PROGRAM} {name} [--flag=value ...]", text.strip(), f"flags:\n{flags}"]
     if examples:

@@ -17,7 +17,7 @@ from lerobot_bimanual.benchmark.task_check import check_task
 class DemoConfig:
     """Flags of the verb `demo`."""
 
-    # One registered task, with all its variations; `lerobot-bimanual tasks` lists them.
+    # One registered task, with all its variations; `lerobot-bimanual task list` lists them.
     task: str = "lift_ball"
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
     demos: int = 100  # expert demonstrations to generate
@@ -54,7 +54,7 @@ class DemoConfig:
 def demo(config: DemoConfig) -> None:
     """Generate demonstrations, train a small PerAct2, evaluate it on unseen seeds.
 
-    A short `lerobot-bimanual benchmark`: runs `lerobot-bimanual-train` and `lerobot-eval` on expert demonstrations, prints
+    A short `lerobot-bimanual policy benchmark`: runs `lerobot-bimanual-train` and `lerobot-eval` on expert demonstrations, prints
     each command so that it can be copied, and ends with the success of the policy beside the expert's and that of a
     blind control, which repeats the mean keyposes of the training set. An interrupted demo continues where it stopped.
 

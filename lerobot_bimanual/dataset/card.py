@@ -133,7 +133,7 @@ def _use(provenance: Provenance, repo_id: str) -> Iterable[str]:
     )
     if provenance.view == "frames":
         yield (
-            "Every episode replays: `lerobot-bimanual replay --root=DIR` plays the column `action` open-loop from "
+            "Every episode replays: `lerobot-bimanual dataset replay --root=DIR` plays the column `action` open-loop from "
             "the recorded seed and compares the state's hash after every tick."
         )
 

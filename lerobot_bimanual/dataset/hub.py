@@ -64,7 +64,7 @@ def prepare_push(repo_id: str, views: Sequence[View]) -> None:
     if len(views) > 1:
         raise DatasetError(
             "--push_to_hub takes a single view, --view=frames or --view=keyframes; "
-            "of both from one run, push each afterwards with `lerobot-bimanual push`"
+            "of both from one run, push each afterwards with `lerobot-bimanual dataset push`"
         )
     open_repository(repo_id, repo_type="dataset")
 

@@ -170,7 +170,7 @@ def check_video(path: Path, lengths: Sequence[int]) -> None:
     A frame is lost where an encoder drops or keeps one back, or where episodes are joined. Either shows in the frames that
     the file lists, with their times; whether an encoder was brought to its end, and its episode joined where another
     may begin, shows in the last frames of each episode, from the last one that stands by itself: only these are decoded.
-    (`lerobot-bimanual verify` decodes them all, and compares them with new images.)
+    (`lerobot-bimanual dataset verify` decodes them all, and compares them with new images.)
 
     Args:
         path: of the video.

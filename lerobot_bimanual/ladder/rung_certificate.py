@@ -169,6 +169,6 @@ def read_rung_certificates(folder: Path) -> dict[str, RungCertificate]:
         found[certificate.task] = certificate
     if not found:
         raise BimanualError(
-            f"{folder} holds no certificates of rungs; `lerobot-bimanual certify-rungs` writes them"
+            f"{folder} holds no certificates of rungs; `lerobot-bimanual expert evaluate-perturbed` writes them"
         )
     return found

@@ -46,7 +46,7 @@ def played(outcomes: str, variation: int = 0) -> tuple[EpisodeResult, ...]:
 
 
 def generation(task: str) -> str:
-    return f"lerobot-bimanual generate --task={task} --variation=any --episodes=2 --split=train --image_size=128x128"
+    return f"lerobot-bimanual dataset generate --task={task} --variation=any --episodes=2 --split=train --image_size=128x128"
 
 
 VERSIONS = dict.fromkeys(SIMULATION_PACKAGES, "3")

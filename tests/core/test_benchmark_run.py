@@ -52,10 +52,10 @@ class Programs:
 
     def run(self, command: Command) -> None:
         flags = dict(word.removeprefix("--").split("=", 1) for word in command.words if "=" in word)
-        match command.words[:2]:
-            case [_, "generate"]:
+        match command.words[:3]:
+            case [_, _, "generate"]:
                 self._generate(Path(flags["root"]), flags.get("perturb", ""))
-            case [_, "certify"]:
+            case [_, _, "evaluate"]:
                 self._certify(Path(flags["output"]), flags["control"])
             case ["lerobot-eval", *_]:
                 self._evaluate(Path(flags["output_dir"]), flags["env.split"], flags.get("env.perturb", ""))

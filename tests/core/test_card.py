@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedS
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.output_file import UnwritableOutput
 
-COMMAND = "lerobot-bimanual generate --task=lift_ball"
+COMMAND = "lerobot-bimanual dataset generate --task=lift_ball"
 
 
 @pytest.fixture(params=schema.VIEWS)

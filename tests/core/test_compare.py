@@ -15,7 +15,7 @@ from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import play_until_sure, run
-from lerobot_bimanual.commands.compare import CompareConfig, compare
+from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.statistics import anytime_p_value, mcnemar_p_value
 
@@ -49,11 +49,11 @@ def test_compare_prints_both_rates_and_the_test_and_cuts_no_name(tmp_path: Path,
     monkeypatch.setenv("COLUMNS", "80")
     long = tmp_path / f"{'long' * 20}.json"
     long.write_text(ROW.to_json())
-    compare(CompareConfig(first=long, second=long))
+    results_compare(ResultsCompareConfig(first=long, second=long))
     assert capsys.readouterr().out.count(str(long)) == 2
     (tmp_path / "one.json").write_text(ROW.to_json())
     (tmp_path / "two.json").write_text(row_of("act", "lift_ball", episodes=recorded("...x")).to_json())
-    compare(CompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
+    results_compare(ResultsCompareConfig(first=tmp_path / "one.json", second=tmp_path / "two.json"))
     printed = capsys.readouterr().out
     assert "2 of 4" in printed
     assert "1 of 4" in printed
@@ -97,13 +97,13 @@ def test_a_row_twice_is_no_second_training(tmp_path):
     with pytest.raises(
         BimanualError, match=r"seed1\.json: it has the weights of .*again\.json.*leave one out"
     ):
-        compare(CompareConfig(first=tmp_path, second=tmp_path))
+        results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
 def test_one_network_may_play_several_tasks_and_each_be_compared(tmp_path, capsys):
     for task in ("lift_ball", "push_box"):
         put(tmp_path, trained(1, "xxxx", task=task))
-    compare(CompareConfig(first=tmp_path, second=tmp_path))
+    results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
     assert capsys.readouterr().out.count("McNemar's exact test: p = 1") == 2
 
 
@@ -111,7 +111,9 @@ def test_of_several_trainings_it_is_said_on_how_many_episodes_either_is_better(t
     for seed, outcomes in ((1, "xxx."), (2, "xx.x")):
         put(tmp_path, trained(seed, outcomes))
     put(tmp_path, trained(1, "...x", "other"))
-    compare(CompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other"))
+    results_compare(
+        ResultsCompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other")
+    )
     assert (
         "lift_ball: the first is better on 3 episodes, the second on 1, equal on 0; the exact sign-flip permutation test: p ="
         in capsys.readouterr().out
@@ -130,8 +132,8 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
     for task in ("lift_ball", "push_box"):
         for policy, outcomes in (("mine", "xxxx"), ("other", "....")):
             put(tmp_path, trained(7, outcomes, policy, task))
-    config = CompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other")
-    compare(config)
+    config = ResultsCompareConfig(first=tmp_path, second=tmp_path, first_policy="mine", second_policy="other")
+    results_compare(config)
     printed = capsys.readouterr().out
     for task in ("lift_ball", "push_box"):
         (line,) = [line for line in printed.splitlines() if task in line and "±" in line]
@@ -167,7 +169,7 @@ def test_only_trainings_that_differ_in_nothing_but_their_seed_are_those_of_one_p
     changes = changes | {"flags": other.flags | changes.get("flags", {})}
     put(tmp_path, replace(other, **changes))
     with pytest.raises(BimanualError, match=message):
-        compare(CompareConfig(first=tmp_path, second=tmp_path))
+        results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +183,7 @@ def test_which_policy_of_a_folder_is_meant_must_be_said(flags, message, tmp_path
     put(tmp_path, trained(7, "xxxx"))
     put(tmp_path, trained(7, "xxxx", "other"))
     with pytest.raises(BimanualError, match=message.replace("|", r"\|")):
-        compare(CompareConfig(first=tmp_path, second=tmp_path, **flags))
+        results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path, **flags))
 
 
 def test_folders_that_share_no_task_are_refused(tmp_path):
@@ -192,7 +194,7 @@ def test_folders_that_share_no_task_are_refused(tmp_path):
     with pytest.raises(
         BimanualError, match=r"no task is in both: lift_ball, push_box in .*one, lift_tray in"
     ):
-        compare(CompareConfig(first=tmp_path / "one", second=tmp_path / "two"))
+        results_compare(ResultsCompareConfig(first=tmp_path / "one", second=tmp_path / "two"))
 
 
 class MadeUpEvaluations:

@@ -14,8 +14,8 @@ from lerobot_bimanual.benchmark import success_figure as success
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.canvas import BLUE, DESCRIPTION, ORANGE, PAPER, PIXELS, WIDTH, Canvas, Color
-from lerobot_bimanual.commands.compare import CompareConfig, compare
-from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
+from lerobot_bimanual.commands.results_leaderboard import ResultsLeaderboardConfig, results_leaderboard
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.results.statistics import wilson_interval
 
@@ -102,10 +102,14 @@ def test_the_verbs_write_figures_that_describe_themselves(tmp_path: Path, instal
         install_recipe(policy)
         put(results, row_of(policy, "lift_ball"))
     page = tmp_path / "pages" / "page.md"
-    leaderboard(LeaderboardConfig(results=results, output=page, figure=figures / "all of them.png"))
+    results_leaderboard(
+        ResultsLeaderboardConfig(results=results, output=page, figure=figures / "all of them.png")
+    )
     assert "](../figures/all%20of%20them.png)" in page.read_text()
     policies = {"first_policy": "mine", "second_policy": "other"}
-    compare(CompareConfig(first=results, second=results, figure=figures / "two.png", **policies))
+    results_compare(
+        ResultsCompareConfig(first=results, second=results, figure=figures / "two.png", **policies)
+    )
     for name, words in (
         ("all of them.png", "lift_ball: mine 2 of 4"),
         ("two.png", "first (mine) less second"),
@@ -119,7 +123,7 @@ def test_a_figure_under_the_name_of_another_kind_of_file_is_refused(tmp_path: Pa
     with pytest.raises(
         InvalidChoice, match=r"figure is '.*all\.pdf', but must be one of: a path that ends in \.png"
     ):
-        leaderboard(LeaderboardConfig(results=tmp_path, figure=tmp_path / "all.pdf"))
+        results_leaderboard(ResultsLeaderboardConfig(results=tmp_path, figure=tmp_path / "all.pdf"))
 
 
 def test_a_text_that_is_too_long_ends_where_its_room_does():

@@ -23,7 +23,7 @@ RIGHT = {
     "versions": {"mujoco": "3.3.0", "numpy": "2.2.0"},
     "worlds": {"lift_ball": "0123456789ab"},
     "settings": {"episodes": 1, "intermediate": [0.5]},
-    "command": "lerobot-bimanual generate --task=lift_ball",
+    "command": "lerobot-bimanual dataset generate --task=lift_ball",
     "episodes": [KEY],
     "skipped": [KEY | {"reason": "left arm: unreachable"}],
 }

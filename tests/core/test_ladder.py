@@ -10,8 +10,8 @@ from made_up_ladders import AXES, CERTIFICATE, LADDER, ladder, rung
 from PIL import Image
 
 from lerobot_bimanual.canvas import DESCRIPTION, VERMILION
-from lerobot_bimanual.commands.compare import CompareConfig, compare
-from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
+from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
+from lerobot_bimanual.commands.results_robustness import ResultsRobustnessConfig, results_robustness
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder import ladders_page
 from lerobot_bimanual.ladder.falls import falls, level_sums
@@ -127,7 +127,7 @@ def test_a_certificate_that_contradicts_itself_is_refused(changes):
 
 
 def test_a_folder_of_certificates_holds_one_per_task(tmp_path):
-    with pytest.raises(BimanualError, match="certify-rungs"):
+    with pytest.raises(BimanualError, match="expert evaluate-perturbed"):
         read_rung_certificates(tmp_path)
     for name in ("one", "other"):
         CERTIFICATE.write(tmp_path / f"{name}.json")
@@ -178,7 +178,9 @@ def test_compare_pairs_two_ladders_rung_by_rung(tmp_path, capsys, monkeypatch):
     rungs = (*LADDER.rungs[:2], rung("camera_moved", 2, "xxxxxxxxxx"), *LADDER.rungs[4:])
     ladder(rungs=rungs, policy="yours").write(tmp_path / "second.json")
     figure = tmp_path / "both.png"
-    compare(CompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json", figure=figure))
+    results_compare(
+        ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json", figure=figure)
+    )
     output = " ".join(capsys.readouterr().out.split())
     assert "camera_moved:2 4 10 0, 6 0.0312 0.0625" in output
     assert "mass:3 2 2 0, 0 1 not certified" in output
@@ -201,14 +203,14 @@ def test_only_ladders_of_the_same_episodes_are_compared(other, message, tmp_path
     LADDER.write(tmp_path / "first.json")
     other.write(tmp_path / "second.json")
     with pytest.raises(BimanualError, match=message):
-        compare(CompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
+        results_compare(ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
 
 
 def test_a_ladder_beside_a_row_is_refused(tmp_path):
     LADDER.write(tmp_path / "first.json")
     (tmp_path / "second.json").write_text('{"policy": "act"}')
     with pytest.raises(BimanualError, match=r"second\.json: ladder lacks"):
-        compare(CompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
+        results_compare(ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
 
 
 def test_robustness_writes_tables_and_a_heat_map(tmp_path):
@@ -216,8 +218,10 @@ def test_robustness_writes_tables_and_a_heat_map(tmp_path):
     LADDER.write(folder / "mine.json")
     CERTIFICATE.write(tmp_path / "rungs" / "lift_ball.json")
     page, figure = tmp_path / "page.md", tmp_path / "map.png"
-    robustness(
-        RobustnessConfig(ladders=(folder,), certificates=tmp_path / "rungs", output=page, figure=figure)
+    results_robustness(
+        ResultsRobustnessConfig(
+            ladders=(folder,), certificates=tmp_path / "rungs", output=page, figure=figure
+        )
     )
     text = page.read_text()
     assert "| axis | mine |" in text
@@ -266,9 +270,9 @@ def test_a_page_says_how_far_trainings_of_one_policy_are_apart_beside_other_poli
 
 
 def test_robustness_without_results_or_with_two_of_one_name_says_so(tmp_path):
-    with pytest.raises(BimanualError, match="no results of `lerobot-bimanual ladder`"):
-        robustness(RobustnessConfig(ladders=(tmp_path,)))
+    with pytest.raises(BimanualError, match="no results of `lerobot-bimanual policy robustness`"):
+        results_robustness(ResultsRobustnessConfig(ladders=(tmp_path,)))
     for folder in ("a", "b"):
         LADDER.write(tmp_path / folder / "mine.json")
     with pytest.raises(BimanualError, match="same name"):
-        robustness(RobustnessConfig(ladders=(tmp_path / "a", tmp_path / "b")))
+        results_robustness(ResultsRobustnessConfig(ladders=(tmp_path / "a", tmp_path / "b")))

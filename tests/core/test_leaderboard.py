@@ -14,7 +14,7 @@ from lerobot_bimanual.benchmark.episode_result import Validation
 from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
-from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.commands.results_leaderboard import ResultsLeaderboardConfig, results_leaderboard
 from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 
@@ -95,7 +95,7 @@ def test_a_leaderboard_says_how_a_row_departs_from_todays_recipe(results: Path):
     validation = (*ROW.validation, Validation(6, episodes("x.")))
     put(results, replace(row, flags=flags, validation=validation, checkpoint_step=6))
     beyond = """--steps=6 --val_episodes=2 --test_episodes=4 --train_flags="--policy.shift=[0.5,1] '--policy.more=a b'\""""
-    command = f"lerobot-bimanual benchmark --policy=mine --task=sweep --recipe=small --demos=2 {beyond} --device=cpu"
+    command = f"lerobot-bimanual policy benchmark --policy=mine --task=sweep --recipe=small --demos=2 {beyond} --device=cpu"
     page = render(results)
     assert f"| `--demos=2 {beyond}` |" in page
     assert f"```bash\n{command}\n```" in page
@@ -126,10 +126,12 @@ def test_rows_of_policies_that_are_not_installed_stand_in_the_table_too(results:
 
 
 def test_rows_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
-    config = LeaderboardConfig(results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md")
+    config = ResultsLeaderboardConfig(
+        results=results, hub_results=tmp_path / "hub", output=tmp_path / "page.md"
+    )
     with pytest.raises(BimanualError, match="benchmark_repo is None, but --hub_results needs"):
-        leaderboard(config)
-    leaderboard(replace(config, benchmark_repo="me/bimanual"))
+        results_leaderboard(config)
+    results_leaderboard(replace(config, benchmark_repo="me/bimanual"))
     files = sorted((tmp_path / "hub").glob("*.yaml"))
     assert [file.stem for file in files] == sorted(path.stem for path in results.glob("*.json"))
     (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
@@ -139,15 +141,17 @@ def test_rows_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: 
 
 
 def test_a_leaderboard_is_printed_or_written(results: Path, capsys):
-    leaderboard(LeaderboardConfig(results=results))
+    results_leaderboard(ResultsLeaderboardConfig(results=results))
     page = capsys.readouterr().out
-    leaderboard(LeaderboardConfig(results=results, output=results / "page.md"))
+    results_leaderboard(ResultsLeaderboardConfig(results=results, output=results / "page.md"))
     assert (results / "page.md").read_text() == page
     assert not capsys.readouterr().out
 
 
 def test_a_leaderboard_of_nothing_is_refused(tmp_path: Path):
-    with pytest.raises(BimanualError, match="holds no results; `lerobot-bimanual benchmark` writes them"):
+    with pytest.raises(
+        BimanualError, match="holds no results; `lerobot-bimanual policy benchmark` writes them"
+    ):
         render(tmp_path)
 
 
@@ -174,7 +178,7 @@ def test_a_leaderboard_of_unlike_results_is_refused_and_nothing_is_written(
 ):
     put(results, row_of("mine", "lift_ball", **changes))
     with pytest.raises(BimanualError, match=f"lift_ball_.*json: {message}.*keep what is alike"):
-        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+        results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert not (tmp_path / "page.md").exists()
 
 
@@ -247,7 +251,7 @@ def test_a_row_with_damage_in_it_is_named_and_nothing_is_written(results: Path, 
     path = results / "push_box_mine_small_seed1000.json"
     path.write_text(path.read_text()[:-100])
     with pytest.raises(BadResult, match=path.name):
-        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+        results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert not (tmp_path / "page.md").exists()
 
 

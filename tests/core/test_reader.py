@@ -184,7 +184,7 @@ def provenance() -> Provenance:
         versions=installed_versions(),
         worlds={"lift_ball": "0123456789ab"},
         settings={"episodes": 2, "intermediate": [0.5]},
-        command="lerobot-bimanual generate --task=lift_ball",
+        command="lerobot-bimanual dataset generate --task=lift_ball",
         episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],
         skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
     )

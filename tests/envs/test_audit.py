@@ -17,7 +17,7 @@ from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
 from lerobot_env_bimanual.audit.result_files import result_files
-from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
+from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.runner import expert
@@ -160,20 +160,20 @@ def test_records_are_equal_bytes_in_one_process_and_in_several_and_after_other_e
     assert [episode.seed for episode in record.episodes] == [3, 4, 5, 6]
     assert {episode.failure for episode in record.episodes} == {"left arm: zero quaternion"}
 
-    config = VerifyResultsConfig(results=tmp_path / "sync", workers=1)
-    assert verify_results(config) == 0
+    config = ResultsVerifyConfig(results=tmp_path / "sync", workers=1)
+    assert results_verify(config) == 0
     assert "lift_ball_test_record.json: as claimed" in capsys.readouterr().out
     replace(record, episodes=(replace(record.episodes[0], ticks=9), *record.episodes[1:])).write(
         tmp_path / "sync" / "lift_ball_test_record.json"
     )
-    assert verify_results(config) == 1
+    assert results_verify(config) == 1
     assert "seed 3: ticks is 9, but 2 when it is played again" in capsys.readouterr().out
 
 
 def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
     record = EvaluationRecord(1, "lift_ball", "0" * 12, {"split": "test"}, 1, {"numpy": "1"}, (played,))
     record.write(tmp_path / "record.json")
-    assert verify_results(VerifyResultsConfig(results=tmp_path / "record.json", workers=1)) == 1
+    assert results_verify(ResultsVerifyConfig(results=tmp_path / "record.json", workers=1)) == 1
     assert "world of lift_ball is 000000000000" in capsys.readouterr().out
 
 
@@ -186,7 +186,12 @@ def test_a_log_of_episodes_beside_a_record_is_no_result(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [["blame", "--results=."], ["verify-results", "--results=."], ["verify", "--root=."]]
+    "words",
+    [
+        ["results", "diagnose", "--results=."],
+        ["results", "verify", "--results=."],
+        ["dataset", "verify", "--root=."],
+    ],
 )
 def test_draws_by_a_seed_below_0_are_refused_on_one_line(words, capsys):
     assert cli.main([*words, "--seed=-1"]) == 1

@@ -14,7 +14,7 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blamer, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
-from lerobot_env_bimanual.commands.blame import BlameConfig, blame
+from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
 from lerobot_env_bimanual.experts.world_version import world_version
 
 pytestmark = pytest.mark.sim
@@ -91,7 +91,7 @@ def test_the_verb_says_who_lost_what_and_draws_it(tmp_path, capsys):
     episode = played(EASY, shifted(1, LEFT_X, 0.06)(keyposes))
     path, output, figure = (tmp_path / name for name in ("record.json", "blame/found.json", "blame/bars.png"))
     record_of(EASY, episode).write(path)
-    assert blame(BlameConfig(results=path, output=output, figure=figure, workers=1)) == 0
+    assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, figure=figure, workers=1)) == 0
     printed = capsys.readouterr().out
     assert re.search(rf"{SEED} +missed grasp +1 +left arm", printed)
     assert "1 episodes of handover_item_easy, 1 failed" in printed
@@ -113,7 +113,12 @@ def test_episodes_of_several_policies_and_rungs_are_told_apart(tmp_path, capsys)
             tmp_path / f"{number}.json"
         )
     output, figure = tmp_path / "blame/found.json", tmp_path / "blame/bars.png"
-    assert blame(BlameConfig(results=tmp_path, sample=1, output=output, figure=figure, workers=1)) == 0
+    assert (
+        results_diagnose(
+            ResultsDiagnoseConfig(results=tmp_path, sample=1, output=output, figure=figure, workers=1)
+        )
+        == 0
+    )
     found = json.loads(output.read_text())[TRAY]
     assert [(Path(one["file"]).name, one["policy"], one["perturb"]) for one in found] == [
         ("1.json", "", "mass:1"),
@@ -135,11 +140,11 @@ def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):
     record.write(path)
     path.write_text(path.read_text().replace(record.world, "0" * 12))
     with pytest.raises(BimanualError, match=f"world of {TRAY} is 000000000000"):
-        blame(BlameConfig(results=path, workers=1))
+        results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
     record.write(path)
     path.write_text(path.read_text().replace(episode.start, "0" * 64))
     with pytest.raises(BimanualError, match=f"seed {SEED} starts in another state"):
-        blame(BlameConfig(results=path, workers=1))
+        results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
 
 
 def test_only_rows_of_the_policy_that_is_asked_for_are_looked_at(tmp_path, capsys):
@@ -151,13 +156,15 @@ def test_only_rows_of_the_policy_that_is_asked_for_are_looked_at(tmp_path, capsy
     other = tmp_path / committed.name.replace("peract2", "rvt_lf")
     flags = row["flags"] | {"policy.type": "rvt_lf"}
     other.write_text(json.dumps({**row, "policy": "rvt_lf", "flags": flags}))
-    assert blame(BlameConfig(results=tmp_path, policy="rvt_lf", sample=1, workers=1)) == 0
+    assert (
+        results_diagnose(ResultsDiagnoseConfig(results=tmp_path, policy="rvt_lf", sample=1, workers=1)) == 0
+    )
     printed = capsys.readouterr().out
     assert str(other) in printed
     assert str(tmp_path / committed.name) not in printed
     with pytest.raises(InvalidChoice, match=r"policy.*peract2, rvt_lf"):
-        blame(BlameConfig(results=tmp_path, policy="act"))
+        results_diagnose(ResultsDiagnoseConfig(results=tmp_path, policy="act"))
     record = tmp_path / "record.json"
     record_of(TRAY, played(TRAY, expert_keyposes(TRAY)[:1])).write(record)
     with pytest.raises(InvalidChoice, match="no row of `benchmark` is there"):
-        blame(BlameConfig(results=record, policy="peract2"))
+        results_diagnose(ResultsDiagnoseConfig(results=record, policy="peract2"))

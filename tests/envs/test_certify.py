@@ -8,7 +8,7 @@ from made_up_outcomes import SOLVED, episodes
 
 from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
-from lerobot_env_bimanual.commands.certify import CertifyConfig, certify
+from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.experts import campaign
 from lerobot_env_bimanual.experts.campaign import Campaign
@@ -31,12 +31,12 @@ def test_seeds_are_a_half_open_range():
 
 def test_certify_refuses_unknown_tasks_before_it_starts_anything():
     with pytest.raises(UnknownTask, match="lift_ball"):
-        certify(CertifyConfig(task="lift_bal"))
+        expert_evaluate(ExpertEvaluateConfig(task="lift_bal"))
 
 
 def test_certify_refuses_unknown_variations_before_it_starts_anything():
     with pytest.raises(UnknownVariation, match="'lift_ball' has no variation 7"):
-        certify(CertifyConfig(task="lift_ball", variation="7"))
+        expert_evaluate(ExpertEvaluateConfig(task="lift_ball", variation="7"))
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -48,7 +48,7 @@ def test_certify_refuses_roundings_and_replays_that_would_change_nothing(control
     for option, value, takes in (("discretise", 100, EXPERTS), ("replay", "joint", EXPERTS)):
         words = "it starts" if control in takes else f"^{option} of the control '{control}'"
         with pytest.raises(BimanualError, match=words):
-            certify(CertifyConfig(control=control, **{option: value}))
+            expert_evaluate(ExpertEvaluateConfig(control=control, **{option: value}))
 
 
 @pytest.mark.sim
@@ -70,7 +70,9 @@ def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, c
     for workers in (1, 2):
         output = tmp_path / "certificates" / f"{workers}.json"
         assert (
-            certify(CertifyConfig("lift_ball", seeds="0:3", discretise=100, workers=workers, output=output))
+            expert_evaluate(
+                ExpertEvaluateConfig("lift_ball", seeds="0:3", discretise=100, workers=workers, output=output)
+            )
             == 0
         )
         certificates.append(json.loads(output.read_text()))
@@ -91,7 +93,7 @@ def test_certify_writes_the_same_episodes_with_any_number_of_workers(tmp_path, c
 
 def test_certify_exits_with_one_and_says_why(monkeypatch, capsys):
     monkeypatch.setattr(Campaign, "play", lambda *_: episodes(98, 2))
-    assert certify(CertifyConfig("lift_ball", seeds="0:100")) == 1
+    assert expert_evaluate(ExpertEvaluateConfig("lift_ball", seeds="0:100")) == 1
     printed = " ".join(capsys.readouterr().out.split())
     assert "98/100" in printed
     assert "unmet: above(ball)" in printed
@@ -128,7 +130,8 @@ def test_an_accident_is_an_error_that_names_the_episode_after_all_others_are_pla
 def test_an_accident_writes_no_certificate_and_keeps_what_was_played(tmp_path, monkeypatch):
     output = tmp_path / "noop.json"
     words = [
-        "certify",
+        "expert",
+        "evaluate",
         "--task=lift_ball",
         "--control=noop",
         "--seeds=0:2",

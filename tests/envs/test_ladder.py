@@ -14,8 +14,11 @@ from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.checkpoint import Checkpoint
-from lerobot_env_bimanual.commands.certify_rungs import CertifyRungsConfig, certify_rungs
-from lerobot_env_bimanual.commands.ladder import LadderConfig, ladder
+from lerobot_env_bimanual.commands.expert_evaluate_perturbed import (
+    ExpertEvaluatePerturbedConfig,
+    expert_evaluate_perturbed,
+)
+from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConfig, policy_robustness
 from lerobot_env_bimanual.episode.draw import draw_episode
 from lerobot_env_bimanual.ladder import certification, climb
 from lerobot_env_bimanual.ladder.controls import Controls
@@ -37,9 +40,11 @@ def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MadeUpRollout, "patience", 1000)
 
 
-def config(tmp_path: Path, *axes: str, levels: tuple[int, ...] = (1, 3)) -> LadderConfig:
+def config(tmp_path: Path, *axes: str, levels: tuple[int, ...] = (1, 3)) -> PolicyRobustnessConfig:
     output = tmp_path / "ladder.json"
-    return LadderConfig(checkpoint=TRAINED, task=TASK, axes=axes, levels=levels, episodes=4, output=output)
+    return PolicyRobustnessConfig(
+        checkpoint=TRAINED, task=TASK, axes=axes, levels=levels, episodes=4, output=output
+    )
 
 
 @pytest.mark.parametrize("task", list_tasks())
@@ -97,10 +102,10 @@ def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch
     chosen = config(tmp_path, "arm_late", "camera_moved")
     monkeypatch.setattr(MadeUpRollout, "patience", 2)
     with pytest.raises(KeyboardInterrupt, match="goes on where it stopped"):
-        ladder(chosen)
+        policy_robustness(chosen)
     assert [rung.name for rung in LadderResult.read(chosen.output).rungs] == ["level 0", "arm_late:1"]
     monkeypatch.setattr(MadeUpRollout, "patience", 3)  # just as many as are missing
-    ladder(chosen)
+    policy_robustness(chosen)
     result = LadderResult.read(chosen.output)
     names = ["level 0", "arm_late:1", "arm_late:3", "camera_moved:1", "camera_moved:3"]
     assert [rung.name for rung in result.rungs] == names
@@ -108,7 +113,7 @@ def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch
     assert "level 3: 4 of 8" in capsys.readouterr().out
     assert chosen.output.with_suffix(".png").is_file()
     monkeypatch.setattr(MadeUpRollout, "patience", 2)
-    ladder(replace(chosen, levels=(2,)))  # the file grows
+    policy_robustness(replace(chosen, levels=(2,)))  # the file grows
     assert len(LadderResult.read(chosen.output).rungs) == 7
 
 
@@ -123,18 +128,18 @@ def test_an_interrupted_ladder_keeps_its_rungs_and_goes_on(tmp_path, monkeypatch
 )
 def test_a_file_of_other_episodes_is_not_mixed_with_these(changes, message, tmp_path):
     chosen = config(tmp_path, "arm_late", levels=(1,))
-    ladder(chosen)
+    policy_robustness(chosen)
     with pytest.raises(BimanualError, match=f"{message}.*choose another --output, or remove the file"):
-        ladder(replace(chosen, **changes))
+        policy_robustness(replace(chosen, **changes))
 
 
 def test_a_certificate_of_another_world_is_refused_and_one_of_this_decides(tmp_path):
     chosen = config(tmp_path, "arm_late", "camera_moved", levels=(3,))
-    rungs = CertifyRungsConfig(
+    rungs = ExpertEvaluatePerturbedConfig(
         task=TASK, axes=("arm_late",), levels=(3,), seeds="0:40", blind_seeds="0:2", output=tmp_path / "rungs"
     )
-    certify_rungs(rungs)
-    ladder(replace(chosen, certificates=rungs.output))
+    expert_evaluate_perturbed(rungs)
+    policy_robustness(replace(chosen, certificates=rungs.output))
     result = LadderResult.read(chosen.output)
     assert [rung.certificate for rung in result.rungs] == [SuccessRate(40, 40)] * 3
     chosen.output.unlink()
@@ -142,24 +147,26 @@ def test_a_certificate_of_another_world_is_refused_and_one_of_this_decides(tmp_p
     path.write_text(path.read_text().replace(f"{TASK} arm_late:3", "elsewhere"))
     MadeUpCampaign.jobs.clear()
     with pytest.raises(BimanualError, match="is of world elsewhere, but here it is"):
-        ladder(replace(chosen, certificates=rungs.output))
+        policy_robustness(replace(chosen, certificates=rungs.output))
     assert not MadeUpCampaign.jobs  # it was noticed before anything was played
     assert not chosen.output.exists()
 
 
 def test_a_certificate_that_comes_later_decides_on_the_rungs_that_are_played_already(tmp_path, capsys):
     chosen = config(tmp_path, "arm_late", "camera_moved", levels=(3,))
-    ladder(chosen)
-    rungs = CertifyRungsConfig(task=TASK, seeds="0:40", blind_seeds="0:2", output=tmp_path / "rungs")
-    certify_rungs(replace(rungs, task="lift_ball", axes=("mass",)))
-    ladder(replace(chosen, certificates=rungs.output))
+    policy_robustness(chosen)
+    rungs = ExpertEvaluatePerturbedConfig(
+        task=TASK, seeds="0:40", blind_seeds="0:2", output=tmp_path / "rungs"
+    )
+    expert_evaluate_perturbed(replace(rungs, task="lift_ball", axes=("mass",)))
+    policy_robustness(replace(chosen, certificates=rungs.output))
     assert f"holds no certificate of {TASK}, only of lift_ball" in capsys.readouterr().out
     assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {None}
-    certify_rungs(replace(rungs, axes=("arm_late",), levels=(3,)))
+    expert_evaluate_perturbed(replace(rungs, axes=("arm_late",), levels=(3,)))
     MadeUpCampaign.jobs.clear()
-    ladder(replace(chosen, certificates=rungs.output))
+    policy_robustness(replace(chosen, certificates=rungs.output))
     assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
-    ladder(chosen)  # which forgets nothing
+    policy_robustness(chosen)  # which forgets nothing
     assert {rung.certificate for rung in LadderResult.read(chosen.output).rungs} == {SuccessRate(40, 40)}
     assert not MadeUpCampaign.jobs
 
@@ -167,7 +174,7 @@ def test_a_certificate_that_comes_later_decides_on_the_rungs_that_are_played_alr
 @pytest.mark.parametrize("rung", ["level 0", "arm_late:1", "camera_moved:1"])
 def test_rungs_of_another_world_are_not_mixed_with_these(rung, tmp_path):
     chosen = config(tmp_path, "arm_late", "camera_moved", levels=(1,))
-    ladder(chosen)
+    policy_robustness(chosen)
     result = LadderResult.read(chosen.output)
     changed = [replace(one, world="elsewhere") if one.name == rung else one for one in result.rungs]
     replace(result, rungs=tuple(changed)).write(chosen.output)
@@ -175,12 +182,12 @@ def test_rungs_of_another_world_are_not_mixed_with_these(rung, tmp_path):
     with pytest.raises(
         BimanualError, match=f"has world of {rung} .*elsewhere.* choose another --output, or remove"
     ):
-        ladder(replace(chosen, levels=(1, 2)))
+        policy_robustness(replace(chosen, levels=(1, 2)))
     assert not MadeUpCampaign.jobs
 
 
 def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed(tmp_path, capsys):
-    chosen = CertifyRungsConfig(
+    chosen = ExpertEvaluatePerturbedConfig(
         task="lift_ball",
         axes=("mass", "camera_moved"),
         levels=(3,),
@@ -188,22 +195,22 @@ def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed
         blind_seeds="0:3",
         output=tmp_path,
     )
-    certify_rungs(chosen)
+    expert_evaluate_perturbed(chosen)
     certificate = RungCertificate.read(tmp_path / "lift_ball.json")
     assert [rung.name for rung in certificate.rungs] == ["level 0", "mass:3"]  # what is only seen is left out
     assert certificate.rungs[1].expert_failed == (1,)
     assert certificate.rungs[0].blind_solved == (0,)
     assert "not certified: mass:3, expert 19/20" in capsys.readouterr().out
     MadeUpCampaign.jobs.clear()
-    certify_rungs(replace(chosen, levels=(1, 3)))
+    expert_evaluate_perturbed(replace(chosen, levels=(1, 3)))
     assert {job.perturb for job in MadeUpCampaign.jobs} == {"mass:1"}
     path = tmp_path / "lift_ball.json"
     path.write_text(path.read_text().replace("lift_ball mass:3", "elsewhere"))
     MadeUpCampaign.jobs.clear()
-    certify_rungs(chosen)
+    expert_evaluate_perturbed(chosen)
     assert {job.perturb for job in MadeUpCampaign.jobs} == {"mass:3"}
     with pytest.raises(BimanualError, match="has expert_seeds"):
-        certify_rungs(replace(chosen, seeds="0:30"))
+        expert_evaluate_perturbed(replace(chosen, seeds="0:30"))
 
 
 def test_a_checkpoint_says_which_images_it_reads():
@@ -228,7 +235,7 @@ def test_what_is_no_checkpoint_is_refused_on_one_line(config, message, tmp_path,
     (tmp_path / "model.safetensors").touch()
     if config is not None:
         (tmp_path / "config.json").write_text(json.dumps(config))
-    assert cli.main(["ladder", f"--checkpoint={tmp_path}", "--task=lift_ball"]) == 1
+    assert cli.main(["policy", "robustness", f"--checkpoint={tmp_path}", "--task=lift_ball"]) == 1
     error = capsys.readouterr().err.strip()
     assert message in error
     assert "\n" not in error
@@ -246,7 +253,7 @@ def test_what_is_no_checkpoint_is_refused_on_one_line(config, message, tmp_path,
 )
 def test_bad_flags_get_one_clear_line(flags, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert cli.main(["ladder", f"--checkpoint={TRAINED}", *flags]) == 1
+    assert cli.main(["policy", "robustness", f"--checkpoint={TRAINED}", *flags]) == 1
     error = capsys.readouterr().err.strip()
     assert message in error
     assert "\n" not in error

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_env_bimanual.commands.perturbations import PerturbationsConfig, perturbations
+from lerobot_env_bimanual.commands.task_perturbations import TaskPerturbationsConfig, task_perturbations
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.pictures.axes_sheet import Row, axes_sheet, draw_row
 
 
 def test_all_axes_are_listed_with_their_levels_and_a_group_alone_if_asked_for(capsys):
-    perturbations(PerturbationsConfig())
+    task_perturbations(TaskPerturbationsConfig())
     listed = capsys.readouterr().out
     assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(list_axes())
-    perturbations(PerturbationsConfig(group="words"))
+    task_perturbations(TaskPerturbationsConfig(group="words"))
     listed = capsys.readouterr().out
     assert listed.startswith("instruction  (words)")
     assert "levels 1 to 3: 1, 2, 3 steps" in listed
@@ -31,4 +31,4 @@ def test_a_row_of_the_picture_shows_every_level_and_none_is_drawn_of_what_is_not
 
 def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path):
     with pytest.raises(InvalidChoice, match=r"\.jpg"):
-        perturbations(PerturbationsConfig(picture=tmp_path / "axes.bmp"))
+        task_perturbations(TaskPerturbationsConfig(picture=tmp_path / "axes.bmp"))

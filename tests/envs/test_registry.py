@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from lerobot_bimanual.errors import UnknownTask
-from lerobot_env_bimanual.commands.tasks import TasksConfig, tasks
+from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
 from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.task import Prehension, Taxonomy
 from lerobot_env_bimanual.tasks.registry import get_task, list_suites, list_tasks, register, resolve_tasks
@@ -82,7 +82,7 @@ def test_a_taxonomy_row_names_its_suites():
 
 
 def test_the_verb_lists_every_task_for_programs(capsys):
-    tasks(TasksConfig(format="json"))
+    task_list(TaskListConfig(format="json"))
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert sorted(rows) == list(list_tasks())
     assert rows["lift_ball"]["instructions"] == [["lift the ball"]]
@@ -97,11 +97,11 @@ def test_the_verb_lists_every_task_for_programs(capsys):
 @pytest.mark.parametrize("columns", [40, 80, 200])
 def test_the_verb_lists_every_task_for_people_and_cuts_no_name(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(columns))
-    tasks(TasksConfig(task="all"))
+    task_list(TaskListConfig(task="all"))
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= max(columns, 60)
     assert {line.split()[0] for line in lines if not line.startswith(" ")} == set(list_tasks())
     words = " ".join(lines).split()
     assert "non_prehensile" in words
-    tasks(TasksConfig(task="symmetric"))
+    task_list(TaskListConfig(task="symmetric"))
     assert "handover_item_easy" not in capsys.readouterr().out

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands.report import ReportConfig, report
+from lerobot_env_bimanual.commands.expert_report import ExpertReportConfig, expert_report
 from lerobot_env_bimanual.reports.certified import Certified, movable_items, success_table
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, PAPER
 from lerobot_env_bimanual.tasks.registry import list_tasks
@@ -28,7 +28,7 @@ def test_movable_items_are_free_objects_doors_drawers_and_buttons():
 
 def test_the_page_in_the_documentation_is_what_the_certificates_say(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    report(ReportConfig(output=tmp_path / "tasks.md"))
+    expert_report(ExpertReportConfig(output=tmp_path / "tasks.md"))
     assert (tmp_path / "tasks.md").read_text() == (ROOT / "docs" / "tasks.md").read_text()
 
 
@@ -42,4 +42,4 @@ def test_what_was_not_played_is_marked(tmp_path):
 
 def test_a_folder_without_certificates_is_refused_with_the_command_that_makes_them(tmp_path):
     with pytest.raises(BimanualError, match="certify --variation=each"):
-        report(ReportConfig(certificates=tmp_path))
+        expert_report(ExpertReportConfig(certificates=tmp_path))

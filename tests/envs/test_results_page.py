@@ -18,8 +18,8 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blame, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
-from lerobot_env_bimanual.commands import report_results as verb
-from lerobot_env_bimanual.commands.report_results import ReportResultsConfig, report_results
+from lerobot_env_bimanual.commands import results_report as verb
+from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.pictures.episode_film import EVERY, Film, film_episode
 from lerobot_env_bimanual.reports.results_page import Section, film_size, results_page
@@ -199,7 +199,7 @@ def test_films_are_of_different_failures_first_and_as_many_as_there_is_room_for(
 @pytest.mark.parametrize("flags", [{"films": -1}, {"max_mb": 0.0}, {"max_mb": float("nan")}])
 def test_numbers_that_make_no_sense_are_refused(flags, tmp_path):
     with pytest.raises(InvalidChoice, match=next(iter(flags))):
-        report_results(ReportResultsConfig(results=ROWS[0], output=tmp_path / "page.html", **flags))
+        results_report(ResultsReportConfig(results=ROWS[0], output=tmp_path / "page.html", **flags))
 
 
 TASK = "lift_ball"
@@ -221,8 +221,8 @@ def test_the_verb_writes_a_page_with_films_of_a_failure_and_a_success(episodes, 
     record = EvaluationRecord(1, TASK, world_version(TASK), OPTIONS, 1, {"numpy": "1"}, episodes)
     record.write(tmp_path / "record.json")
     output = tmp_path / "pages" / "page.html"
-    report_results(
-        ReportResultsConfig(results=tmp_path / "record.json", output=output, workers=1, max_mb=1.0)
+    results_report(
+        ResultsReportConfig(results=tmp_path / "record.json", output=output, workers=1, max_mb=1.0)
     )
     assert f"{output}: 1 results, 2 films, " in capsys.readouterr().out
     assert output.stat().st_size < 1e6

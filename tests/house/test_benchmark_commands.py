@@ -12,8 +12,8 @@ from lerobot_bimanual.benchmark.flag_text import further_flags
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.protocol import PROTOCOLS
 from lerobot_bimanual.cli.flags import flags_of, parse_flags
-from lerobot_bimanual.commands.benchmark import benchmark
 from lerobot_bimanual.commands.demo import DemoConfig, demo
+from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
 from lerobot_bimanual.errors import BimanualError
 
 POLICIES = ("act", "peract2", "peract_independent", "peract_lf", "rvt_lf")
@@ -30,8 +30,8 @@ def check(words: list[str]) -> None:
 
     program, *flags = words
     if program == "lerobot-bimanual":
-        verb, *flags = flags
-        parse_flags(cli.config_type_of(cli.find_verbs()[verb].load()), flags)
+        name, flags = cli.find_command(flags)
+        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), flags)
         return
     config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
     if any(flag.startswith("--policy.path=") for flag in flags):
@@ -94,7 +94,7 @@ def test_flags_of_the_demo_mean_what_they_mean_for_a_benchmark(tmp_path):
 
 
 def test_a_dry_run_prints_and_runs_nothing(tmp_path, capsys):
-    benchmark(BenchmarkConfig(output=tmp_path / "output", dry_run=True))
+    policy_benchmark(BenchmarkConfig(output=tmp_path / "output", dry_run=True))
     printed = capsys.readouterr().out.splitlines()
     commands = commands_of(BenchmarkConfig(output=tmp_path / "output"))
     assert [shlex.split(line) for line in printed if not line.startswith("#")] == commands
@@ -122,7 +122,7 @@ def test_what_is_no_task_of_the_environment_is_refused_before_anything_runs(
 ):
     output = tmp_path / "output"
     with pytest.raises(BimanualError, match=message):
-        benchmark(BenchmarkConfig(task=task, variation=variation, output=output, dry_run=True))
+        policy_benchmark(BenchmarkConfig(task=task, variation=variation, output=output, dry_run=True))
     assert not output.exists()
 
 
@@ -131,7 +131,7 @@ def test_a_network_must_have_learned_from_the_task_that_is_scored(tmp_path):
     with pytest.raises(
         BimanualError, match=r"of which 'lift_ball' is none.*score one of: push_box, lift_tray"
     ):
-        benchmark(config)
+        policy_benchmark(config)
 
 
 def test_the_demo_refuses_a_suite_too(tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from lerobot_bimanual.commands.leaderboard import LeaderboardConfig, leaderboard
+from lerobot_bimanual.commands.results_leaderboard import ResultsLeaderboardConfig, results_leaderboard
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -149,7 +149,7 @@ def with_its_rates(row: Row) -> Row:
 
 
 def test_the_rows_are_good_before_they_are_damaged(results, tmp_path):
-    leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert "| `handover_item_easy` |" in (tmp_path / "page.md").read_text()
 
 
@@ -161,7 +161,7 @@ def test_a_damage_is_named_with_its_file_and_no_page_is_written(damage, message,
         row = with_its_rates(row)
     (results / DAMAGED).write_text(json.dumps(row))
     with pytest.raises(BimanualError, match=rf"{DAMAGED}: .*{message}") as error:
-        leaderboard(LeaderboardConfig(results=results, output=tmp_path / "page.md"))
+        results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
     assert "\n" not in str(error.value)
     assert not (tmp_path / "page.md").exists()
 
@@ -171,4 +171,4 @@ def test_the_same_training_twice_is_refused(results):
     row["flags"]["seed"] = "7"
     (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
     with pytest.raises(BimanualError, match=r"it has the weights of .*json, so it is no other training"):
-        leaderboard(LeaderboardConfig(results=results))
+        results_leaderboard(ResultsLeaderboardConfig(results=results))

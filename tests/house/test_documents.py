@@ -59,20 +59,19 @@ def test_links_lead_to_files(document: Path) -> None:
     assert not [link for link in LINK.findall(document.read_text()) if not (document.parent / link).exists()]
 
 
-def test_the_readme_names_every_verb_and_no_other() -> None:
+def test_the_readme_names_every_command_and_no_other() -> None:
     rows = re.findall(
-        r"^\| `([a-z-]+)` \|", (ROOT / "README.md").read_text().partition("## Command line")[2], re.M
+        r"^\| `([a-z -]+)` \|", (ROOT / "README.md").read_text().partition("## Command line")[2], re.M
     )
-    assert sorted(rows) == list(cli.find_verbs())
+    assert sorted(rows) == list(cli.find_commands())
 
 
-def test_flags_of_our_verbs_parse() -> None:
+def test_flags_of_our_commands_parse() -> None:
     found = list(commands("lerobot-bimanual"))
     assert len(found) > 5
-    for place, (verb, *flags) in found:
-        assert verb in cli.find_verbs(), place
-        config_type = cli.config_type_of(cli.find_verbs()[verb].load())
-        parse_flags(config_type, flags)
+    for _, words in found:
+        name, flags = cli.find_command(words)
+        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), flags)
 
 
 def test_every_page_is_in_the_navigation_of_the_site() -> None:

@@ -49,7 +49,7 @@ def test_the_last_steps_are_measured_and_as_many_trained_as_fit(run, tmp_path):
     doctor, generation, trial, benchmark = run("run", "-", "2", *flags)
     steps = 4 * int(2 * 60 / SECONDS_PER_STEP / 4)
     assert doctor == "lerobot-bimanual doctor"
-    assert generation.startswith("lerobot-bimanual generate --task=push_box")
+    assert generation.startswith("lerobot-bimanual dataset generate --task=push_box")
     plan = Plan.of(BenchmarkConfig(task="push_box", device="cpu", output=output))
     assert f"--dataset.root={plan.dataset}" in trial
     assert str(plan.run_folder) not in trial.rpartition("--output_dir=")[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
+from lerobot_bimanual.commands.results_robustness import ResultsRobustnessConfig, results_robustness
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.ladder.rungs import perturb_text, rungs_of
@@ -19,7 +19,7 @@ EACH = pytest.mark.parametrize("name", LADDERS)
 
 def test_the_page_of_ladders_is_that_of_the_files(tmp_path: Path):
     page = tmp_path / "ladders.md"
-    robustness(RobustnessConfig(ladders=(RESULTS / "ladders",), output=page))
+    results_robustness(ResultsRobustnessConfig(ladders=(RESULTS / "ladders",), output=page))
     assert (ROOT / "docs" / "ladders.md").read_text() == page.read_text()
 
 

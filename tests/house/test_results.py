@@ -24,7 +24,7 @@ from lerobot_bimanual.benchmark.success_figure import success_figure
 from lerobot_bimanual.canvas import DESCRIPTION
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_env_bimanual.commands.verify_results import VerifyResultsConfig, verify_results
+from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
@@ -102,8 +102,8 @@ def test_every_row_is_of_the_world_that_is_certified():
 @pytest.mark.parametrize("path", ALL_ROWS, ids=lambda path: path.stem)
 def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_row(path: Path):
     row = ResultRow.read(path)
-    program, verb, *flags = shlex.split(command(config_of(row)))
-    assert (program, verb) == ("lerobot-bimanual", "benchmark")
+    program, group, leaf, *flags = shlex.split(command(config_of(row)))
+    assert (program, group, leaf) == ("lerobot-bimanual", "policy", "benchmark")
     plan = Plan.of(parse_flags(BenchmarkConfig, flags))
     trained, planned = (
         {name: flag_value(value) for name, value in flags.items() if name not in (*PLACES, *INCIDENTAL)}
@@ -112,7 +112,7 @@ def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_ro
     unsaid = {name: flag_value(policy_defaults(row.policy)[name]) for name in planned.keys() - trained.keys()}
     assert planned == unsaid | trained
     recorded, generated = (
-        dict(word.removeprefix("--").split("=", 1) for word in words[2:])
+        dict(word.removeprefix("--").split("=", 1) for word in words if word.startswith("--"))
         for words in (shlex.split(row.dataset.command), plan.generation().words)
     )
     for name in ("task", "variation", "split", "view", "cameras", "intermediate", "episodes"):
@@ -141,7 +141,7 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
 @pytest.mark.sim
 @pytest.mark.timeout(1800)
 def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Path, capsys):
-    """Other rows and episodes in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
+    """Other rows and episodes in every run; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
     (tmp_path / "certificates").symlink_to(ROOT / "results" / "certificates")
     rooms = set()
@@ -152,8 +152,8 @@ def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Pa
         (room / row.name).symlink_to(row)
         rooms.add(room)
     for room in sorted(rooms):
-        config = VerifyResultsConfig(results=room, sample=1, controls=1, seed=seed)
-        assert verify_results(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
+        config = ResultsVerifyConfig(results=room, sample=1, controls=1, seed=seed)
+        assert results_verify(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
 
 
 @pytest.mark.sim
@@ -164,5 +164,5 @@ def test_a_row_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Pa
     row["flags"] = {name: value.replace("lift_ball", "push_box") for name, value in row["flags"].items()}
     changed = tmp_path / path.name.replace("peract2", "peract2_on_push_box")
     changed.write_text(json.dumps(row))
-    assert verify_results(VerifyResultsConfig(results=changed, sample=1, controls=0, workers=1)) == 1
+    assert results_verify(ResultsVerifyConfig(results=changed, sample=1, controls=0, workers=1)) == 1
     assert "it was trained on push_box, of which lift_ball is none" in capsys.readouterr().out

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.commands.robustness import RobustnessConfig, robustness
+from lerobot_bimanual.commands.results_robustness import ResultsRobustnessConfig, results_robustness
 from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.ladder.rungs import perturb_text, rungs_of
@@ -19,7 +19,7 @@ CERTIFICATES = read_rung_certificates(RUNGS)
 
 def test_the_page_of_certified_rungs_is_that_of_the_files(tmp_path: Path):
     page = tmp_path / "rungs.md"
-    robustness(RobustnessConfig(certificates=RUNGS, output=page))
+    results_robustness(ResultsRobustnessConfig(certificates=RUNGS, output=page))
     assert (ROOT / "docs" / "rungs.md").read_text() == page.read_text()
 
 
@@ -36,7 +36,7 @@ def test_a_certificate_has_every_rung_that_changes_what_happens(task: str):
 @pytest.mark.sim
 @pytest.mark.parametrize("task", CERTIFICATES)
 def test_a_rung_drawn_at_random_is_of_the_world_as_it_is_now(task: str):
-    """Another one in every run; `lerobot-bimanual certify-rungs` looks at all."""
+    """Another one in every run; `lerobot-bimanual expert evaluate-perturbed` looks at all."""
     seed = int(np.random.default_rng().integers(1000))
     rungs = CERTIFICATES[task].rungs
     rung = rungs[np.random.default_rng(seed).integers(len(rungs))]

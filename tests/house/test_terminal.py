@@ -21,7 +21,7 @@ def test_every_table_of_a_verb_is_one_that_cuts_nothing():
 @pytest.mark.parametrize("columns", [80, 60])
 def test_tasks_lists_every_name_and_suite_whole(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(columns))
-    assert cli.main(["tasks"]) == 0
+    assert cli.main(["task", "list"]) == 0
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= columns
     words = set(re.split(r"[\s,]+", printed))
@@ -34,7 +34,7 @@ def test_compare_names_every_file_task_and_figure_whole(columns, capsys, monkeyp
     monkeypatch.setenv("COLUMNS", str(columns))
     folder = ROOT / "results/leaderboard"
     sides = (f"--first={folder}", "--first_policy=peract2", f"--second={folder}", "--second_policy=rvt_lf")
-    assert cli.main(["compare", *sides]) == 0
+    assert cli.main(["results", "compare", *sides]) == 0
     first, second, *table = capsys.readouterr().out.splitlines()
     assert str(folder) in first
     assert str(folder) in second

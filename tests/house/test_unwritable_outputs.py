@@ -12,25 +12,43 @@ ROWS = Path(__file__).parents[2] / "results" / "leaderboard"
 CERTIFICATES = ROWS.parent / "certificates"
 
 COMMANDS: dict[str, Callable[[Path], list[str]]] = {
-    "certify": lambda place: ["certify", "--task=lift_ball", f"--output={place}"],
-    "render": lambda place: ["render", "--task=lift_ball", f"--output={place / 'folder'}"],
-    "report": lambda place: ["report", f"--certificates={CERTIFICATES}", f"--output={place}"],
-    "leaderboard": lambda place: ["leaderboard", f"--results={ROWS}", f"--output={place}"],
-    "leaderboard's figure": lambda place: ["leaderboard", f"--results={ROWS}", f"--figure={place}"],
-    "compare's figure": lambda place: ["compare", f"--first={ROWS}", f"--second={ROWS}", f"--figure={place}"],
-    "blame's figure": lambda place: ["blame", f"--results={ROWS}", f"--figure={place}"],
+    "certify": lambda place: ["expert", "evaluate", "--task=lift_ball", f"--output={place}"],
+    "render": lambda place: ["task", "render", "--task=lift_ball", f"--output={place / 'folder'}"],
+    "report": lambda place: ["expert", "report", f"--certificates={CERTIFICATES}", f"--output={place}"],
+    "leaderboard": lambda place: ["results", "leaderboard", f"--results={ROWS}", f"--output={place}"],
+    "leaderboard's figure": lambda place: [
+        "results",
+        "leaderboard",
+        f"--results={ROWS}",
+        f"--figure={place}",
+    ],
+    "compare's figure": lambda place: [
+        "results",
+        "compare",
+        f"--first={ROWS}",
+        f"--second={ROWS}",
+        f"--figure={place}",
+    ],
+    "blame's figure": lambda place: ["results", "diagnose", f"--results={ROWS}", f"--figure={place}"],
     "ladder": lambda place: [
-        "ladder",
+        "policy",
+        "robustness",
         f"--checkpoint={ROWS.parent / 'checkpoints/peract2_on_all'}",
         "--task=handover_item_easy",
         f"--output={place}",
     ],
-    "certify-rungs": lambda place: ["certify-rungs", "--task=lift_ball", f"--output={place / 'folder'}"],
-    "robustness": lambda place: ["robustness", f"--output={place}"],
-    "robustness's figure": lambda place: ["robustness", f"--figure={place}"],
-    "report-results": lambda place: ["report-results", f"--results={ROWS}", f"--output={place}"],
-    "benchmark": lambda place: ["benchmark", f"--output={place / 'folder'}"],
+    "certify-rungs": lambda place: [
+        "expert",
+        "evaluate-perturbed",
+        "--task=lift_ball",
+        f"--output={place / 'folder'}",
+    ],
+    "robustness": lambda place: ["results", "robustness", f"--output={place}"],
+    "robustness's figure": lambda place: ["results", "robustness", f"--figure={place}"],
+    "report-results": lambda place: ["results", "report", f"--results={ROWS}", f"--output={place}"],
+    "benchmark": lambda place: ["policy", "benchmark", f"--output={place / 'folder'}"],
     "inspect": lambda place: [
+        "policy",
         "inspect",
         f"--checkpoint={ROWS.parent / 'checkpoints/peract2_on_all'}",
         "--dataset=any",
@@ -46,9 +64,9 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("lerobot_env_bimanual.workers.WorkerPool.__init__", refuse)
     monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
-    monkeypatch.setattr("lerobot_bimanual.commands.leaderboard.render", refuse)
-    monkeypatch.setattr("lerobot_bimanual.commands.compare.ResultRow.read", refuse)
-    monkeypatch.setattr("lerobot_bimanual.commands.benchmark.check_task", lambda _: None)
+    monkeypatch.setattr("lerobot_bimanual.commands.results_leaderboard.render", refuse)
+    monkeypatch.setattr("lerobot_bimanual.commands.results_compare.ResultRow.read", refuse)
+    monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)
     monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
     monkeypatch.setattr("lerobot_policy_bimanual.inspection.row.require_row", lambda *_: None)

@@ -94,7 +94,7 @@ def test_the_wheels_are_imported_without_checkout_and_network(clean_python: Path
 def test_the_command_line_of_the_wheels_finds_every_verb(clean_python: Path) -> None:
     child = run_clean(clean_python, "-m", "lerobot_bimanual.cli", "--help")
     assert child.returncode == 0, child.stderr
-    for verb in ("certify", "demo", "doctor", "generate", "replay", "tasks"):
+    for verb in ("expert evaluate", "demo", "doctor", "dataset generate", "dataset replay", "task list"):
         assert f"\n  {verb} " in child.stdout
 
 
@@ -113,7 +113,7 @@ def test_stock_replay_finds_the_robot_of_the_wheels_and_plays_an_episode_generat
 ) -> None:
     root = tmp_path / "dataset"
     made = ("--task=lift_ball", "--episodes=1", "--view=frames", "--image_size=32", "--workers=1")
-    succeed(clean_python, "-m", "lerobot_bimanual.cli", "generate", *made, f"--root={root}")
+    succeed(clean_python, "-m", "lerobot_bimanual.cli", "dataset", "generate", *made, f"--root={root}")
     robot = ("--robot.type=bimanual_sim", "--robot.task=lift_ball", "--robot.obs=state")
     dataset = ("--dataset.repo_id=local/one", f"--dataset.root={root}", "--dataset.episode=0")
     flags = (*robot, f"--robot.calibration_dir={tmp_path}", *dataset, "--play_sounds=false")
@@ -160,20 +160,24 @@ def test_an_installed_task_is_listed_certified_and_generated(
     python_with_a_task: Path, tmp_path: Path
 ) -> None:
     verbs = ("-m", "lerobot_bimanual.cli")
-    rows = json.loads(succeed(python_with_a_task, *verbs, "tasks", "--task=prehensile", "--format=json"))
+    rows = json.loads(
+        succeed(python_with_a_task, *verbs, "task", "list", "--task=prehensile", "--format=json")
+    )
     assert "raise_block" in {row["name"] for row in rows}
     certificate = tmp_path / "expert.json"
     flags = ("--task=raise_block", "--workers=1")
-    measure = ("certify", *flags, "--seeds=0:3", "--replay=joint", f"--output={certificate}")
+    measure = ("expert", "evaluate", *flags, "--seeds=0:3", "--replay=joint", f"--output={certificate}")
     succeed(python_with_a_task, *verbs, *measure)
     assert list(json.loads(certificate.read_text())["worlds"]) == ["raise_block"]
-    assert "`raise_block`" in succeed(python_with_a_task, *verbs, "report", f"--certificates={tmp_path}")
+    assert "`raise_block`" in succeed(
+        python_with_a_task, *verbs, "expert", "report", f"--certificates={tmp_path}"
+    )
     rounded = ("--seeds=0:3", "--discretise=100")
-    succeed(python_with_a_task, *verbs, "certify", *flags, *rounded)
+    succeed(python_with_a_task, *verbs, "expert", "evaluate", *flags, *rounded)
     root = tmp_path / "dataset"
     size = ("--episodes=2", "--view=keyframes", "--image_size=32")
-    succeed(python_with_a_task, *verbs, "generate", *flags, *size, f"--root={root}")
-    succeed(python_with_a_task, *verbs, "verify", f"--root={root}", "--render=2", "--workers=1")
+    succeed(python_with_a_task, *verbs, "dataset", "generate", *flags, *size, f"--root={root}")
+    succeed(python_with_a_task, *verbs, "dataset", "verify", f"--root={root}", "--render=2", "--workers=1")
 
 
 def test_an_installed_task_has_a_gymnasium_id(python_with_a_task: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.dataset.schema import View
-from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.merge import merge_shards
 from lerobot_env_bimanual.generation.plan import Shard
@@ -49,7 +49,7 @@ def tiny_flags() -> dict[str, tuple[str, ...]]:
     }
 
 
-def generation(root: Path, **options) -> GenerateConfig:
+def generation(root: Path, **options) -> DatasetGenerateConfig:
     """Three episodes of one task in two shards, with small images of two cameras."""
     defaults = {
         "task": "lift_ball",
@@ -61,7 +61,7 @@ def generation(root: Path, **options) -> GenerateConfig:
         "workers": 1,
         "repo_id": "local/small",
     }
-    return GenerateConfig(**defaults | options, root=root)
+    return DatasetGenerateConfig(**defaults | options, root=root)
 
 
 @pytest.fixture(scope="session")
@@ -129,7 +129,7 @@ def records_here() -> type[RecordsHere]:
 def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Root of the small dataset, both views."""
     root = tmp_path_factory.mktemp("generated") / "small"
-    generate(generation(root))
+    dataset_generate(generation(root))
     return root
 
 

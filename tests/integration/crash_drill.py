@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_env_bimanual import workers
-from lerobot_env_bimanual.commands.generate import GenerateConfig, generate
+from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
 from lerobot_env_bimanual.generation import merge, shard  # noqa: F401  what a worker would import
 
 SHARDS = 2
@@ -82,8 +82,8 @@ def run(root: Path, victim: str = "all", kill_after_s: float | None = None) -> i
         log = os.open(root.parent.parent / "log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         os.dup2(log, 1)
         os.dup2(log, 2)
-        generate(
-            GenerateConfig(
+        dataset_generate(
+            DatasetGenerateConfig(
                 task="lift_ball",
                 episodes=SHARDS,
                 episodes_per_shard=1,

@@ -1,4 +1,4 @@
-"""`lerobot-bimanual generate` that kills itself in the middle of a stage; run by test_crash_safety.py.
+"""`lerobot-bimanual dataset generate` that kills itself in the middle of a stage; run by test_crash_safety.py.
 
     python dying_generate.py STAGE SIGHT LATEST_S FLAG...
 
@@ -49,4 +49,4 @@ if __name__ == "__main__":
     stage, sight, latest_s, *flags = sys.argv[1:]
     root = next(Path(flag.removeprefix("--root=")) for flag in flags if flag.startswith("--root="))
     die_in(stage, sight, float(latest_s), root.with_name(f"{root.name}.partial"))
-    sys.exit(main(["generate", *flags]))
+    sys.exit(main(["dataset", "generate", *flags]))

@@ -30,7 +30,7 @@ FURTHER = {
     "lerobot-train": TRAINING,
     "lerobot-bimanual-train": TRAINING,
     "lerobot-eval": ("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1"),
-    "benchmark": (
+    "policy benchmark": (
         "--demos=2",
         "--image_size=32",
         "--steps=2",
@@ -40,13 +40,13 @@ FURTHER = {
         "--eval_flags=--eval.batch_size=1",
         "--device=cpu",
     ),
-    "blame": ("--sample=1",),
-    "certify-rungs": ("--seeds=61000:61001", "--blind_seeds=61000:61001", "--levels=1"),
-    "generate": ("--episodes=2", "--image_size=32"),
-    "ladder": ("--axes=mass", "--levels=1", "--episodes=2", "--batch_size=1"),
-    "verify-results": ("--sample=1", "--controls=0"),
+    "results diagnose": ("--sample=1",),
+    "expert evaluate-perturbed": ("--seeds=61000:61001", "--blind_seeds=61000:61001", "--levels=1"),
+    "dataset generate": ("--episodes=2", "--image_size=32"),
+    "policy robustness": ("--axes=mass", "--levels=1", "--episodes=2", "--batch_size=1"),
+    "results verify": ("--sample=1", "--controls=0"),
 }
-"""Flags that are added where they are not there, by program or verb."""
+"""Flags that are added where they are not there, by program or command."""
 
 
 def commands(page: Path) -> list[list[str]]:
@@ -59,7 +59,7 @@ def commands(page: Path) -> list[list[str]]:
 def small(words: list[str]) -> list[str]:
     """The same with little to do."""
     named = {word.partition("=")[0] for word in words}
-    further = [flag for name in words[:2] for flag in FURTHER.get(name, ())]
+    further = [flag for name in (words[0], " ".join(words[1:3])) for flag in FURTHER.get(name, ())]
     return [_small(word) for word in words] + [
         flag for flag in further if flag.partition("=")[0] not in named
     ]

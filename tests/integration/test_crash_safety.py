@@ -43,7 +43,7 @@ def test_a_run_whose_parent_is_killed_at_every_stage_ends_with_the_same_dataset(
         assert run.wait() == -signal.SIGKILL  # the parent alone: its workers have to notice
         wait_until_gone(run.pid)
         assert not root.exists()
-    command = [sys.executable, "-m", "lerobot_bimanual.cli", "generate", *flags]
+    command = [sys.executable, "-m", "lerobot_bimanual.cli", "dataset", "generate", *flags]
     last = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert last.returncode == 0, last.stderr
     assert "leaked" not in last.stderr

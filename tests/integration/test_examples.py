@@ -115,7 +115,7 @@ def test_a_policy_of_ones_own_is_trained_and_scored_by_lerobots_commands(tmp_pat
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     variables = {"PYTHONPATH": str(tmp_path / "site"), "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
     few = ("--episodes=1", "--view=keyframes", "--image_size=32", "--root=data")
-    run("lerobot-bimanual", "generate", "--task=lift_ball", *few, folder=tmp_path)
+    run("lerobot-bimanual", "dataset", "generate", "--task=lift_ball", *few, folder=tmp_path)
     run(
         "lerobot-train",
         "--policy.type=blind_mlp",
@@ -173,7 +173,7 @@ def test_recorded_frames_become_poses_for_both_hands(tmp_path):
         "--view=keyframes",
         "--image_size=128",
     )
-    run("lerobot-bimanual", "generate", *generate, "--root=frames", folder=tmp_path)
+    run("lerobot-bimanual", "dataset", "generate", *generate, "--root=frames", folder=tmp_path)
     printed = run(
         sys.executable, str(EXAMPLES / "09_poses_for_real_arms.py"), "--dataset=frames", folder=tmp_path
     )

@@ -14,8 +14,8 @@ from lerobot_bimanual.checksums import write_sums
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, installed_versions
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands.generate import settings_of
-from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
+from lerobot_env_bimanual.commands.dataset_generate import settings_of
+from lerobot_env_bimanual.commands.dataset_regenerate import DatasetRegenerateConfig, dataset_regenerate
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard_report import DamagedShard, write_report
@@ -123,7 +123,7 @@ def test_a_recipe_is_followed_or_refused(settings, tmp_path, monkeypatch, data) 
         assert isinstance(asked.total_episodes, int)
         raise Began
 
-    monkeypatch.setattr("lerobot_env_bimanual.commands.generate.make_dataset", make_dataset)
+    monkeypatch.setattr("lerobot_env_bimanual.commands.dataset_generate.make_dataset", make_dataset)
     key = EpisodeKey("lift_ball", 0, "train", 0)
     origin = Provenance(
         SCHEMA_VERSION, "frames", installed_versions(), {}, settings.to_dict(), "ls", [key], []
@@ -133,5 +133,5 @@ def test_a_recipe_is_followed_or_refused(settings, tmp_path, monkeypatch, data) 
     recipe = tmp_path / "meta/bimanual.json"
     recipe.write_bytes(changed(recipe.read_bytes(), data))
     with contextlib.suppress(BimanualError, Began):
-        regenerate(RegenerateConfig(provenance=recipe, root=tmp_path / "never", workers=1))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=recipe, root=tmp_path / "never", workers=1))
     assert not (tmp_path / "never").exists()

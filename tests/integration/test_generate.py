@@ -15,7 +15,12 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import GenerateConfig, generate, make_dataset, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import (
+    DatasetGenerateConfig,
+    dataset_generate,
+    make_dataset,
+    settings_of,
+)
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.recorder import Recorder
@@ -99,8 +104,8 @@ def test_provenance_says_how_to_make_the_dataset_again(generated, small_generati
         assert [key.seed for key in provenance.episodes] == [0, 1, 2]
         assert provenance.command in (generated / view / "README.md").read_text()
         program, verb, *flags = shlex.split(provenance.command)
-        assert (program, verb) == ("lerobot-bimanual", "generate")
-        assert settings_of(parse_flags(GenerateConfig, flags)) == settings
+        assert (program, verb) == ("lerobot-bimanual", "dataset", "generate")
+        assert settings_of(parse_flags(DatasetGenerateConfig, flags)) == settings
 
 
 def test_any_process_with_any_history_writes_the_same_bytes(
@@ -115,7 +120,7 @@ def test_any_process_with_any_history_writes_the_same_bytes(
 
 def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_path, capsys) -> None:
     config = small_generation(tmp_path / "one", view="keyframes", episodes=1, discretise=100)
-    generate(config)
+    dataset_generate(config)
     summary = re.search(r"([\d.]+) minutes, ([\d.]+) of CPU time; ([\d.]+) MB", capsys.readouterr().out)
     assert summary is not None
     assert all(float(number) > 0 for number in summary.groups())
@@ -131,7 +136,7 @@ def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_
 
 def test_a_finished_dataset_stays_as_it_is(generated, small_generation, tree_hashes, capsys) -> None:
     before = tree_hashes(generated)
-    assert generate(small_generation(generated)) is None
+    assert dataset_generate(small_generation(generated)) is None
     assert "already complete" in capsys.readouterr().out
     assert tree_hashes(generated) == before
     assert [path.name for path in generated.parent.iterdir()] == [generated.name]
@@ -147,14 +152,14 @@ def test_a_finished_dataset_stays_as_it_is(generated, small_generation, tree_has
 )
 def test_other_settings_at_the_same_root_are_refused(generated, small_generation, change, difference) -> None:
     with pytest.raises(DatasetError, match=difference):
-        generate(small_generation(generated, **change))
+        dataset_generate(small_generation(generated, **change))
 
 
 def test_a_folder_of_somebody_else_is_refused(tmp_path, small_generation) -> None:
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.jpg").touch()
     with pytest.raises(DatasetError, match="was not made by this command"):
-        generate(small_generation(tmp_path / "photos"))
+        dataset_generate(small_generation(tmp_path / "photos"))
     assert (tmp_path / "photos" / "cat.jpg").exists()
 
 
@@ -210,7 +215,7 @@ class Pretends:
         yield
 
 
-def planned(config: GenerateConfig, failing: Collection[int] = ()) -> Pretends:
+def planned(config: DatasetGenerateConfig, failing: Collection[int] = ()) -> Pretends:
     executor = Pretends(failing)
     with pytest.raises(KeyboardInterrupt):
         make_dataset(settings_of(config), config.root, executor)

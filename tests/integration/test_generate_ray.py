@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import generate
+from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 
 TASK_TITLE = b"ray::record_packed"
 """How ray names the process of a running task."""
@@ -64,7 +64,7 @@ def test_two_machines_and_a_killed_worker_give_the_dataset_of_one_process(
         cluster.add_node(num_cpus=1)
         killer.start()
         root = tmp_path / generated.name
-        generate(small_generation(root, executor="ray", ray_address=cluster.address, workers=0))
+        dataset_generate(small_generation(root, executor="ray", ray_address=cluster.address, workers=0))
     finally:
         killer.has_ended.set()
         cluster.shutdown()
@@ -77,7 +77,7 @@ def test_without_ray_the_error_names_the_extra(small_generation, tmp_path, monke
     monkeypatch.setitem(sys.modules, "ray", None)
     monkeypatch.delitem(sys.modules, "lerobot_env_bimanual.generation.ray_executor", raising=False)
     with pytest.raises(DatasetError, match=r"pip install 'lerobot_bimanual\[ray\]'"):
-        generate(small_generation(tmp_path / "never", executor="ray"))
+        dataset_generate(small_generation(tmp_path / "never", executor="ray"))
 
 
 def test_a_cluster_that_is_not_there_is_one_clear_error(small_generation, tmp_path, monkeypatch) -> None:
@@ -86,4 +86,4 @@ def test_a_cluster_that_is_not_there_is_one_clear_error(small_generation, tmp_pa
 
     monkeypatch.setattr("ray.init", init)
     with pytest.raises(DatasetError, match=r"cannot reach a ray cluster at 127\.0\.0\.1:1: nobody answers"):
-        generate(small_generation(tmp_path / "never", executor="ray", ray_address="127.0.0.1:1"))
+        dataset_generate(small_generation(tmp_path / "never", executor="ray", ray_address="127.0.0.1:1"))

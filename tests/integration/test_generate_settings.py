@@ -6,7 +6,7 @@ import json
 import pytest
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.commands.generate import generate, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, settings_of
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 pytestmark = pytest.mark.sim
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.sim
 )
 def test_wrong_options_are_refused_before_anything_is_made(tmp_path, small_generation, change) -> None:
     with pytest.raises(BimanualError):
-        generate(small_generation(tmp_path / "never", **change))
+        dataset_generate(small_generation(tmp_path / "never", **change))
     assert not list(tmp_path.iterdir())
 
 

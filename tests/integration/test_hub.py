@@ -43,7 +43,7 @@ class Desk(loopback_hub.Desk):
     """Somebody who pushes and loads datasets."""
 
     def push(self, root: Path, repo_id: str = REPO_ID, *flags: str, **changes: str):
-        words = ("lerobot-bimanual", "push", f"--root={root}", f"--repo_id={repo_id}", *flags)
+        words = ("lerobot-bimanual", "dataset", "push", f"--root={root}", f"--repo_id={repo_id}", *flags)
         return self.run(*words, **changes)
 
     def load(self, repo_id: str, **options: str) -> tuple[int, list[int], str, str]:

@@ -19,15 +19,15 @@ pytestmark = [pytest.mark.slow, pytest.mark.sim]
 PATIENCE_S = 10.0
 """Within which orphans have to be gone; they take tenths of a second."""
 
-VERBS = {
-    "certify": "--task=lift_ball --seeds=0:1000",
-    "generate": "--task=lift_ball --episodes=1000 --image_size=32 --root={folder}/data",
-    "verify": "--root={dataset}",
-    "replay": "--root={dataset}",
-    "render": "--task=lift_ball,push_box --output={folder}/pictures",
+COMMANDS = {
+    "expert evaluate": "--task=lift_ball --seeds=0:1000",
+    "dataset generate": "--task=lift_ball --episodes=1000 --image_size=32 --root={folder}/data",
+    "dataset verify": "--root={dataset}",
+    "dataset replay": "--root={dataset}",
+    "task render": "--task=lift_ball,push_box --output={folder}/pictures",
 }
 
-LATEST_S = {"verify": 0.3, "replay": 0.3}
+LATEST_S = {"dataset verify": 0.3, "dataset replay": 0.3}
 """How long at most they are let work before they are killed: three episodes take a second. Others have no end: 2 s."""
 
 ATTEMPTS = 10
@@ -46,21 +46,21 @@ VECTOR_ENVIRONMENT = textwrap.dedent("""
 
 
 def commands(dataset: Path, folder: Path) -> dict[str, list[str]]:
-    verbs = {
-        verb: ["-m", "lerobot_bimanual.cli", verb, "--workers=2", *flags.split()]
-        for verb, flags in VERBS.items()
+    ours = {
+        command: ["-m", "lerobot_bimanual.cli", *command.split(), "--workers=2", *flags.split()]
+        for command, flags in COMMANDS.items()
     }
-    words = {**verbs, "vector environment": ["-c", VECTOR_ENVIRONMENT]}
+    words = {**ours, "vector environment": ["-c", VECTOR_ENVIRONMENT]}
     return {
         user: [
             sys.executable,
-            *(word.format(dataset=dataset, folder=folder) if user in VERBS else word for word in line),
+            *(word.format(dataset=dataset, folder=folder) if user in COMMANDS else word for word in line),
         ]
         for user, line in words.items()
     }
 
 
-@pytest.mark.parametrize("user", [*VERBS, "vector environment"])
+@pytest.mark.parametrize("user", [*COMMANDS, "vector environment"])
 def test_nothing_is_left_of_a_killed_user_of_workers(user, generated, tmp_path):
     rng = np.random.default_rng()  # at another moment in every run of the test
     for _ in range(ATTEMPTS):
@@ -91,21 +91,21 @@ def test_nothing_is_left_of_a_killed_user_of_workers(user, generated, tmp_path):
 
 
 INTERRUPTED = {
-    "certify": "--task=lift_ball --seeds=0:6 --output={folder}/{run}.json",
-    "generate": "--task=lift_ball --episodes=3 --episodes_per_shard=1 --image_size=24 --view=keyframes "
+    "expert evaluate": "--task=lift_ball --seeds=0:6 --output={folder}/{run}.json",
+    "dataset generate": "--task=lift_ball --episodes=3 --episodes_per_shard=1 --image_size=24 --view=keyframes "
     "--root={folder}/{run}/data",
-    "verify": "--root={dataset}",
-    "replay": "--root={dataset}",
+    "dataset verify": "--root={dataset}",
+    "dataset replay": "--root={dataset}",
 }
 
 
-@pytest.mark.parametrize("verb", INTERRUPTED)
-def test_a_killed_worker_changes_no_result(verb, generated, tree_hashes, tmp_path):
+@pytest.mark.parametrize("command", INTERRUPTED)
+def test_a_killed_worker_changes_no_result(command, generated, tree_hashes, tmp_path):
     outputs = []
     for run in ("undisturbed", "disturbed"):
-        flags = INTERRUPTED[verb].format(dataset=generated, folder=tmp_path, run=run).split()
+        flags = INTERRUPTED[command].format(dataset=generated, folder=tmp_path, run=run).split()
         parent = subprocess.Popen(
-            [sys.executable, "-m", "lerobot_bimanual.cli", verb, "--workers=2", *flags],
+            [sys.executable, "-m", "lerobot_bimanual.cli", *command.split(), "--workers=2", *flags],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -119,11 +119,11 @@ def test_a_killed_worker_changes_no_result(verb, generated, tree_hashes, tmp_pat
         output, errors = parent.communicate(timeout=300)
         assert parent.returncode == 0, output + errors
         outputs.append(output.replace(run, "RUN"))
-    if verb != "generate":  # which says how long it took
+    if command != "dataset generate":  # which says how long it took
         assert outputs[0] == outputs[1]
-    if verb == "certify":
+    if command == "expert evaluate":
         assert (tmp_path / "undisturbed.json").read_bytes() == (tmp_path / "disturbed.json").read_bytes()
-    if verb == "generate":
+    if command == "dataset generate":
         assert tree_hashes(tmp_path / "undisturbed") == tree_hashes(tmp_path / "disturbed")
 
 

@@ -27,7 +27,7 @@ SEEDS = (3, 4)
 def ladder(output: Path, *flags: str) -> LadderResult:
     words = [f"--checkpoint={TRAINED}", f"--task={TASK}", f"--output={output}", "--device=cpu"]
     counts = [f"--first_seed={SEEDS[0]}", f"--episodes={len(SEEDS)}"]
-    assert cli.main(["ladder", *words, *counts, *flags]) == 0
+    assert cli.main(["policy", "robustness", *words, *counts, *flags]) == 0
     return LadderResult.read(output)
 
 
@@ -88,7 +88,7 @@ def test_every_rung_is_of_the_same_episodes_and_kept_with_its_record(played):
 
 
 def test_the_records_of_rungs_are_played_again_as_claimed(played, capfd):
-    assert cli.main(["verify-results", f"--results={played.with_name('mine_records')}", "--sample=1"]) == 0
+    assert cli.main(["results", "verify", f"--results={played.with_name('mine_records')}", "--sample=1"]) == 0
     assert capfd.readouterr().out.count("as claimed") == 4
 
 
@@ -120,7 +120,13 @@ def of_mixed_precision(tmp_path: Path) -> Path:
 
 def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precision, tmp_path, capsys):
     output = tmp_path / "act.json"
-    words = ["ladder", f"--checkpoint={of_mixed_precision}", f"--task={TASK}", f"--output={output}"]
+    words = [
+        "policy",
+        "robustness",
+        f"--checkpoint={of_mixed_precision}",
+        f"--task={TASK}",
+        f"--output={output}",
+    ]
     words += ["--axes=mass", "--levels=1", "--episodes=1", "--device=cpu"]
     assert cli.main(words) == 1
     error = capsys.readouterr().err
@@ -133,7 +139,8 @@ def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precis
 def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = [
-        "ladder",
+        "policy",
+        "robustness",
         f"--checkpoint={TRAINED}",
         f"--task={TASK}",
         "--axes=mass",
@@ -156,6 +163,6 @@ def test_a_damaged_checkpoint_is_named_before_anything_is_played(file, tmp_path,
     damaged = tmp_path / file
     damaged.write_bytes(damaged.read_bytes()[:1000])
     words = [f"--checkpoint={tmp_path}", f"--task={TASK}", "--axes=mass", "--levels=1", "--episodes=1"]
-    assert cli.main(["ladder", *words, f"--output={tmp_path / 'out.json'}"]) == 1
+    assert cli.main(["policy", "robustness", *words, f"--output={tmp_path / 'out.json'}"]) == 1
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith(f"lerobot-bimanual: {tmp_path}")

@@ -98,7 +98,7 @@ def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
     folder = tmp_path_factory.mktemp("room")
     flags = ("--task=push_box", "--episodes=2", f"--image_size={SIZE}", "--workers=1", "--root=data")
-    run("lerobot-bimanual", "generate", *flags, folder=folder)
+    run("lerobot-bimanual", "dataset", "generate", *flags, folder=folder)
     return folder
 
 
@@ -204,7 +204,9 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
 def test_the_horizon_is_that_of_the_longest_task(room, tiny_flags, command):
     if not (room / "tasks").exists():
         flags = ("--task=push_box,lift_tray", "--episodes=1", f"--image_size={SIZE}", "--workers=1")
-        run("lerobot-bimanual", "generate", *flags, "--view=keyframes", "--root=tasks", folder=room)
+        run(
+            "lerobot-bimanual", "dataset", "generate", *flags, "--view=keyframes", "--root=tasks", folder=room
+        )
     data = ("--dataset.repo_id=local/tasks", "--dataset.root=tasks")
     output = f"--output_dir=tasks-{command}"
     train(*tiny_flags["peract2"], *data, output, "--steps=1", "--save_freq=1", folder=room, command=command)
@@ -220,7 +222,7 @@ def test_act_trains_on_named_cameras_and_is_evaluated(room):
 
 def test_act_trains_on_a_dataset_without_depth_as_it_is(room):
     flags = ("--task=push_box", "--episodes=1", f"--image_size={SIZE}", "--workers=1", "--view=frames")
-    run("lerobot-bimanual", "generate", *flags, "--depth=false", "--root=colours", folder=room)
+    run("lerobot-bimanual", "dataset", "generate", *flags, "--depth=false", "--root=colours", folder=room)
     data = ("--dataset.repo_id=local/colours", "--dataset.root=colours")
     train(*UNNAMED_ACT, *data, "--output_dir=unnamed", "--steps=2", "--save_freq=2", folder=room)
     assert evaluate("unnamed", room, "--env.obs=rgb")["n_episodes"] == 1

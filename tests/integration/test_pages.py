@@ -30,8 +30,8 @@ NOT_RUN = {
     r".*scripts/board\.sh": "writes into the repository; test_benchmark.py runs it elsewhere",
     r"pip install": "changes this environment",
     r"hf auth login": "asks for a token",
-    r"lerobot-bimanual (push|generate|envhub) .*--repo_id=me/.*": "uploads; test_hub.py and test_envhub.py do to a loopback Hub",
-    r"ray start|lerobot-bimanual generate .*--executor=ray": "needs several machines; test_generate_ray.py takes one",
+    r"lerobot-bimanual (dataset push|dataset generate|envhub) .*--repo_id=me/.*": "uploads; test_hub.py and test_envhub.py do to a loopback Hub",
+    r"ray start|lerobot-bimanual dataset generate .*--executor=ray": "needs several machines; test_generate_ray.py takes one",
     r"torchrun": "needs several processors; its flags are read here, and test_lerobot_train.py trains with one",
     r"vla-eval run": "is not installed here; test_vla_eval.py keeps its contract",
     r".*smolvla": "downloads weights",
@@ -41,8 +41,8 @@ NOT_RUN = {
         "needs a CLIP; test_subtasks.py makes one"
     ),
     r"python -m lerobot\.async_inference": "a server that does not end; tests/robots serves one",
-    r"lerobot-bimanual accuracy .*push_box_val": "of a policy that is trained for longer; test_inspect.py has a small one",
-    r"lerobot-bimanual compare .*outputs/ladder/": "of two long ladders; tests/envs/test_ladder.py has small ones",
+    r"lerobot-bimanual policy accuracy .*push_box_val": "of a policy that is trained for longer; test_inspect.py has a small one",
+    r"lerobot-bimanual results compare .*outputs/ladder/": "of two long ladders; tests/envs/test_ladder.py has small ones",
 }
 """By the beginning of the command."""
 
@@ -94,10 +94,12 @@ def test_the_commands_of_the_pages_run(tmp_path: Path) -> None:
     _lay_out(tmp_path)
     found = [(page, words) for page in pages() for words in commands(page) if reason(words) is None]
     assert len(found) >= 30
-    found.sort(key=lambda command: command[1][1] == "compare")  # what it compares comes later on the page
+    found.sort(
+        key=lambda command: command[1][1:3] == ["results", "compare"]
+    )  # what it compares comes later on the page
     for page, words in found:
         command = small(words)
-        if words[1] == "benchmark" and PLANNED.search(shlex.join(words)):
+        if words[1:3] == ["policy", "benchmark"] and PLANNED.search(shlex.join(words)):
             command = [*words, "--dry_run"]
         try:
             run(command, tmp_path)

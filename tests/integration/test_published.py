@@ -11,7 +11,7 @@ from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.seal import SEAL_FILE, seal_problems, write_seal
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import generate
+from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 
 pytestmark = pytest.mark.sim
 
@@ -93,7 +93,7 @@ def test_a_dataset_that_is_not_as_published_is_named_and_left_as_it_is(
     damage(published)
     before = tree_hashes(published)
     with pytest.raises(DatasetError, match=message):
-        generate(small_generation(published))
+        dataset_generate(small_generation(published))
     assert tree_hashes(published) == before
     assert [path.name for path in published.parent.iterdir()] == [published.name]
 
@@ -114,5 +114,5 @@ def test_what_git_and_the_hub_add_does_no_harm(published, small_generation, caps
         (published / view / ".gitattributes").write_text("*.mp4 filter=lfs")
         (published / view / ".cache/huggingface").mkdir(parents=True)
         (published / view / ".cache/huggingface/info.json").touch()
-    generate(small_generation(published))
+    dataset_generate(small_generation(published))
     assert "already complete" in capsys.readouterr().out

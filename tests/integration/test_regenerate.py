@@ -10,8 +10,8 @@ import pytest
 from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
-from lerobot_env_bimanual.commands.generate import generate
-from lerobot_env_bimanual.commands.regenerate import RegenerateConfig, regenerate
+from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
+from lerobot_env_bimanual.commands.dataset_regenerate import DatasetRegenerateConfig, dataset_regenerate
 
 pytestmark = pytest.mark.sim
 
@@ -31,7 +31,7 @@ def provenance(generated, tmp_path) -> Path:
 @pytest.mark.slow
 def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_path, tree_hashes) -> None:
     root = tmp_path / "small"
-    regenerate(RegenerateConfig(provenance=provenance, root=root, workers=2))
+    dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=root, workers=2))
     assert tree_hashes(root) == tree_hashes(generated)
 
 
@@ -40,14 +40,14 @@ def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
     small_generation, tmp_path, tree_hashes, capsys
 ) -> None:
     config = small_generation(tmp_path / "made", episodes=1, view="keyframes", perturb="mass:2,light:1")
-    generate(config)
-    generate(config)
+    dataset_generate(config)
+    dataset_generate(config)
     assert "is already complete" in capsys.readouterr().out
-    assert main(["verify", f"--root={config.root}", "--workers=1"]) == 0
-    assert main(["replay", f"--root={config.root}", "--replay=keypose", "--workers=1"]) == 0
+    assert main(["dataset", "verify", f"--root={config.root}", "--workers=1"]) == 0
+    assert main(["dataset", "replay", f"--root={config.root}", "--replay=keypose", "--workers=1"]) == 0
     assert "warning" not in capsys.readouterr().out
-    regenerate(
-        RegenerateConfig(
+    dataset_regenerate(
+        DatasetRegenerateConfig(
             provenance=config.root / PROVENANCE_FILE, root=tmp_path / "again" / "made", workers=1
         )
     )
@@ -57,14 +57,14 @@ def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
 def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -> None:
     rewrite(provenance, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
     with pytest.raises(DatasetError, match=r"pip install mujoco==1\.2\.3`"):
-        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert not (tmp_path / "never").exists()
 
 
 def test_the_provenance_of_another_world_is_refused(provenance, tmp_path) -> None:
     rewrite(provenance, lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))
     with pytest.raises(DatasetError, match="lift_ball in world 0123456789ab"):
-        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert not (tmp_path / "never").exists()
 
 
@@ -72,7 +72,7 @@ def test_the_provenance_of_another_world_is_refused(provenance, tmp_path) -> Non
 def test_a_version_is_nothing_but_a_version(provenance, tmp_path, version) -> None:
     rewrite(provenance, lambda origin: origin["versions"].update(mujoco=version))
     with pytest.raises(SchemaMismatch, match="versions are"):
-        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "again"))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "again"))
 
 
 def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
@@ -82,15 +82,17 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
         "lerobot_env_bimanual.generation.process_executor.ProcessExecutor",
         lambda count: workers.append(count) or records_here(),
     )
-    monkeypatch.setattr("lerobot_bimanual.commands.push.push", lambda _: pytest.fail("it must not be pushed"))
+    monkeypatch.setattr(
+        "lerobot_bimanual.commands.dataset_push.dataset_push", lambda _: pytest.fail("it must not be pushed")
+    )
     strangers = (
-        "lerobot-bimanual generate --task=push_box --episodes=99 --push_to_hub --repo_id=some/body --executor=ray "
+        "lerobot-bimanual dataset generate --task=push_box --episodes=99 --push_to_hub --repo_id=some/body --executor=ray "
         "--config_path=/etc/x.yaml --root=/"
     )
     rewrite(provenance, lambda origin: origin.update(command=strangers))
     rewrite(provenance, lambda origin: origin["settings"].update(views=["keyframes"], episodes=1))
     rewrite(provenance, lambda origin: origin.update(episodes=origin["episodes"][:1]))
-    regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "again", workers=3))
+    dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "again", workers=3))
     assert workers == [3]
     made = json.loads((tmp_path / "again" / PROVENANCE_FILE).read_text())
     assert made["settings"] == json.loads(provenance.read_text())["settings"]
@@ -115,7 +117,7 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
 def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, message) -> None:
     rewrite(provenance, lambda origin: origin["settings"].update(changes))
     with pytest.raises(DatasetError, match=f"small.json: no dataset has these settings: .*{message}"):
-        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert not (tmp_path / "never").exists()
 
 
@@ -127,7 +129,9 @@ def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, messa
 def test_a_file_that_is_no_provenance_is_refused(tmp_path, content) -> None:
     (tmp_path / "notes.json").write_bytes(content)
     with pytest.raises(SchemaMismatch, match=r"notes\.json is not what schema version"):
-        regenerate(RegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never"))
+        dataset_regenerate(
+            DatasetRegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never")
+        )
 
 
 @pytest.mark.parametrize("command", ["", "'unclosed", '"', "--root", "$(rm -rf /)"])
@@ -136,23 +140,23 @@ def test_an_empty_or_unquoted_command_does_no_harm(
 ) -> None:
     asked = []
     monkeypatch.setattr(
-        "lerobot_env_bimanual.commands.generate.make_dataset", lambda *words: asked.append(words[0])
+        "lerobot_env_bimanual.commands.dataset_generate.make_dataset", lambda *words: asked.append(words[0])
     )
     rewrite(provenance, lambda origin: origin.update(command=command))
     with pytest.raises(DatasetError, match="no dataset at"):  # nothing was made, as nobody records here
-        regenerate(RegenerateConfig(provenance=provenance, root=tmp_path / "never"))
+        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
     assert [settings.tasks for settings in asked] == [("lift_ball",)]
 
 
 def test_a_recipe_that_was_changed_in_its_dataset_is_refused_and_a_damaged_dataset_is_not(
     generated, tmp_path, monkeypatch
 ) -> None:
-    monkeypatch.setattr("lerobot_env_bimanual.commands.generate.make_dataset", lambda *_: None)
+    monkeypatch.setattr("lerobot_env_bimanual.commands.dataset_generate.make_dataset", lambda *_: None)
     dataset = Path(shutil.copytree(generated / "keyframes", tmp_path / "small"))
-    config = RegenerateConfig(provenance=dataset / PROVENANCE_FILE, root=tmp_path / "never")
+    config = DatasetRegenerateConfig(provenance=dataset / PROVENANCE_FILE, root=tmp_path / "never")
     shutil.rmtree(dataset / "data")
     with pytest.raises(DatasetError, match="no dataset at"):  # it went as far as to look at what was made
-        regenerate(config)
+        dataset_regenerate(config)
     rewrite(dataset / PROVENANCE_FILE, lambda origin: origin["settings"].update(first_seed=5))
     with pytest.raises(DatasetError, match="is not the file that was published with its dataset"):
-        regenerate(config)
+        dataset_regenerate(config)

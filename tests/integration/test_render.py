@@ -11,7 +11,7 @@ from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands.render import RenderConfig, render
+from lerobot_env_bimanual.commands.task_render import TaskRenderConfig, task_render
 from lerobot_env_bimanual.pictures.layout import CAPTION_HEIGHT, GAP, PANEL_WIDTH, SEAM
 from lerobot_env_bimanual.pictures.shooting import CLEAREST, STRIP_LENGTH, STRIP_WIDTH
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -19,10 +19,10 @@ from lerobot_env_bimanual.workers import WorkerPool
 
 
 @pytest.fixture
-def small(tmp_path: Path) -> Callable[..., RenderConfig]:
-    def options(**others) -> RenderConfig:
+def small(tmp_path: Path) -> Callable[..., TaskRenderConfig]:
+    def options(**others) -> TaskRenderConfig:
         defaults = {"task": "lift_ball", "size": "48x64", "quality": "observation", "workers": 1}
-        return RenderConfig(**defaults | others, output=tmp_path / "new")
+        return TaskRenderConfig(**defaults | others, output=tmp_path / "new")
 
     return options
 
@@ -35,7 +35,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.sim
 def test_one_task_becomes_a_sheet_and_a_film(small) -> None:
     config = small(camera="clearest")
-    render(config)
+    task_render(config)
     assert {path.name for path in config.output.iterdir()} == {"lift_ball.png", "lift_ball.mp4"}
     assert Image.open(config.output / "lift_ball.png").width == 4 * (PANEL_WIDTH + GAP) + GAP
     with av.open(str(config.output / "lift_ball.mp4")) as film:
@@ -60,7 +60,7 @@ def test_a_failing_expert_is_an_error_that_says_where_and_leaves_its_sheet(
     monkeypatch.setattr(task_class, "script", without_lift)
     config = small(seed=4, video=False)
     with pytest.raises(BimanualError, match=r"lift_ball failed at val seed 4, stage 'squeeze': no move left"):
-        render(config)
+        task_render(config)
     assert [path.name for path in config.output.iterdir()] == ["lift_ball.png"]
 
 
@@ -68,7 +68,7 @@ def test_a_failing_expert_is_an_error_that_says_where_and_leaves_its_sheet(
 @pytest.mark.usefixtures("in_this_process")
 def test_two_tasks_make_a_gallery_and_one_that_moves(small) -> None:
     config = small(task="lift_ball,dual_push_buttons")
-    render(config)
+    task_render(config)
     assert {path.name for path in config.output.iterdir()} == {
         *("lift_ball.png", "lift_ball.mp4"),
         *("dual_push_buttons.png", "dual_push_buttons.mp4"),
@@ -96,19 +96,19 @@ def test_two_tasks_make_a_gallery_and_one_that_moves(small) -> None:
 def test_wrong_options_are_refused_before_anything_is_written(small, option, message) -> None:
     config = small(**option)
     with pytest.raises(BimanualError, match=message):
-        render(config)
+        task_render(config)
     assert not config.output.exists()
 
 
 def test_every_camera_can_be_chosen() -> None:
-    assert set(get_args(get_type_hints(RenderConfig)["camera"])) == {*CAMERA_NAMES, CLEAREST}
+    assert set(get_args(get_type_hints(TaskRenderConfig)["camera"])) == {*CAMERA_NAMES, CLEAREST}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_all_tasks_are_drawn(small) -> None:
     config = small(task="all", size="240x320", video=False, camera="clearest", workers=0)
-    render(config)
+    task_render(config)
     sheets = {path.stem for path in config.output.glob("*.png")}
     assert sheets == set(list_tasks())
     assert 50_000 < (config.output / "tasks.jpg").stat().st_size < 800_000

@@ -13,8 +13,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.commands.replay import ReplayConfig, parse_episodes
-from lerobot_env_bimanual.commands.replay import replay as replay_verb
+from lerobot_env_bimanual.commands.dataset_replay import DatasetReplayConfig, dataset_replay, parse_episodes
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.replay import replay
 from lerobot_env_bimanual.verification.replayer import Replayer, hashes_of, keyposes_of
@@ -45,7 +44,7 @@ def test_both_views_know_the_same_keyposes(generated) -> None:
 
 
 def test_the_verb_prints_a_table_and_succeeds(generated, capsys) -> None:
-    assert replay_verb(ReplayConfig(root=generated, workers=1)) == 0
+    assert dataset_replay(DatasetReplayConfig(root=generated, workers=1)) == 0
     printed = capsys.readouterr().out
     assert "lift_ball" in printed
     assert "warning" not in printed
@@ -75,7 +74,7 @@ def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
 
 
 def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
-    assert replay_verb(ReplayConfig(root=tampered, episodes="1", workers=1)) == 1
+    assert dataset_replay(DatasetReplayConfig(root=tampered, episodes="1", workers=1)) == 1
     assert "episode 1 (lift_ball, seed 1): another state after tick 30" in capsys.readouterr().out
 
 
@@ -105,7 +104,7 @@ def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
     provenance = json.loads(path.read_text())
     provenance["versions"]["mujoco"] = "1.2.3"
     path.write_text(json.dumps(provenance))
-    assert replay_verb(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
     assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
 
 
@@ -114,13 +113,13 @@ def test_another_world_is_named(generated, tmp_path, capsys) -> None:
     shutil.copytree(generated / "keyframes", root)
     path = root / PROVENANCE_FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | {"worlds": {"lift_ball": "0123456789ab"}}))
-    assert replay_verb(ReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
     assert "lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
 
 
 def test_joint_actions_need_the_view_frames(generated) -> None:
     with pytest.raises(DatasetError, match="--replay=keypose"):
-        replay_verb(ReplayConfig(root=generated / "keyframes"))
+        dataset_replay(DatasetReplayConfig(root=generated / "keyframes"))
 
 
 def test_episodes_are_chosen_by_index_or_range() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import make_dataset, settings_of
+from lerobot_env_bimanual.commands.dataset_generate import make_dataset, settings_of
 
 pytestmark = pytest.mark.sim
 

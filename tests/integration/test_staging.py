@@ -10,7 +10,7 @@ import pytest
 
 from lerobot_bimanual.checksums import write_sums
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.commands.generate import settings_of
+from lerobot_env_bimanual.commands.dataset_generate import settings_of
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard_report import DamagedShard, write_report

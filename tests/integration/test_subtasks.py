@@ -76,7 +76,7 @@ def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing
         assert subtask["content"] == STAGES[int(row[schema.KEYPOSE_STEP])]
         said.append(subtask["content"])
     assert list(dict.fromkeys(said)) == STAGES
-    assert main(["verify", f"--root={root}"]) == 0
+    assert main(["dataset", "verify", f"--root={root}"]) == 0
     assert "subtasks " in capsys.readouterr().out
 
 
@@ -161,7 +161,7 @@ def told(annotated_once, tmp_path_factory) -> Path:
     places = (f"--root={annotated_once / 'frames'}", f"--clip={folder / 'tiny_clip'}", "--output=dit")
     made = run("python", str(TOLD), *places, *small, folder=folder)
     assert made.returncode == 0, made.stderr[-4000:]
-    assert main(["check-checkpoint", f"--checkpoint={folder / 'dit'}"]) == 0
+    assert main(["policy", "check", f"--checkpoint={folder / 'dit'}"]) == 0
     return folder / "dit"
 
 

@@ -12,14 +12,14 @@ from lerobot_bimanual.dataset.content_hash import content_hash
 from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_bimanual.errors import BimanualError
-from lerobot_env_bimanual.commands.generate import generate
-from lerobot_env_bimanual.commands.verify import VerifyConfig, verify
+from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
+from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
 
 pytestmark = pytest.mark.sim
 
 
 def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys) -> None:
-    assert verify(VerifyConfig(root=generated, render="2", workers=1)) == 0
+    assert dataset_verify(DatasetVerifyConfig(root=generated, render="2", workers=1)) == 0
     printed = capsys.readouterr().out
     assert "not replayed" not in printed
     for view in schema.VIEWS:
@@ -31,7 +31,7 @@ def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys
 def test_the_verb_fails_and_says_where(copy, capsys) -> None:
     root = copy("keyframes")
     damages.edit(root, damages.FIRST, schema.KEYFRAME, lambda flags, rows: flags.__setitem__(rows[0], True))
-    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
+    assert dataset_verify(DatasetVerifyConfig(root=root, workers=1, render="0")) == 1
     printed = capsys.readouterr().out
     assert "keyframes: episode 1, row 0: keyframe is set, but no keypose was completed" in printed
     assert "seal: " in printed
@@ -50,7 +50,7 @@ def test_not_replayed_is_not_passed(copy, capsys, field, other, remark) -> None:
     damages.provenance(lambda origin: origin[field].update(other))(root)
     write_card(root, "local/small")
     write_seal(root)
-    assert verify(VerifyConfig(root=root, workers=1)) == 3
+    assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 3
     printed = capsys.readouterr().out
     assert f"not replayed, so not passed: {remark}" in printed
     assert "replayed actions" not in printed
@@ -58,12 +58,12 @@ def test_not_replayed_is_not_passed(copy, capsys, field, other, remark) -> None:
 
 def test_a_dataset_without_depth_holds_colours_alone_and_passes(small_generation, tmp_path, capsys) -> None:
     root = tmp_path / "colours"
-    generate(small_generation(root, episodes=1, depth=False))
+    dataset_generate(small_generation(root, episodes=1, depth=False))
     for view in schema.VIEWS:
         stored = read_info(root / view)["features"].keys()
         assert schema.image_key("front") in stored
         assert schema.depth_key("front") not in stored
-    assert verify(VerifyConfig(root=root, workers=1)) == 0
+    assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 0
     assert "not replayed" not in capsys.readouterr().out
 
 
@@ -74,14 +74,14 @@ def test_a_view_that_is_missing_is_a_finding(generated, tmp_path, capsys, lost) 
         (root / "frames" / lost).unlink()
     else:
         shutil.rmtree(root / "frames")
-    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
+    assert dataset_verify(DatasetVerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
     assert "frames" in capsys.readouterr().out
 
 
 def test_what_a_terminal_would_obey_is_printed_as_text(generated, tmp_path, capsys) -> None:
     root = Path(shutil.copytree(generated / "keyframes", tmp_path / "data"))
     (root / "\x1b[2Jgone").touch()
-    assert verify(VerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
+    assert dataset_verify(DatasetVerifyConfig(root=root, render="0", episodes="0", workers=1)) == 1
     assert "\x1b[2J" not in capsys.readouterr().out
 
 
@@ -90,7 +90,7 @@ def test_a_dataset_that_cannot_be_opened_is_a_finding_and_the_other_view_is_stil
 ) -> None:
     root = Path(shutil.copytree(generated, tmp_path / "copy"))
     (root / "frames/meta/info.json").write_text("[]")
-    assert verify(VerifyConfig(root=root, workers=1, render="0")) == 1
+    assert dataset_verify(DatasetVerifyConfig(root=root, workers=1, render="0")) == 1
     printed = capsys.readouterr().out
     assert "readable: " in printed
     assert printed.count("content hash: ") == 1
@@ -99,4 +99,4 @@ def test_a_dataset_that_cannot_be_opened_is_a_finding_and_the_other_view_is_stil
 @pytest.mark.parametrize("rows", ["-1", "some", "1.5", ""])
 def test_rows_that_are_no_number_are_refused(generated, rows: str) -> None:
     with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
-        verify(VerifyConfig(root=generated, render=rows))
+        dataset_verify(DatasetVerifyConfig(root=generated, render=rows))

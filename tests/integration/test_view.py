@@ -33,7 +33,7 @@ def frames(film: Path) -> list[np.ndarray]:
 
 @pytest.mark.sim
 def test_without_a_display_one_line_says_so_and_a_film_is_written(capsys) -> None:
-    assert main(["view", "--task=lift_ball", "--seed=3", "--output=films"]) == 0
+    assert main(["task", "view", "--task=lift_ball", "--seed=3", "--output=films"]) == 0
     first, second, *files = capsys.readouterr().out.splitlines()
     assert first == "there is no display, so it is filmed"
     assert second.startswith("expert: solved after ")
@@ -49,7 +49,7 @@ def test_without_a_display_one_line_says_so_and_a_film_is_written(capsys) -> Non
 def test_a_film_shows_another_world_and_says_which(capsys) -> None:
     flags = ("--task=lift_ball", "--output=films")
     for perturb in ("", "light:3,arm_late:1"):
-        assert main(["view", *flags, f"--perturb={perturb}"]) == 0
+        assert main(["task", "view", *flags, f"--perturb={perturb}"]) == 0
     told = capsys.readouterr().out
     as_it_is, dark = (
         Path(f"films/lift_ball_v0_test_seed0{name}_expert.mp4") for name in ("", "_arm_late1_light3")
@@ -66,7 +66,7 @@ def test_at_a_display_every_axis_of_the_task_can_be_chosen_and_what_was_asked_fo
     choices: list[tuple[str, ...]] = []
     monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: choices.extend(self._perturbations))
-    assert main(["view", "--task=push_box", f"--perturb={perturb}"]) == 0
+    assert main(["task", "view", "--task=push_box", f"--perturb={perturb}"]) == 0
     assert choices[0] == ("",)
     assert ("light:1", "light:2", "light:3") in choices
     assert "stiffness:1" not in {level for levels in choices for level in levels}  # a box has no joints
@@ -77,7 +77,7 @@ def test_at_a_display_every_axis_of_the_task_can_be_chosen_and_what_was_asked_fo
 @pytest.mark.slow
 def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     flags = ("--task=handover_item_easy", "--seed=1", "--image_size=128", "--output=films")
-    assert main(["view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
+    assert main(["task", "view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
     told = capsys.readouterr().out
     assert "there is no display, so expert and policy are filmed" in told
     assert "expert: solved after " in told
@@ -92,7 +92,7 @@ def test_with_a_display_the_window_opens_unless_a_film_is_wished(monkeypatch, ca
     played: list[str] = []
     monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
-    assert main(["view", "--task=lift_ball"]) == 0
+    assert main(["task", "view", "--task=lift_ball"]) == 0
     assert played == ["expert"]
     assert "space: pause" in capsys.readouterr().out
 
@@ -114,7 +114,7 @@ def tick(self):
             self._keys.put(Key.END if self._env.options.perturb else Key.PAGE_DOWN)
 
 Performance._tick = tick
-raise SystemExit(main(["view", "--task=lift_ball"]))
+raise SystemExit(main(["task", "view", "--task=lift_ball"]))
 """
     command = ("xvfb-run", "--auto-servernum", sys.executable, "-c", program)
     child = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -136,7 +136,7 @@ raise SystemExit(main(["view", "--task=lift_ball"]))
     ],
 )
 def test_what_cannot_be_shown_is_one_clear_line(capsys, flag, message) -> None:
-    assert main(["view", flag]) in (1, 2)
+    assert main(["task", "view", flag]) in (1, 2)
     told = capsys.readouterr().err
     assert message in told
     assert told.count("\n") == 1

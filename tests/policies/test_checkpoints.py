@@ -241,7 +241,7 @@ def test_whatever_is_wrong_with_a_checkpoint_is_named_in_one_line(checkpoint, da
     for load in (check_checkpoint, load_policy):
         with pytest.raises(CheckpointError, match=message):
             load(checkpoint)
-    assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 1
+    assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 1
     output = capsys.readouterr()
     assert output.err.startswith("lerobot-bimanual: ")
     assert len(output.err.splitlines()) == 1
@@ -256,9 +256,9 @@ def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(policy_type, speci
     for name in (PREPROCESSOR, POSTPROCESSOR):
         stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
         edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)
-        for verb in ("check-checkpoint", "accuracy", "inspect"):
-            data = [] if verb == "check-checkpoint" else [f"--dataset={tmp_path}"]
-            assert cli.main([verb, f"--checkpoint={checkpoint}", *data]) == 1
+        for leaf in ("check", "accuracy", "inspect"):
+            data = [] if leaf == "check" else [f"--dataset={tmp_path}"]
+            assert cli.main(["policy", leaf, f"--checkpoint={checkpoint}", *data]) == 1
         with pytest.raises(CheckpointError, match=r"subprocess\.Popen.*Do not load"):
             load_policy(checkpoint)
     assert not marker.exists()
@@ -269,7 +269,7 @@ def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
 ):
     for variant, options in specimens[policy_type].tiny.items():
         checkpoint = save(policy_type, options, tmp_path / variant)
-        assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 0
+        assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 0
         said = capsys.readouterr().out
         loaded, _ = load_policy(checkpoint)
         parameters = sum(value.numel() for value in loaded.parameters())
@@ -301,7 +301,7 @@ def test_the_file_of_a_clip_tower_is_not_opened_to_check_a_policy_that_uses_it(c
         checkpoint
     )
     config(language_encoder="clip:/no/such/folder")(checkpoint)
-    assert cli.main(["check-checkpoint", f"--checkpoint={checkpoint}"]) == 0
+    assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 0
     assert "not checked clip:/no/such/folder" in " ".join(capsys.readouterr().out.split())
 
 
@@ -326,7 +326,7 @@ def act(tmp_path: Path) -> Path:
 
 
 def test_lerobots_own_policies_are_checked_and_it_is_said_how_far(act, capsys):
-    assert cli.main(["check-checkpoint", f"--checkpoint={act}"]) == 0
+    assert cli.main(["policy", "check", f"--checkpoint={act}"]) == 0
     said = capsys.readouterr().out
     assert "observation.images.front" in said
     assert "not checked whether the weights fit" in " ".join(said.split())

@@ -1,4 +1,4 @@
-"""`lerobot-bimanual inspect` and `accuracy`: what the policy saw and said, and how far that is from the truth."""
+"""`lerobot-bimanual policy inspect` and `accuracy`: what the policy saw and said, and how far that is from the truth."""
 
 import importlib.util
 import json
@@ -91,7 +91,7 @@ def save(policy: PreTrainedPolicy, folder: Path) -> Path:
 
 
 def run(checkpoint: Path, dataset: Path, *flags: str) -> int:
-    return cli.main(["inspect", f"--checkpoint={checkpoint}", f"--dataset={dataset}", *flags])
+    return cli.main(["policy", "inspect", f"--checkpoint={checkpoint}", f"--dataset={dataset}", *flags])
 
 
 def count(picture: Image.Image, color: tuple[int, int, int]) -> int:
@@ -134,7 +134,7 @@ def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, datase
             opened = predicted[arm].gripper_open != true[arm].gripper_open
             assert found.gripper_wrong[row, arm.ordinal] == opened
     capsys.readouterr()
-    assert cli.main(["accuracy", f"--checkpoint={checkpoint}", f"--dataset={dataset}"]) == 0
+    assert cli.main(["policy", "accuracy", f"--checkpoint={checkpoint}", f"--dataset={dataset}"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.split()[:4] == ["all", "both", str(ROWS), f"{found.position_cm.mean():.2f}"]
 

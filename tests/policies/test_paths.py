@@ -23,11 +23,11 @@ print("code", code, "loaded", sorted(loaded))
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("inspect", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
-        (("accuracy", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
-        (("inspect", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
-        (("accuracy", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
-        (("check-checkpoint", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
+        (("policy", "inspect", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
+        (("policy", "accuracy", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
+        (("policy", "inspect", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
+        (("policy", "accuracy", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
+        (("policy", "check", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
     ],
 )
 def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path, words, message):
@@ -50,7 +50,7 @@ def test_a_wrong_path_is_named_before_lerobot_and_torch_are_loaded(tmp_path, wor
 def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, capsys, below):
     (tmp_path / below).mkdir(parents=True)
     (tmp_path / below / "config.json").write_text("{}")
-    assert cli.main(["check-checkpoint", f"--checkpoint={tmp_path}"]) == 1
+    assert cli.main(["policy", "check", f"--checkpoint={tmp_path}"]) == 1
     assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
 
 

@@ -73,7 +73,7 @@ def result_files(results: Path) -> list[Path]:
         return [results]
     found = sorted(path for path in results.glob("*.json") if not path.name.endswith(EPISODES_SUFFIX))
     if not found:
-        raise BimanualError(f"{results} holds no results; `lerobot-bimanual benchmark` writes them")
+        raise BimanualError(f"{results} holds no results; `lerobot-bimanual policy benchmark` writes them")
     return found
 
 

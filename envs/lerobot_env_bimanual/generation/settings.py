@@ -151,7 +151,7 @@ class GenerationSettings:
             "repo_id": self.repo_id,
         }
         words = [f"--{name}={value}" for name, value in flags.items() if value != ""]
-        return shlex.join(["lerobot-bimanual", "generate", *words])
+        return shlex.join(["lerobot-bimanual", "dataset", "generate", *words])
 
     @property
     def total_episodes(self) -> int:

@@ -140,7 +140,7 @@ class Climb:
             if (theirs := certified[key].world) != here[key]:
                 raise BimanualError(
                     f"the certificate of {self.task} at {rung_name(*key)} is of world {theirs}, but here it is {here[key]}; "
-                    "certify anew with `lerobot-bimanual certify-rungs`"
+                    "certify anew with `lerobot-bimanual expert evaluate-perturbed`"
                 )
 
     def climb(self) -> Iterator[Rung]:

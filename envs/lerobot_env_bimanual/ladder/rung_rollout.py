@@ -62,7 +62,7 @@ class RungRollout:
         except Exception as error:  # somebody else's policy may fail in any way
             reason = " ".join(str(error).split()) or type(error).__name__
             raise BimanualError(
-                f"{folder} cannot be loaded: {reason}; `lerobot-bimanual check-checkpoint` looks at its parts"
+                f"{folder} cannot be loaded: {reason}; `lerobot-bimanual policy check` looks at its parts"
             ) from error
         self._random_state = get_rng_state()  # in which LeRobot's evaluation begins to play
         self._uses_amp = bool(policy_config.use_amp)
@@ -77,7 +77,7 @@ class RungRollout:
 
         Args:
             perturb: the rung; empty at level 0.
-            records: folder of the environment's record, which `lerobot-bimanual verify-results` plays again.
+            records: folder of the environment's record, which `lerobot-bimanual results verify` plays again.
             note: called after every batch with the number of its episodes.
 
         Raises:

@@ -49,7 +49,7 @@ class Certified:
         paths = {name: folder / f"{name}.json" for name in CERTIFICATES}
         if not paths[EXACT].is_file():
             raise BimanualError(
-                f"{folder} holds no {EXACT}.json; make it with `lerobot-bimanual certify --variation=each "
+                f"{folder} holds no {EXACT}.json; make it with `lerobot-bimanual expert evaluate --variation=each "
                 f"--replay=joint --output={folder / EXACT}.json`. Read are: {', '.join(path.name for path in paths.values())}"
             )
         if stray := sorted(set(folder.glob("*.json")) - set(paths.values())):

@@ -21,7 +21,7 @@ from lerobot_env_bimanual.reports.visibility import Visibility, visibility_secti
 PAGE = """\
 # The tasks, measured
 
-Written by `lerobot-bimanual report` from the certificates in `{folder}`; do not edit.
+Written by `lerobot-bimanual expert report` from the certificates in `{folder}`; do not edit.
 
 World `{world}`, MuJoCo {mujoco}; {split} seeds {seeds}, every variation on each of them.
 

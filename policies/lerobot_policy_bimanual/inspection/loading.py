@@ -87,6 +87,6 @@ def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
     if missing:
         raise SchemaMismatch(
             f"{root} has no {', '.join(missing)}, which the policy reads. Record all of its cameras "
-            f"({', '.join(config.cameras)}) with `lerobot-bimanual generate`"
+            f"({', '.join(config.cameras)}) with `lerobot-bimanual dataset generate`"
         )
     return LeRobotDataset(f"local/{root.name}", root=root)

@@ -203,7 +203,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         if missing:
             raise SchemaMismatch(
                 f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
-                "`lerobot-bimanual generate`, or choose cameras with --policy.cameras"
+                "`lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
             )
         self.input_features = {key: self.input_features[key] for key in self.observation_keys}
 

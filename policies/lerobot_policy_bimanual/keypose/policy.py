@@ -142,7 +142,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """
         if NEXT_KEYPOSE not in batch:
             raise SchemaMismatch(
-                f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual generate` records"
+                f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual dataset generate` records"
             )
         keyposes = batch[NEXT_KEYPOSE].float()
         with full_precision(keyposes.device):

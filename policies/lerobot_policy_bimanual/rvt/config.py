@@ -11,7 +11,7 @@ from lerobot_policy_bimanual.keypose.fields import real, require_multiple, whole
 class RVTConfig(KeyposePolicyConfig):
     """Base config of policies with RVT networks; the defaults are the networks of PerAct2's baseline.
 
-    The recipe `small` of `lerobot-bimanual benchmark` has the flags of networks that train on a laptop's CPU.
+    The recipe `small` of `lerobot-bimanual policy benchmark` has the flags of networks that train on a laptop's CPU.
     """
 
     # Pixels per side of every view, and so the voxels per axis from which positions are chosen (RVT code: 220 of both).

@@ -59,6 +59,6 @@ def _said(task: str, rows: list[dict[str, Any]], time_s: float) -> str:
     if subtask is None:
         raise DatasetError(
             f"no subtask holds at {time_s:.2f} s; there are {[row['content'] for row in rows]} "
-            "(`lerobot-bimanual verify` says what is wrong with a dataset)"
+            "(`lerobot-bimanual dataset verify` says what is wrong with a dataset)"
         )
     return f"{task}: {subtask['content']}"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class BlameConfig:
+class ResultsDiagnoseConfig:
     """Options of the verb `blame`."""
 
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
@@ -29,7 +29,7 @@ class BlameConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def blame(config: BlameConfig) -> int:
+def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     """Say of failed episodes why they failed, which keypose lost them, and which arm.
 
     Each failed episode is played again from its seed, and classed by rules from physics. If it was played by keyposes,
@@ -38,9 +38,9 @@ def blame(config: BlameConfig) -> int:
     this arm lost it; if either suffices, either; if neither does, their coordination. No weights are needed.
 
     Examples:
-        lerobot-bimanual blame --results=results/leaderboard --policy=peract2
-        lerobot-bimanual blame --results=outputs/eval/lift_ball_test_record.json --figure=outputs/blame.png
-        lerobot-bimanual blame --results=results/leaderboard --sample=5 --output=outputs/blame.json
+        lerobot-bimanual results diagnose --results=results/leaderboard --policy=peract2
+        lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json --figure=outputs/blame.png
+        lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/blame.json
     """
     import numpy as np
 
@@ -103,8 +103,14 @@ def _print_table(blames: Sequence[Blame]) -> None:
 
     headings = ("seed", "class", "last recoverable keypose", "lost by", "fact")
     rows = [
-        (blame.seed, blame.failure_class, _shown(blame.last_recoverable), blame.loser, blame.fact)
-        for blame in blames
+        (
+            attribution.seed,
+            attribution.failure_class,
+            _shown(attribution.last_recoverable),
+            attribution.loser,
+            attribution.fact,
+        )
+        for attribution in blames
     ]
     if rows:
         print_table(headings, rows)
@@ -123,7 +129,10 @@ def _print_sums(groups: dict[str, list[Blame]]) -> None:
         ("class", FailureClass, "failure_class"),
         ("who lost them", Loser, "loser"),
     ):
-        kinds_of = {name: [getattr(blame, attribute) for blame in blames] for name, blames in groups.items()}
+        kinds_of = {
+            name: [getattr(attribution, attribute) for attribution in blames]
+            for name, blames in groups.items()
+        }
         rows = [
             (name, *(of_group.count(kind) for kind in kinds), len(of_group))
             for name, of_group in kinds_of.items()
@@ -143,6 +152,6 @@ def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Pa
         policy = result.row.learner if result.row else ""  # a record does not say whose episodes it has
         source = {"file": str(result.path), "policy": policy, "perturb": result.record.perturb}
         content.setdefault(result.record.task, []).extend(
-            source | asdict(blame) for blame in found[result.path]
+            source | asdict(attribution) for attribution in found[result.path]
         )
     write_file(output, json.dumps(content, indent=1) + "\n")

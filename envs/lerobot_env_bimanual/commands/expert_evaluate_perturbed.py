@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @dataclass
-class CertifyRungsConfig:
+class ExpertEvaluatePerturbedConfig:
     """Options of the verb `certify-rungs`."""
 
     task: str = "all"  # task and suite names, comma separated
@@ -19,7 +19,7 @@ class CertifyRungsConfig:
     output: Path = Path("results/certificates/rungs")  # folder; one small file per task
 
 
-def certify_rungs(config: CertifyRungsConfig) -> None:
+def expert_evaluate_perturbed(config: ExpertEvaluatePerturbedConfig) -> None:
     """Certify experts at every level of every axis: who solves how many, in one small file per task.
 
     Axes that change nothing but what is seen or said are left out, since there the expert and the blind control play as at
@@ -31,8 +31,8 @@ def certify_rungs(config: CertifyRungsConfig) -> None:
     changed, so that with further axes or levels it grows.
 
     Examples:
-        lerobot-bimanual certify-rungs
-        lerobot-bimanual certify-rungs --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/rungs
+        lerobot-bimanual expert evaluate-perturbed
+        lerobot-bimanual expert evaluate-perturbed --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/rungs
     """
     from lerobot_bimanual.output_file import check_output_folder
     from lerobot_env_bimanual.experts.seed_range import parse_seeds

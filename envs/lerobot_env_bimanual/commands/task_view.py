@@ -11,7 +11,7 @@ from lerobot_env_bimanual.options import EnvOptions
 
 
 @dataclass
-class ViewConfig(EnvOptions):
+class TaskViewConfig(EnvOptions):
     """Flags of the verb `view`, and all options of the environment."""
 
     task: str = "lift_ball"  # name of one task
@@ -23,7 +23,7 @@ class ViewConfig(EnvOptions):
     output: Path = Path("outputs/view")  # folder of the film and of its contact sheet
 
 
-def view(config: ViewConfig) -> None:
+def task_view(config: TaskViewConfig) -> None:
     r"""Watch an expert, or a trained policy, at one episode.
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
@@ -37,10 +37,10 @@ def view(config: ViewConfig) -> None:
     whatever a checkpoint's files name: look at a stranger's with `check-checkpoint` first.
 
     Examples:
-        lerobot-bimanual view --task=lift_ball
-        lerobot-bimanual view --task=handover_item --seed=3 --variation=2 --film
-        lerobot-bimanual view --task=lift_ball --perturb=light:2,clutter:1 --film
-        lerobot-bimanual view --task=handover_item_easy --image_size=128 --film \
+        lerobot-bimanual task view --task=lift_ball
+        lerobot-bimanual task view --task=handover_item --seed=3 --variation=2 --film
+        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --film
+        lerobot-bimanual task view --task=handover_item_easy --image_size=128 --film \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     from lerobot_bimanual.output_file import check_output_folder
@@ -58,7 +58,7 @@ def view(config: ViewConfig) -> None:
         _perform(config)
 
 
-def _check(config: ViewConfig) -> None:
+def _check(config: TaskViewConfig) -> None:
     if config.seed < 0:
         raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
     if config.video_dir is not None or config.results_dir is not None:
@@ -67,7 +67,7 @@ def _check(config: ViewConfig) -> None:
         )
 
 
-def _film(config: ViewConfig, reason: str) -> None:
+def _film(config: TaskViewConfig, reason: str) -> None:
     from tqdm import tqdm
 
     from lerobot_env_bimanual.env import BimanualEnv
@@ -98,7 +98,7 @@ def _film(config: ViewConfig, reason: str) -> None:
     print("\n".join(map(str, files)))
 
 
-def _perform(config: ViewConfig) -> None:
+def _perform(config: TaskViewConfig) -> None:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.policy_player import policy_player
@@ -119,7 +119,7 @@ def _perform(config: ViewConfig) -> None:
     ).run()
 
 
-def _perturbations(config: ViewConfig) -> list[tuple[str, ...]]:
+def _perturbations(config: TaskViewConfig) -> list[tuple[str, ...]]:
     """The world as it is, what was asked for if that is more than one axis, and every axis of the task."""
     from lerobot_env_bimanual.ladder.rungs import UPPER_LEVELS, perturb_text, rungs_of
 
@@ -130,7 +130,7 @@ def _perturbations(config: ViewConfig) -> list[tuple[str, ...]]:
     return [single[0], (config.perturb,), *single[1:]]
 
 
-def _shown(config: ViewConfig) -> EnvOptions:
+def _shown(config: TaskViewConfig) -> EnvOptions:
     """The options; an expert looks at no images, so none are drawn for it."""
     options = EnvOptions(**config.keywords())
     return options if config.checkpoint is not None else replace(options, obs="state")

@@ -7,20 +7,20 @@ from lerobot_bimanual.benchmark.run import report, run, show
 from lerobot_bimanual.benchmark.task_check import check_task
 
 
-def benchmark(config: BenchmarkConfig) -> None:
+def policy_benchmark(config: BenchmarkConfig) -> None:
     """Train a policy, choose its best checkpoint, score it on unseen seeds.
 
     Generates demonstrations, scores the expert and the blind control, trains with `lerobot-bimanual-train` (LeRobot's own
     loop, with the dataset in memory), evaluates every checkpoint with `lerobot-eval` on the validation split, and the best
     of them (of equals the latest) on the test split. The result is one JSON file in OUTPUT/results, read by
-    `lerobot-bimanual compare`.
+    `lerobot-bimanual results compare`.
 
     An interrupted benchmark continues where it stopped, a training from its last checkpoint.
 
     Examples:
-        lerobot-bimanual benchmark --policy=peract2 --task=lift_ball
-        lerobot-bimanual benchmark --policy=act --task=push_box --steps=20000 --device=cuda
-        lerobot-bimanual benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
+        lerobot-bimanual policy benchmark --policy=peract2 --task=lift_ball
+        lerobot-bimanual policy benchmark --policy=act --task=push_box --steps=20000 --device=cuda
+        lerobot-bimanual policy benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     plan, console = Plan.of(config), Console()
     check_task(plan.config)

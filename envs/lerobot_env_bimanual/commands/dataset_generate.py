@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.commands.push import PushConfig, push
+from lerobot_bimanual.commands.dataset_push import DatasetPushConfig, dataset_push
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.errors import InvalidChoice
 
@@ -22,7 +22,7 @@ BOTH_VIEWS = "both"
 
 
 @dataclass
-class GenerateConfig:
+class DatasetGenerateConfig:
     """Options of the verb `generate`."""
 
     task: str = "all"  # task and suite names, comma separated
@@ -58,7 +58,7 @@ class GenerateConfig:
     push_to_hub: bool = False
 
 
-def generate(config: GenerateConfig) -> None:
+def dataset_generate(config: DatasetGenerateConfig) -> None:
     """Record expert demonstrations as a LeRobot dataset.
 
     The content depends on the options and versions alone, not on who records it and with how many workers. Seeds
@@ -69,9 +69,9 @@ def generate(config: GenerateConfig) -> None:
     is there already is read once more: it is complete if every file is as it was published.
 
     Examples:
-        lerobot-bimanual generate --task=lift_ball --episodes=50 --root=data/lift_ball
-        lerobot-bimanual generate --task=all --view=keyframes --image_size=128 --root=data/all --repo_id=me/all
-        lerobot-bimanual generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
+        lerobot-bimanual dataset generate --task=lift_ball --episodes=50 --root=data/lift_ball
+        lerobot-bimanual dataset generate --task=all --view=keyframes --image_size=128 --root=data/all --repo_id=me/all
+        lerobot-bimanual dataset generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
     from lerobot_bimanual.dataset.hub import prepare_push
 
@@ -80,10 +80,10 @@ def generate(config: GenerateConfig) -> None:
         prepare_push(settings.repo_id, settings.views)
     make_dataset(settings, config.root, make_executor(config))
     if config.push_to_hub:
-        push(PushConfig(root=config.root, repo_id=settings.repo_id))
+        dataset_push(DatasetPushConfig(root=config.root, repo_id=settings.repo_id))
 
 
-def settings_of(config: GenerateConfig) -> GenerationSettings:
+def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     """The dataset that the options ask for.
 
     Raises:
@@ -117,7 +117,7 @@ def settings_of(config: GenerateConfig) -> GenerationSettings:
     )
 
 
-def make_executor(config: GenerateConfig) -> Executor:
+def make_executor(config: DatasetGenerateConfig) -> Executor:
     """Who records, as the options say.
 
     Raises:

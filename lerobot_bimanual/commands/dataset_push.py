@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 @dataclass
-class PushConfig:
+class DatasetPushConfig:
     """Flags of the verb `push`."""
 
     root: Path = field(kw_only=True)  # folder of the dataset; of two views from one run, name one
@@ -16,7 +16,7 @@ class PushConfig:
     tags: tuple[str, ...] = ()  # further tags of the card, by which the Hub finds datasets
 
 
-def push(config: PushConfig) -> None:
+def dataset_push(config: DatasetPushConfig) -> None:
     """Upload a dataset with its card to the Hugging Face Hub.
 
     The repository is made if it does not exist, and then holds exactly this dataset: files of an earlier upload that
@@ -25,7 +25,7 @@ def push(config: PushConfig) -> None:
 
     Examples:
         hf auth login
-        lerobot-bimanual push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
+        lerobot-bimanual dataset push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
     """
     from lerobot_bimanual.dataset.hub import pushable_folder, upload_dataset
     from lerobot_bimanual.hub import open_repository

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class LadderConfig:
+class PolicyRobustnessConfig:
     """Options of the verb `ladder`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained policy
@@ -37,7 +37,7 @@ class LadderConfig:
     dry_run: bool = False  # print the rungs, and after a few episodes an estimate of the time; keep nothing
 
 
-def ladder(config: LadderConfig) -> None:
+def policy_robustness(config: PolicyRobustnessConfig) -> None:
     r"""Play a policy on the same seeds at every rung: one axis of perturbation, one level.
 
     The policy is loaded once and played by LeRobot's own loop, so that level 0 is what `lerobot-eval` gives on these
@@ -52,8 +52,8 @@ def ladder(config: LadderConfig) -> None:
     the same file grows.
 
     Examples:
-        lerobot-bimanual ladder --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy
-        lerobot-bimanual ladder --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy \
+        lerobot-bimanual policy robustness --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy
+        lerobot-bimanual policy robustness --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy \
             --axes=camera_moved,mass --levels=1,3 --episodes=50 --dry_run
     """
     from rich.console import Console
@@ -96,7 +96,7 @@ def ladder(config: LadderConfig) -> None:
         console.print(line, soft_wrap=True, highlight=False)
 
 
-def _climb(config: LadderConfig) -> Climb:
+def _climb(config: PolicyRobustnessConfig) -> Climb:
     """What is to be played; refuses what cannot be, before anything heavy is imported."""
     from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
     from lerobot_bimanual.output_file import check_output_file
@@ -138,7 +138,7 @@ def _climb(config: LadderConfig) -> Climb:
     )
 
 
-def _no_certificate(config: LadderConfig) -> str:
+def _no_certificate(config: PolicyRobustnessConfig) -> str:
     from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
 
     assert config.certificates is not None

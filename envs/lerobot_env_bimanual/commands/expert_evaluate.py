@@ -18,7 +18,7 @@ EACH_VARIATION = "each"
 
 
 @dataclass
-class CertifyConfig:
+class ExpertEvaluateConfig:
     """Options of the verb `certify`."""
 
     task: str = "all"  # task and suite names, comma separated
@@ -39,7 +39,7 @@ class CertifyConfig:
     output: Path | None = None
 
 
-def certify(config: CertifyConfig) -> int:
+def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     """Measure the success of an expert or a control over seeds.
 
     Prints the success rate of every variation with its 95 % Wilson interval, the median time of its episodes (of the
@@ -53,11 +53,11 @@ def certify(config: CertifyConfig) -> int:
     instructions that the scene allows, at random; its successes are measured and not complained of.
 
     Examples:
-        lerobot-bimanual certify --task=lift_ball --seeds=0:300 --output=certificate.json
-        lerobot-bimanual certify --variation=each --replay=joint
-        lerobot-bimanual certify --discretise=100
-        lerobot-bimanual certify --control=blind --seeds=0:40
-        lerobot-bimanual certify --task=lift_ball --perturb=mass:2
+        lerobot-bimanual expert evaluate --task=lift_ball --seeds=0:300 --output=certificate.json
+        lerobot-bimanual expert evaluate --variation=each --replay=joint
+        lerobot-bimanual expert evaluate --discretise=100
+        lerobot-bimanual expert evaluate --control=blind --seeds=0:40
+        lerobot-bimanual expert evaluate --task=lift_ball --perturb=mass:2
     """
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.experts.campaign import Campaign
@@ -100,7 +100,7 @@ def certify(config: CertifyConfig) -> int:
     return 1 if certificate.complaints else 0
 
 
-def _check_effects(config: CertifyConfig) -> None:
+def _check_effects(config: ExpertEvaluateConfig) -> None:
     """Refuse what would change nothing, for a certificate would claim it."""
     if config.discretise < 0:
         raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
@@ -110,7 +110,7 @@ def _check_effects(config: CertifyConfig) -> None:
         raise InvalidChoice(f"replay of the control {config.control!r}", config.replay, ["none"])
 
 
-def _jobs(campaign: Campaign, config: CertifyConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
+def _jobs(campaign: Campaign, config: ExpertEvaluateConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
     from lerobot_env_bimanual.experts.outcome import Job
     from lerobot_env_bimanual.options import ANY_VARIATION
     from lerobot_env_bimanual.tasks.registry import get_task

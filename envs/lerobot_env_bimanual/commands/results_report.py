@@ -21,7 +21,7 @@ type FilmOrder = tuple[int, str, dict[str, str], PlayedEpisode, str]
 
 
 @dataclass
-class ReportResultsConfig:
+class ResultsReportConfig:
     """Options of the verb `report-results`."""
 
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
@@ -33,7 +33,7 @@ class ReportResultsConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def report_results(config: ReportResultsConfig) -> None:
+def results_report(config: ResultsReportConfig) -> None:
     """Write one HTML page of results, with figures and with films of failed episodes beside the expert's.
 
     Of every file: success with its interval, how the checkpoint was trained and chosen, every episode, and of the failed
@@ -41,9 +41,9 @@ def report_results(config: ReportResultsConfig) -> None:
     by state; no weights are needed. The page holds its figures and films itself and loads nothing from elsewhere.
 
     Examples:
-        lerobot-bimanual report-results --results=results/leaderboard
-        lerobot-bimanual report-results --results=outputs/eval/lift_ball_test_record.json --output=lift_ball.html
-        lerobot-bimanual report-results --results=results/leaderboard --films=10 --max_mb=50
+        lerobot-bimanual results report --results=results/leaderboard
+        lerobot-bimanual results report --results=outputs/eval/lift_ball_test_record.json --output=lift_ball.html
+        lerobot-bimanual results report --results=results/leaderboard --films=10 --max_mb=50
     """
     from lerobot_bimanual.benchmark.likeness import check_likeness
     from lerobot_bimanual.output_file import check_output_file, write_file

@@ -10,7 +10,7 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 
 
 @dataclass
-class RegenerateConfig:
+class DatasetRegenerateConfig:
     """Options of the verb `regenerate`."""
 
     provenance: Path = field(kw_only=True)  # file `meta/bimanual.json` of a dataset, or a copy of it
@@ -18,7 +18,7 @@ class RegenerateConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def regenerate(config: RegenerateConfig) -> None:
+def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     """Make a dataset again from its provenance, a file of about a hundred bytes per episode.
 
     The file is `meta/bimanual.json`, which `generate` writes into every view; one view's file makes all views. The
@@ -29,12 +29,12 @@ def regenerate(config: RegenerateConfig) -> None:
     somebody else's file does not choose what is uploaded where, or which machines work.
 
     Examples:
-        lerobot-bimanual regenerate --provenance=lift_ball.json --root=data/lift_ball
+        lerobot-bimanual dataset regenerate --provenance=lift_ball.json --root=data/lift_ball
     """
     from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
-    from lerobot_env_bimanual.commands.generate import make_dataset
+    from lerobot_env_bimanual.commands.dataset_generate import make_dataset
     from lerobot_env_bimanual.experts.world_version import other_worlds
     from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
     from lerobot_env_bimanual.generation.settings import GenerationSettings

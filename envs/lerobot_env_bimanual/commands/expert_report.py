@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @dataclass
-class ReportConfig:
+class ExpertReportConfig:
     """Options of the verb `report`."""
 
     certificates: Path = Path("results/certificates")  # folder of the files that `certify` has written
@@ -17,15 +17,15 @@ class ReportConfig:
     output: Path | None = None  # Markdown file; without it the page is printed
 
 
-def report(config: ReportConfig) -> None:
+def expert_report(config: ExpertReportConfig) -> None:
     """Write the measured table of all tasks, beside the paper's, from certificates.
 
     Every certificate is checked first, by itself and against that of the experts: who played which episodes, in which
     world and with which versions, and all that follows from the episodes. Nothing is written if one is wrong.
 
     Examples:
-        lerobot-bimanual report
-        lerobot-bimanual report --output=docs/tasks.md
+        lerobot-bimanual expert report
+        lerobot-bimanual expert report --output=docs/tasks.md
     """
     from lerobot_bimanual.errors import BimanualError
     from lerobot_bimanual.markdown_table import write_page

@@ -21,7 +21,7 @@ type Rows = dict[str, tuple[ResultRow, ...]]
 
 
 @dataclass
-class CompareConfig:
+class ResultsCompareConfig:
     """Flags of the `compare` verb."""
 
     first: Path = field(kw_only=True)  # result of one benchmark, a JSON file, or a folder of results
@@ -32,7 +32,7 @@ class CompareConfig:
     figure: Path | None = None
 
 
-def compare(config: CompareConfig) -> None:
+def results_compare(config: ResultsCompareConfig) -> None:
     """Compare two policies episode by episode, on one task or on several.
 
     Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
@@ -46,10 +46,10 @@ def compare(config: CompareConfig) -> None:
     Two results of `ladder` on one task are paired on every rung that both have.
 
     Examples:
-        lerobot-bimanual compare --first=results/peract2.json --second=results/act.json
-        lerobot-bimanual compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
-        lerobot-bimanual compare --first=outputs/ladder/peract2.json --second=outputs/ladder/act.json
-        lerobot-bimanual compare --first=results/old --second=results/new --figure=outputs/difference.png
+        lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
+        lerobot-bimanual results compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
+        lerobot-bimanual results compare --first=outputs/ladder/peract2.json --second=outputs/ladder/act.json
+        lerobot-bimanual results compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
         check_figure_file(config.figure)
@@ -87,7 +87,7 @@ def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
     rows = {each: ResultRow.read(each) for each in paths}
     if not rows:
-        raise BimanualError(f"{path} holds no results; `lerobot-bimanual benchmark` writes them")
+        raise BimanualError(f"{path} holds no results; `lerobot-bimanual policy benchmark` writes them")
     policies = sorted({row.learner for row in rows.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(

@@ -7,13 +7,13 @@ from pathlib import Path
 
 
 @dataclass
-class CheckCheckpointConfig:
+class PolicyCheckConfig:
     """Options of the verb `check-checkpoint`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained policy
 
 
-def check_checkpoint(config: CheckCheckpointConfig) -> None:
+def policy_check(config: PolicyCheckConfig) -> None:
     """Look at a checkpoint before anything loads it.
 
     LeRobot's loader calls whatever class the processor files of a checkpoint name. This verb only reads: the config and
@@ -22,13 +22,13 @@ def check_checkpoint(config: CheckCheckpointConfig) -> None:
     Checkpoints of LeRobot's own policies are checked as far as that goes without building them.
 
     Examples:
-        lerobot-bimanual check-checkpoint --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
+        lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
     """
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
 
-    from lerobot_policy_bimanual.checkpoint.check import check_checkpoint as check
+    from lerobot_policy_bimanual.checkpoint.check import policy_check as check
     from lerobot_policy_bimanual.checkpoint.summary import summary
 
     print(summary(check(config.checkpoint)))

@@ -12,7 +12,7 @@ from lerobot_bimanual.output_file import check_output_file, check_output_folder
 
 
 @dataclass
-class LeaderboardConfig:
+class ResultsLeaderboardConfig:
     """Flags of the `leaderboard` verb."""
 
     results: Path = field(kw_only=True)  # folder of the files that `benchmark` has written, of one recipe
@@ -25,16 +25,16 @@ class LeaderboardConfig:
     benchmark_repo: str | None = None  # dataset repository of the benchmark there, ORGANISATION/NAME
 
 
-def leaderboard(config: LeaderboardConfig) -> None:
+def results_leaderboard(config: ResultsLeaderboardConfig) -> None:
     r"""Write the success of all policies on all tasks side by side, from the results of `benchmark`.
 
     Every file is checked first, by itself and against the others: who played which episodes of which split, in which
     world and with which versions, and whether the tested checkpoint was the best. Nothing is written if one is wrong.
 
     Examples:
-        lerobot-bimanual leaderboard --results=results/leaderboard
-        lerobot-bimanual leaderboard --results=results/leaderboard --output=docs/results.md --figure=docs/results.png
-        lerobot-bimanual leaderboard --results=results/leaderboard --hub_results=outputs/eval_results \
+        lerobot-bimanual results leaderboard --results=results/leaderboard
+        lerobot-bimanual results leaderboard --results=results/leaderboard --output=docs/results.md --figure=docs/results.png
+        lerobot-bimanual results leaderboard --results=results/leaderboard --hub_results=outputs/eval_results \
             --benchmark_repo=me/bimanual
     """
     if config.output is not None:
@@ -58,7 +58,7 @@ def leaderboard(config: LeaderboardConfig) -> None:
             print(path)
 
 
-def _link(config: LeaderboardConfig) -> str | None:
+def _link(config: ResultsLeaderboardConfig) -> str | None:
     """Where the figure lies, seen from the page."""
     if config.figure is None or config.output is None:
         return None if config.figure is None else config.figure.as_posix()

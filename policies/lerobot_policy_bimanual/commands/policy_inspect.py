@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @dataclass
-class InspectConfig:
+class PolicyInspectConfig:
     """Options of the verb `inspect`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
@@ -17,15 +17,15 @@ class InspectConfig:
     output: Path = Path("outputs/inspect")  # folder of the files
 
 
-def inspect(config: InspectConfig) -> None:
+def policy_inspect(config: PolicyInspectConfig) -> None:
     r"""Draw what a keypose policy sees in one row of a dataset, and what it predicts.
 
     One picture, row_INDEX.png: the occupied voxels from three sides, over them the translation heat map of each arm,
     and the predicted hands beside the true ones; below, errors and probabilities per arm.
 
     Examples:
-        lerobot-bimanual inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/lift_ball
-        lerobot-bimanual inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
+        lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/lift_ball
+        lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
             --dataset=data/lift_ball/keyframes --index=7 --rerun
     """
     from io import BytesIO

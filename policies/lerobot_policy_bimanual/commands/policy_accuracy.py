@@ -7,14 +7,14 @@ from pathlib import Path
 
 
 @dataclass
-class AccuracyConfig:
+class PolicyAccuracyConfig:
     """Options of the verb `accuracy`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
     dataset: Path = field(kw_only=True)  # folder of a dataset that `generate` made, either view
 
 
-def accuracy(config: AccuracyConfig) -> None:
+def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     """Measure how far a keypose policy's predictions are from the labels of a dataset.
 
     Prints, for each keypose of the task and each arm, the distance of the predicted hand from the expert's in
@@ -23,8 +23,8 @@ def accuracy(config: AccuracyConfig) -> None:
     success tells whether it matters.
 
     Examples:
-        lerobot-bimanual generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
-        lerobot-bimanual accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/val
+        lerobot-bimanual dataset generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
+        lerobot-bimanual policy accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/val
     """
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint

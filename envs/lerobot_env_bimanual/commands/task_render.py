@@ -17,7 +17,7 @@ WEBP_QUALITY = 50
 
 
 @dataclass
-class RenderConfig:
+class TaskRenderConfig:
     """Options of the verb `render`."""
 
     task: str = "all"  # task and suite names, comma separated
@@ -36,7 +36,7 @@ class RenderConfig:
     output: Path = Path("outputs/render")  # folder of the files
 
 
-def render(config: RenderConfig) -> None:
+def task_render(config: TaskRenderConfig) -> None:
     """Draw the experts at work: a contact sheet and a film per task, and a gallery of several.
 
     For each task, one episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4.
@@ -46,9 +46,9 @@ def render(config: RenderConfig) -> None:
     An expert that does not solve its episode is an error, but its pictures are there to look at.
 
     Examples:
-        lerobot-bimanual render --task=lift_ball --seed=3
-        lerobot-bimanual render --video=false
-        lerobot-bimanual render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
+        lerobot-bimanual task render --task=lift_ball --seed=3
+        lerobot-bimanual task render --video=false
+        lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
     from lerobot_bimanual.output_file import check_output_folder
     from lerobot_env_bimanual.pictures.shooting import shoot
@@ -71,7 +71,7 @@ def render(config: RenderConfig) -> None:
         raise BimanualError("; ".join(["the expert did not solve its episode", *failures]))
 
 
-def _orders(config: RenderConfig) -> list[Order]:
+def _orders(config: TaskRenderConfig) -> list[Order]:
     """One order per task, each checked before any process starts."""
     from lerobot_env_bimanual.pictures.shooting import Order
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks

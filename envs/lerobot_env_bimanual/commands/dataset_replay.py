@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class ReplayConfig:
+class DatasetReplayConfig:
     """Options of the verb `replay`."""
 
     root: Path = field(kw_only=True)  # folder of a dataset that `generate` made
@@ -30,14 +30,14 @@ class ReplayConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def replay(config: ReplayConfig) -> int:
+def dataset_replay(config: DatasetReplayConfig) -> int:
     """Replay recorded episodes from their seeds and compare the states.
 
     Exits with 1 if an episode ends in another state, or is not solved.
 
     Examples:
-        lerobot-bimanual replay --root=data/lift_ball
-        lerobot-bimanual replay --root=data/lift_ball --replay=keypose --episodes=0:10
+        lerobot-bimanual dataset replay --root=data/lift_ball
+        lerobot-bimanual dataset replay --root=data/lift_ball --replay=keypose --episodes=0:10
     """
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
     from lerobot_env_bimanual.workers import WorkerPool

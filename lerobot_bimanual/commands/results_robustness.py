@@ -14,7 +14,7 @@ from lerobot_bimanual.output_file import check_output_file
 
 
 @dataclass
-class RobustnessConfig:
+class ResultsRobustnessConfig:
     """Flags of the `robustness` verb."""
 
     ladders: tuple[Path, ...] = ()  # results of `ladder`: files, or folders of them
@@ -23,14 +23,14 @@ class RobustnessConfig:
     figure: Path | None = None  # PNG: a heat map, axis against ladder
 
 
-def robustness(config: RobustnessConfig) -> None:
+def results_robustness(config: ResultsRobustnessConfig) -> None:
     """Write what several policies survive, and where the experts still succeed, side by side.
 
     Every file is checked first; nothing is written if one is wrong.
 
     Examples:
-        lerobot-bimanual robustness --ladders=outputs/ladder --figure=outputs/robustness.png
-        lerobot-bimanual robustness --certificates=results/certificates/rungs --output=outputs/rungs.md
+        lerobot-bimanual results robustness --ladders=outputs/ladder --figure=outputs/robustness.png
+        lerobot-bimanual results robustness --certificates=results/certificates/rungs --output=outputs/rungs.md
     """
     if config.output is not None:
         check_output_file(config.output)
@@ -48,7 +48,7 @@ def robustness(config: RobustnessConfig) -> None:
         )
     if not ladders and (config.certificates is None or config.figure is not None):
         raise BimanualError(
-            "there are no results of `lerobot-bimanual ladder` at --ladders, and no --certificates to write instead"
+            "there are no results of `lerobot-bimanual policy robustness` at --ladders, and no --certificates to write instead"
         )
     parts = (
         [ladders_page.HEADING, ladders_page.LEGEND, ladders_page.render(ladders)]

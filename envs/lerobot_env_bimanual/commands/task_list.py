@@ -16,21 +16,21 @@ WIDTH = 110
 
 
 @dataclass
-class TasksConfig:
+class TaskListConfig:
     """Options of the verb `tasks`."""
 
     task: str = "all"  # task and suite names, comma separated
     format: Literal["list", "json"] = "list"  # for people or for programs
 
 
-def tasks(config: TasksConfig) -> None:
+def task_list(config: TaskListConfig) -> None:
     """List the tasks with their instructions, variations and taxonomy.
 
     The instructions shown are those of the first variation; `--format=json` has all of them, and what makes success.
 
     Examples:
-        lerobot-bimanual tasks
-        lerobot-bimanual tasks --task=synchronous --format=json
+        lerobot-bimanual task list
+        lerobot-bimanual task list --task=synchronous --format=json
     """
     rows = [_row(name) for name in resolve_tasks(config.task)]
     if config.format == "json":

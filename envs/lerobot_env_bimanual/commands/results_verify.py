@@ -20,7 +20,7 @@ type Options = tuple[tuple[str, str], ...]
 
 
 @dataclass
-class VerifyResultsConfig:
+class ResultsVerifyConfig:
     """Options of the verb `verify-results`."""
 
     # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
@@ -31,7 +31,7 @@ class VerifyResultsConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def verify_results(config: VerifyResultsConfig) -> int:
+def results_verify(config: ResultsVerifyConfig) -> int:
     """Play the episodes of results again, without the policy, and compare every claim.
 
     From each seed the recorded actions are played: the state after every one of them must be the recorded one, bit for
@@ -40,9 +40,9 @@ def verify_results(config: VerifyResultsConfig) -> int:
     control are played anew. Exits with 1 if anything differs, and says where first.
 
     Examples:
-        lerobot-bimanual verify-results --results=results/leaderboard
-        lerobot-bimanual verify-results --results=outputs/eval/lift_ball_test_record.json
-        lerobot-bimanual verify-results --results=results/leaderboard --sample=5 --controls=1
+        lerobot-bimanual results verify --results=results/leaderboard
+        lerobot-bimanual results verify --results=outputs/eval/lift_ball_test_record.json
+        lerobot-bimanual results verify --results=results/leaderboard --sample=5 --controls=1
     """
     from lerobot_env_bimanual.audit.result_files import result_files
     from lerobot_env_bimanual.experts.campaign import Campaign
@@ -63,7 +63,7 @@ def verify_results(config: VerifyResultsConfig) -> int:
     return 0 if is_sound else 1
 
 
-def _problems(path: Path, config: VerifyResultsConfig, campaign: Campaign) -> Iterator[str]:
+def _problems(path: Path, config: ResultsVerifyConfig, campaign: Campaign) -> Iterator[str]:
     import numpy as np
 
     from lerobot_env_bimanual.audit.controls import control_problems

@@ -18,7 +18,7 @@ WIDTH = 110
 
 
 @dataclass
-class PerturbationsConfig:
+class TaskPerturbationsConfig:
     """Options of the verb `perturbations`."""
 
     # What kind of difference the axes make.
@@ -30,14 +30,14 @@ class PerturbationsConfig:
     workers: int = 0  # processes for the picture; 0 takes one per core
 
 
-def perturbations(config: PerturbationsConfig) -> None:
+def task_perturbations(config: TaskPerturbationsConfig) -> None:
     """List the axes along which a world can be made different: levels, units, and where the numbers come from.
 
     `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the verbs, take them by name.
 
     Examples:
-        lerobot-bimanual perturbations --group=seen
-        lerobot-bimanual perturbations --group=seen --picture=outputs/perturbations.jpg --task=push_box
+        lerobot-bimanual task perturbations --group=seen
+        lerobot-bimanual task perturbations --group=seen --picture=outputs/perturbations.jpg --task=push_box
     """
     from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
@@ -53,7 +53,7 @@ def perturbations(config: PerturbationsConfig) -> None:
             print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))
 
 
-def _draw(config: PerturbationsConfig, axes: list[Axis], picture: Path) -> None:
+def _draw(config: TaskPerturbationsConfig, axes: list[Axis], picture: Path) -> None:
     """A row for each of these axes that changes images of the task."""
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.pictures.axes_sheet import Row, axes_sheet, draw_row

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.commands.replay import parse_episodes
+from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.provenance import Provenance
@@ -41,7 +41,7 @@ PRELOADED = ("lerobot.datasets.dataset_reader",)
 
 
 @dataclass
-class VerifyConfig:
+class DatasetVerifyConfig:
     """Options of the verb `verify`."""
 
     root: Path = field(kw_only=True)  # folder of a dataset that `generate` made; all its views are checked
@@ -52,7 +52,7 @@ class VerifyConfig:
     workers: int = 0  # processes; 0 takes one per core
 
 
-def verify(config: VerifyConfig) -> int:
+def dataset_verify(config: DatasetVerifyConfig) -> int:
     """Check files, tables, labels, statistics, calibration, images and replay of a dataset.
 
     Every file is hashed, every image decoded, every episode played again; images of a few random rows of every episode
@@ -63,8 +63,8 @@ def verify(config: VerifyConfig) -> int:
     not replayed, because the dataset names other versions of the simulation than are installed, or none.
 
     Examples:
-        lerobot-bimanual verify --root=data/lift_ball
-        lerobot-bimanual verify --root=data/lift_ball --episodes=0:20 --render=all
+        lerobot-bimanual dataset verify --root=data/lift_ball
+        lerobot-bimanual dataset verify --root=data/lift_ball --episodes=0:20 --render=all
     """
     if config.seed < 0:
         raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
@@ -164,7 +164,7 @@ def _line(episode: int | None, fault: Fault) -> str:
     return place + (fault.text if fault.text.isprintable() else repr(fault.text))
 
 
-def _look_at(root: Path, config: VerifyConfig, rows: int, cache: Path) -> _ViewReport:
+def _look_at(root: Path, config: DatasetVerifyConfig, rows: int, cache: Path) -> _ViewReport:
     """Check a view as a whole, and plan what is done with its episodes: nothing if none can be found."""
     import numpy as np
 
