@@ -7,9 +7,9 @@ from lerobot_bimanual.benchmark.episode_result import EpisodeResult
 from lerobot_bimanual.benchmark.flag_text import command_flags
 from lerobot_bimanual.benchmark.names import perturbed
 from lerobot_bimanual.benchmark.results import ResultRow
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 type Rows = Mapping[Path, ResultRow]
 

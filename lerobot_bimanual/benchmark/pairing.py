@@ -6,7 +6,6 @@ from functools import cached_property
 from math import lcm, sqrt
 
 from lerobot_bimanual.benchmark.results import ResultRow
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.statistics import (
     SuccessRate,
@@ -15,6 +14,7 @@ from lerobot_bimanual.results.statistics import (
     sign_flip_p_value,
     standard_deviation,
 )
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,13 @@ from lerobot_bimanual.benchmark.names import (
     run_name,
 )
 from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord
 from lerobot_bimanual.json_file import parse_json, read_bytes, shown
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 ROW_SCHEMA_VERSION = 3
 PLACES = ("dataset.root", "output_dir")

@@ -5,25 +5,20 @@ import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.errors import BimanualError, SchemaMismatch
 from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 
 VERSION = r"[\w.+!-]{1,40}"
 """Regular expression of a version; error messages put it into commands, so it can hold nothing else."""
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
-SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
-"""Packages whose versions decide which episode a seed means."""
-
 MAX_INT = 2**63
 """Seeds and variations are stored as 64-bit integers."""
-
-STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
 
 
 @dataclass(frozen=True, order=True)
@@ -162,17 +157,6 @@ def check_versions(versions: object) -> None:
         isinstance(version, str) and re.fullmatch(VERSION, version) for version in versions.values()
     ):
         raise SchemaMismatch(f"versions are {_shortened(versions)}, not a version such as 3.2.1 by name")
-
-
-def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
-    """Versions of packages in this process; "none" for one that is not installed."""
-    versions = {}
-    for package in packages:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "none"
-    return versions
 
 
 def _shortened(value: object) -> str:

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self
 
-from lerobot_bimanual.dataset.provenance import STAMPED_PACKAGES, installed_versions
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.json_record import read
 from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.versions import STAMPED_PACKAGES, installed_versions
 
 RECORD_SCHEMA_VERSION = 1
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lerobot_bimanual.benchmark.pairing import Pairing
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.falls import corrected_by_level
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, Rung
 from lerobot_bimanual.terminal_table import print_table
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 HEADINGS = ("rung", "first", "second", "only one solved", "p", "p (Holm)")
 

@@ -16,7 +16,6 @@ from pydantic import (
     model_validator,
 )
 
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.results.episode import (
     Episode,
     Episodes,
@@ -27,6 +26,7 @@ from lerobot_bimanual.results.episode import (
 from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
 from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.ladder.result import AxisRecord, LadderResult, Rung, RungEpisode
 from lerobot_bimanual.ladder.rung_certificate import CertifiedRung, RungCertificate
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 
 def rung(axis: str, level: int, outcomes: str, expert: str = "", blind: str = "", certificate=None) -> Rung:

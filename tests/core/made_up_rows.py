@@ -6,9 +6,9 @@ from pathlib import Path
 from lerobot_bimanual.benchmark.episode_result import EpisodeResult, Validation
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.training_record import DatasetRecord, Machine
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.results.action_text import actions_to_text
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 
 def episodes(outcomes: str, first_seed: int = 0) -> tuple[EpisodeResult, ...]:

@@ -16,10 +16,11 @@ from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
 from lerobot_bimanual.benchmark.training_record import Machine
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.versions import installed_versions
 
 BEFORE, OUTCOMES = "ba9876543210", {"expert": "xxxx", "blind": "x...", "val": ".x", "test": "xx.."}
 

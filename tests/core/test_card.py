@@ -11,9 +11,10 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.output_file import UnwritableOutput
+from lerobot_bimanual.versions import installed_versions
 
 COMMAND = "lerobot-bimanual dataset generate --task=lift_ball"
 

@@ -15,8 +15,8 @@ from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
 from lerobot_bimanual.commands.results_leaderboard import ResultsLeaderboardConfig, results_leaderboard
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -25,6 +25,7 @@ from lerobot_bimanual.dataset.reader import (
 )
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_bimanual.versions import installed_versions
 
 
 @pytest.fixture

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lerobot_bimanual.checksums import write_sums
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, installed_versions
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.commands.dataset_generate import settings_of
 from lerobot_env_bimanual.commands.dataset_regenerate import DatasetRegenerateConfig, dataset_regenerate
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round

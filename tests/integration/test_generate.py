@@ -12,9 +12,10 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.provenance import SkippedSeed, installed_versions
+from lerobot_bimanual.dataset.provenance import SkippedSeed
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.commands.dataset_generate import (
     DatasetGenerateConfig,
     dataset_generate,

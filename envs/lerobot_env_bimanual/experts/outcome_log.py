@@ -9,11 +9,11 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES, installed_versions
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import parse_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.output_file import UnwritableOutput, write_file
+from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.experts.outcome import Job, Outcome
 from lerobot_env_bimanual.perturbation_choice import axis_modules
 from lerobot_env_bimanual.tasks.discovery import task_modules

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from lerobot_bimanual.dataset.provenance import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json, shown
 from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 from lerobot_env_bimanual.experts.certificate import STATE_HASH_DIGITS, Certificate
 from lerobot_env_bimanual.experts.control_names import EXPERTS, ControlName
 from lerobot_env_bimanual.experts.evidence import Evidence

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.merging import merge_datasets
-from lerobot_bimanual.dataset.provenance import Provenance, installed_versions
+from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.dataset.seal import write_seal
+from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.generation.executor import MergeJob
 from lerobot_env_bimanual.generation.publication import view_folder
 

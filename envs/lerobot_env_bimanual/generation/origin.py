@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from lerobot_bimanual.dataset.provenance import check_versions, installed_versions
+from lerobot_bimanual.dataset.provenance import check_versions
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 

@@ -21,8 +21,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from lerobot_bimanual.dataset.provenance import installed_versions
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.process_executor import ProcessExecutor

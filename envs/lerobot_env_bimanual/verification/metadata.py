@@ -16,7 +16,7 @@ import yaml
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import CARD_FILE, dataset_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, STAMPED_PACKAGES, Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -29,6 +29,7 @@ from lerobot_bimanual.dataset.reader import (
     video_file,
 )
 from lerobot_bimanual.dataset.seal import HARMLESS, SEAL_FILE, seal_problems
+from lerobot_bimanual.versions import STAMPED_PACKAGES
 from lerobot_env_bimanual.options import MAX_IMAGE_SIDE, MIN_IMAGE_SIDE
 from lerobot_env_bimanual.verification.bookkeeping import BOOKKEEPING_CHECKS, TASKS_FILE, Bookkeeping
 from lerobot_env_bimanual.verification.fault import Fault
