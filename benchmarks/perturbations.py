@@ -22,7 +22,7 @@ SEED = 0
 
 def worlds(task: str, levels: list[int]) -> dict[str, BimanualEnv]:
     """An environment for each rung; the first is the world as it is, and so is the second."""
-    axes = [name for name in list_axes() if {"look", "see"} & set(get_axis(name).touches)]
+    axes = [name for name in list_axes() if {"look", "see"} & set(get_axis(name).hooks)]
     rungs = {"level 0": "", "level 0 again": ""} | {f"{a}:{n}": f"{a}:{n}" for a in axes for n in levels}
     return {name: BimanualEnv(task, split="val", perturb=perturb) for name, perturb in rungs.items()}
 

@@ -10,7 +10,7 @@ type in a script that imports this package before LeRobot, import `BimanualEnvCo
 import sys
 from typing import TYPE_CHECKING, Any
 
-from lerobot_env_bimanual.registration import register_gym_ids
+from lerobot_env_bimanual.tasks.registry import register_gym_ids
 
 if TYPE_CHECKING or "lerobot" in sys.modules:
     from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig

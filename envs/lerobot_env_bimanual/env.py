@@ -25,8 +25,8 @@ from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.perturbation_choice import chosen_levels
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
+from lerobot_env_bimanual.perturbations.registry import chosen_levels
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.sight import Sight
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -117,9 +117,11 @@ class BimanualEnv(gym.Env):
         """
         if self._scene is None:
             changes = self.perturbations
-            self._scene = Scene(self.task_definition.spec.props, amend=changes.build)
+            self._scene = Scene(self.task_definition.spec.props, patch=changes.build)
             self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(self.task_definition, self._scene, changes.begin, changes.amends)
+            self._reset = EpisodeReset(
+                self.task_definition, self._scene, changes.begin, changes.changes_model
+            )
         return self._scene
 
     @property
@@ -268,7 +270,7 @@ class BimanualEnv(gym.Env):
         for observer in self.tick_observers:
             observer(self, joint_action)
         scene, progress = self.scene, self.progress
-        scene.tick(self.perturbations.command(joint_action, progress), self.step_observers)
+        scene.tick(self.perturbations.command(joint_action, scene, progress), self.step_observers)
         progress.ticks += 1
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:

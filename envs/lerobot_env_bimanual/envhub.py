@@ -18,8 +18,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.hub import plain_errors
 from lerobot_bimanual.output_file import write_file
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.tasks.discovery import TASKS_GROUP
-from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
+from lerobot_env_bimanual.tasks.registry import TASKS_GROUP, get_task, resolve_tasks
 
 DISTRIBUTION = "lerobot_env_bimanual"
 FILES = ("env.py", "README.md", "requirements.txt")

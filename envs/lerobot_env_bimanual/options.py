@@ -13,7 +13,7 @@ import numpy as np
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
-from lerobot_env_bimanual.perturbation_choice import checked_perturbation
+from lerobot_env_bimanual.perturbations.registry import checked_perturbation
 
 ANY_VARIATION = "any"
 

@@ -48,7 +48,7 @@ class Sight:
         """
         if self._cameras is None:
             self._cameras = Renderer(self._scene, self._options.camera_names, *self._options.size)
-        images = self._perturbations.see(self._cameras.render(), progress, self._scene.ticks)
+        images = self._perturbations.see(self._cameras.render(), self._scene, progress)
         return observe_images(self._options.camera_names, images, depth)
 
     def frame(self) -> NDArray[np.uint8]:

@@ -18,7 +18,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.appearance import lent
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 
@@ -245,7 +245,7 @@ class Performance:
         world = f"with {env.options.perturb}" if env.options.perturb else "the world as it is"
         episode = f"{self._name}, seed {env.progress.seed}, variation {env.variation}, {world}"
         window.set_texts((None, None, f"{env.task_description}\n{episode}\n{state}\n{KEYS}", ""))
-        with lent(scene.model, scene.data, scene.appearance.fields):
+        with applied(scene.model, scene.data, scene.appearance.fields):
             window.sync()
         while (key := self._next_key()) is not None:
             if key == Key.SPACE:

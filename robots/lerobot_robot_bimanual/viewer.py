@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.viewer import mujoco_window
-from lerobot_env_bimanual.world.appearance import lent
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene import Scene
 
 
@@ -49,7 +49,7 @@ class Viewer:
             scene = self._scene
             with self._window.lock():
                 mujoco.mj_copyData(self._shown, scene.model, scene.data)
-            with lent(scene.model, self._shown, scene.appearance.fields):
+            with applied(scene.model, self._shown, scene.appearance.fields):
                 self._window.sync()
 
     def close(self) -> None:

@@ -18,8 +18,7 @@ from hypothesis.extra import numpy as nps
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import ControlMode, EnvOptions
-from lerobot_env_bimanual.registration import gym_id
-from lerobot_env_bimanual.tasks.registry import list_tasks
+from lerobot_env_bimanual.tasks.registry import gym_id, list_tasks
 
 pytestmark = pytest.mark.fuzz
 

@@ -8,9 +8,9 @@ from made_up_outcomes import FAILED, SOLVED
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_record import decode
-from lerobot_env_bimanual.experts import outcome_log
 from lerobot_env_bimanual.experts.outcome import Job, Outcome
 from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
+from lerobot_env_bimanual.tasks.registry import TASKS
 
 
 def test_an_outcome_survives_the_way_through_json():
@@ -40,7 +40,7 @@ def test_the_log_knows_finished_jobs_and_forgets_those_of_other_code_and_a_cut_l
 def test_the_log_forgets_outcomes_of_somebody_elses_task_whose_file_has_changed(tmp_path, monkeypatch):
     (tmp_path / "their_task.py").write_text("MASS_KG = 1")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(outcome_log, "task_modules", lambda: {"their_task": "their_task"})
+    monkeypatch.setitem(TASKS.modules, "their_task", "their_task")
     path, job = tmp_path / "log.jsonl", Job("lift_ball", "0", "test", 0, "expert")
     OutcomeLog(path).add(job, SOLVED)
     assert OutcomeLog(path).get(job) == SOLVED

@@ -17,14 +17,14 @@ from lerobot_env_bimanual.experts.controls import make_control
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.experts.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axes._free_bodies import DISTRACTOR, free_bodies
+from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.vector import LazyVectorEnv
 from lerobot_env_bimanual.world.arena import build_spec
 
-AXES = [name for name in list_axes() if not get_axis(name).is_seen_only]
+AXES = [name for name in list_axes() if not get_axis(name).changes_only_observations]
 LEVELS = range(1, MAX_LEVEL + 1)
 TICKS = 20
 """Enough for whatever happens once, and for commands that are late."""

@@ -17,14 +17,14 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axes._colour_words import called, named_colours
-from lerobot_env_bimanual.perturbations.axes.instruction import paraphrases
+from lerobot_env_bimanual.perturbations.axis import Moment, Start
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.perturbations.words import colour_name, named_colours, paraphrases
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 TASK = "dual_push_buttons"
 SEED = 7
-SEEN = tuple(name for name in list_axes() if get_axis(name).is_seen_only)
+SEEN = tuple(name for name in list_axes() if get_axis(name).changes_only_observations)
 SAID = ("instruction",)
 SHOWN = tuple(name for name in SEEN if name not in SAID)
 ALL_AT_3 = ",".join(f"{name}:3" for name in SEEN)
@@ -161,16 +161,22 @@ def test_shadows_darken_something_and_leave_depth_alone():
     env.close()
 
 
-def see(name: str, level: int, rgb: np.ndarray, depth_m: np.ndarray, seed: int = 0):
-    """What an axis makes of an image of the front camera, which is a pinhole of 45 degrees here."""
+def see(name: str, level: int, rgb: np.ndarray, depth_m: np.ndarray, seed: int = 0) -> dict[str, Any]:
+    """What an axis makes of an image at each camera, which are pinholes of 45 degrees here."""
     axis: Any = get_axis(name)
-    progress = SimpleNamespace(memory={})
     model = SimpleNamespace(camera=lambda _: SimpleNamespace(fovy=np.array([45.0])))
-    start = SimpleNamespace(progress=progress, scene=SimpleNamespace(model=model))
-    magnitude = axis.levels[level - 1]
-    axis.begin(start, magnitude, np.random.default_rng(seed))
-    image = rgb.copy(), depth_m.astype(np.float32)
-    return axis.see("front", image, progress, magnitude, np.random.default_rng(seed + 1))
+    magnitude, scene, progress = (
+        axis.levels[level - 1],
+        SimpleNamespace(model=model),
+        SimpleNamespace(memory={}),
+    )
+    given: Any = (axis, magnitude, np.random.default_rng(seed), scene, progress)
+    if axis.begin:
+        axis.begin(Start(*given, task=None, is_feasible=lambda: True))  # type: ignore[arg-type]
+    moment = Moment(axis, magnitude, np.random.default_rng(seed + 1), *given[3:])
+    return {
+        camera: axis.see(moment, camera, (rgb.copy(), depth_m.astype(np.float32))) for camera in CAMERA_NAMES
+    }
 
 
 GREY = np.full((256, 256, 3), 128, np.uint8)
@@ -179,7 +185,7 @@ GREY = np.full((256, 256, 3), 128, np.uint8)
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_noise_of_depth_grows_with_the_square_of_the_distance(level):
     errors_m = [
-        see("depth_noise", level, GREY, np.full((256, 256), distance_m))[1] - distance_m
+        see("depth_noise", level, GREY, np.full((256, 256), distance_m))["front"][1] - distance_m
         for distance_m in (0.5, 1.0, 2.0)
     ]
     assert np.std(errors_m, axis=(1, 2)) == pytest.approx(
@@ -189,7 +195,7 @@ def test_noise_of_depth_grows_with_the_square_of_the_distance(level):
 
 
 def test_what_was_not_measured_has_no_noise():
-    assert not see("depth_noise", 3, GREY, np.zeros((256, 256)))[1].any()
+    assert not see("depth_noise", 3, GREY, np.zeros((256, 256)))["front"][1].any()
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])
@@ -197,24 +203,24 @@ def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else
     share = get_axis("depth_holes").levels[level - 1]
     width = round(3 * share)
     flat = np.full((256, 256), 1.0)
-    untouched = see("depth_holes", level, GREY, flat)[1][:, width:]
+    untouched = see("depth_holes", level, GREY, flat)["front"][1][:, width:]
     assert (untouched == 1).all()
     dark = GREY.copy()
     dark[100:128] = round(60 * share) + 1
     dark[128:, :, :2] = round(60 * share)
     dark[128:, :, 2] = 5
-    holes = see("depth_holes", level, dark, flat)[1][:, width:] == 0
+    holes = see("depth_holes", level, dark, flat)["front"][1][:, width:] == 0
     assert holes[128:].all()
     assert not holes[:128].any()
     flat[:, 128:] = 1.5
-    holes = see("depth_holes", level, GREY, flat)[1][:, width:] == 0
+    holes = see("depth_holes", level, GREY, flat)["front"][1][:, width:] == 0
     assert set(np.flatnonzero(holes.any(axis=0)) + width) == set(range(128, 128 + width))
     # A plane at a slant s to the line of sight: depth z with 1 / z linear in the image's rows.
     focal = 128 / np.tan(np.deg2rad(22.5))
     for slant_deg, is_lost in ((90 - 30 * share - 4, False), (90 - 30 * share + 4, True)):
         rows = np.arange(256)[:, None] - 127.5
         plane = np.repeat(1 / (1 - rows * np.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
-        middle = see("depth_holes", level, GREY, np.where(plane > 0, plane, 1))[1][128, width:]
+        middle = see("depth_holes", level, GREY, np.where(plane > 0, plane, 1))["front"][1][128, width:]
         assert (middle == 0).all() == is_lost
 
 
@@ -223,7 +229,7 @@ def test_exposure_and_noise_are_as_strong_as_they_say(level):
     stops = get_axis("colour_noise").levels[level - 1]
     means, deviations = [], []
     for seed in range(6):
-        rgb, depth_m = see("colour_noise", level, GREY, np.ones((256, 256)), seed)
+        rgb, depth_m = see("colour_noise", level, GREY, np.ones((256, 256)), seed)["front"]
         means.append(rgb.mean())
         deviations.append(rgb.std())
         assert (depth_m == 1).all()
@@ -234,15 +240,9 @@ def test_exposure_and_noise_are_as_strong_as_they_say(level):
 
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_as_many_cameras_are_black_as_the_level_says_and_the_front_one_stays(level):
-    axis: Any = get_axis("fewer_cameras")
     gone = set()
     for seed in range(30):
-        progress = SimpleNamespace(memory={})
-        axis.begin(SimpleNamespace(progress=progress), axis.levels[level - 1], np.random.default_rng(seed))
-        shown = {
-            camera: axis.see(camera, (GREY.copy(), np.ones((256, 256))), progress, 1, np.random.default_rng())
-            for camera in CAMERA_NAMES
-        }
+        shown = see("fewer_cameras", level, GREY, np.ones((256, 256)), seed)
         black = {camera for camera, (rgb, depth_m) in shown.items() if not rgb.any() and not depth_m.any()}
         whole = {camera for camera, (rgb, depth_m) in shown.items() if rgb.all() and depth_m.all()}
         assert (len(black), len(whole)) == (level, 5 - level)
@@ -263,10 +263,10 @@ def test_things_whose_colour_is_named_keep_it_and_no_other_thing_gets_it(task):
         assert np.array_equal(worn[~of_props], model.geom_rgba[~of_props])
         has_own = of_props & (model.geom_matid < 0)
         for before, after in zip(model.geom_rgba[has_own], worn[has_own], strict=True):
-            if called(before[:3]) in named:
+            if colour_name(before[:3]) in named:
                 assert np.array_equal(before, after)
             else:
-                assert called(after[:3]) not in named
+                assert colour_name(after[:3]) not in named
         assert not np.array_equal(worn, model.geom_rgba)
         assert np.array_equal(worn[:, 3], model.geom_rgba[:, 3])
     env.close()
@@ -276,7 +276,7 @@ def test_what_colours_are_called_is_what_tasks_call_them():
     for task in ("dual_push_buttons", "handover_item"):
         module = sys.modules[type(get_task(task)).__module__]
         for word, rgba in module.COLORS.items():
-            assert called(rgba[:3]) == word
+            assert colour_name(rgba[:3]) == word
     assert named_colours(get_task("push_box").spec) == {"red"}
     assert not named_colours(get_task("straighten_rope").spec)
 

@@ -3,11 +3,18 @@ from dataclasses import replace
 
 import pytest
 
-from lerobot_bimanual.errors import UnknownTask
+from lerobot_bimanual.errors import BimanualError, UnknownTask
 from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
-from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.task import Prehension, Taxonomy
-from lerobot_env_bimanual.tasks.registry import get_task, list_suites, list_tasks, register, resolve_tasks
+from lerobot_env_bimanual.tasks.registry import (
+    TASKS,
+    get_task,
+    gym_id,
+    list_suites,
+    list_tasks,
+    register,
+    resolve_tasks,
+)
 
 
 def test_tasks_are_listed_sorted_and_named_after_their_modules():
@@ -105,3 +112,26 @@ def test_the_verb_lists_every_task_for_people_and_cuts_no_name(columns, capsys, 
     assert "non_prehensile" in words
     task_list(TaskListConfig(task="symmetric"))
     assert "handover_item_easy" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def broken_task(monkeypatch) -> str:
+    """A task that another distribution announces and that cannot be imported."""
+    monkeypatch.setitem(TASKS.modules, "juggle", "there.is_no_such_module")
+    return "juggle"
+
+
+def test_a_broken_task_of_another_distribution_is_skipped_with_a_warning(broken_task, caplog):
+    assert broken_task not in resolve_tasks("all")
+    assert "skipped: task 'juggle' cannot be loaded from module 'there.is_no_such_module'" in caplog.text
+
+
+def test_a_broken_task_that_is_asked_for_is_an_error(broken_task):
+    with pytest.raises(BimanualError, match="task 'juggle' cannot be loaded"):
+        get_task(broken_task)
+
+
+def test_a_module_that_registers_no_task_of_its_entry_s_name_is_named(monkeypatch):
+    monkeypatch.setitem(TASKS.modules, "juggle", "json")
+    with pytest.raises(BimanualError, match="module 'json' registers no task called 'juggle'"):
+        get_task("juggle")

@@ -213,7 +213,7 @@ def test_stock_evaluation_plays_an_installed_task_in_worker_processes(
 def test_a_module_that_does_not_register_its_task_is_named(python_with_a_task: Path, tmp_path: Path) -> None:
     program = (
         "import lerobot_env_bimanual.tasks.registry as registry\n"
-        "registry.task_modules = lambda: {'juggle': 'json'}\n"
+        "registry.TASKS.modules['juggle'] = 'json'\n"
         "registry.get_task('juggle')\n"
     )
     child = run_clean(python_with_a_task, "-c", program)

@@ -16,7 +16,7 @@ from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 pytestmark = pytest.mark.slow
 
-SEEN = tuple(name for name in list_axes() if get_axis(name).is_seen_only)
+SEEN = tuple(name for name in list_axes() if get_axis(name).changes_only_observations)
 MOST_WARNINGS = 2 * len(CAMERA_NAMES) + 1
 
 

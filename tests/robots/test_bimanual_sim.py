@@ -15,7 +15,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_expert
-from lerobot_env_bimanual.perturbation_choice import axis_modules
+from lerobot_env_bimanual.perturbations.registry import list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
@@ -97,7 +97,7 @@ def test_the_actions_of_an_expert_lead_to_its_state(task, make_robot):
 
 
 def test_a_perturbed_robot_is_the_perturbed_environment(make_robot):
-    (axis, *_) = sorted(axis_modules())
+    (axis, *_) = list_axes()
     env = BimanualEnv("push_box", split="train", obs="state", perturb=f"{axis}:3")
     env.reset(seed=0)
     robot = make_robot(perturb=f"{axis}:3")

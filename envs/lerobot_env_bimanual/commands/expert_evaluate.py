@@ -64,7 +64,7 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     from lerobot_env_bimanual.experts.certificate import Certificate
     from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
     from lerobot_env_bimanual.experts.seed_range import parse_seeds
-    from lerobot_env_bimanual.perturbation_choice import checked_perturbation
+    from lerobot_env_bimanual.perturbations.registry import checked_perturbation
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     config = replace(config, perturb=checked_perturbation(config.perturb))

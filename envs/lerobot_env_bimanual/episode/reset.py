@@ -44,7 +44,7 @@ class EpisodeReset:
         task: whose props are placed, and whose script is rehearsed.
         scene: its world.
         perturb: changes an episode that can be done as it is, before things come to rest.
-        is_amended: whether the model of `scene` is not quite the task's: placements are then drawn in one that is.
+        is_patched: whether the model of `scene` is not quite the task's: placements are then drawn in one that is.
     """
 
     def __init__(
@@ -52,14 +52,14 @@ class EpisodeReset:
         task: Task,
         scene: Scene,
         perturb: Callable[[EpisodeStart], None],
-        is_amended: bool = False,
+        is_patched: bool = False,
     ):
         self._task = task
         self._scene = scene
         self._perturb = perturb
         self._rehearsal = Rehearsal(scene, CODECS)
-        self._drawn_in = Scene(task.spec.props) if is_amended else scene
-        self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_amended else self._rehearsal
+        self._drawn_in = Scene(task.spec.props) if is_patched else scene
+        self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_patched else self._rehearsal
 
     def start(self, progress: EpisodeProgress) -> int:
         """Reset the scene, place the props where the script can be rehearsed, and let them settle.

@@ -15,8 +15,8 @@ from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.output_file import UnwritableOutput, write_file
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.experts.outcome import Job, Outcome
-from lerobot_env_bimanual.perturbation_choice import axis_modules
-from lerobot_env_bimanual.tasks.discovery import task_modules
+from lerobot_env_bimanual.perturbations.registry import AXES
+from lerobot_env_bimanual.tasks.registry import TASKS
 
 
 def versions() -> dict[str, str]:
@@ -73,7 +73,7 @@ def _source_digest() -> str:
 
     That is our packages and whatever else brings tasks or axes: the whole package, or the one file.
     """
-    modules = (*task_modules().values(), *axis_modules().values())
+    modules = (*TASKS.modules.values(), *AXES.modules.values())
     digest = hashlib.sha256()
     for name in sorted({"lerobot_bimanual", *(module.partition(".")[0] for module in modules)}):
         spec = find_spec(name)

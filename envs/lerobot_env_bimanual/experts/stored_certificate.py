@@ -25,7 +25,7 @@ from lerobot_env_bimanual.experts.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.experts.seed_range import parse_seeds
 from lerobot_env_bimanual.experts.strain import BOUNDS, Strain, excesses
 from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, is_version
-from lerobot_env_bimanual.perturbation_choice import chosen_levels
+from lerobot_env_bimanual.perturbations.registry import chosen_levels
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 NAN = float("nan")

@@ -12,7 +12,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE, SPLITS
-from lerobot_env_bimanual.perturbation_choice import checked_perturbation
+from lerobot_env_bimanual.perturbations.registry import checked_perturbation
 from lerobot_env_bimanual.tasks.registry import get_task
 
 LIMITS = {

@@ -39,7 +39,7 @@ class Rungs:
     @property
     def seen_only(self) -> frozenset[str]:
         """Axes that change what is seen or said and no state, so that whoever does not look plays as at level 0."""
-        return frozenset(axis.name for axis in self.axes if axis.is_seen_only)
+        return frozenset(axis.name for axis in self.axes if axis.changes_only_observations)
 
     def played_as(self, axis: str, level: int) -> tuple[str, int]:
         """The rung whose episodes are those of the expert and the blind control here."""

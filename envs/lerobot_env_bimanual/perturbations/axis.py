@@ -1,155 +1,26 @@
-"""What an axis of perturbation is: a row of data, and one or two hooks by which it changes an episode."""
+"""An axis of perturbation as data: its levels, and one or two functions (hooks) that change an episode."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from enum import StrEnum
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
-from lerobot_env_bimanual.episode.reset import EpisodeStart
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.task import TaskSpec
+from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.appearance import Appearance
 from lerobot_env_bimanual.world.scene import Scene
 
 type Image = tuple[NDArray[np.uint8], NDArray[np.float32]]
 """RGB (height, width, 3) and depth (height, width) in metres along the optical axis; 0 where none was measured."""
+type Action = NDArray[np.float32]
+"""Joint action (16,)."""
 
-
-class Group(StrEnum):
-    """What kind of difference an axis makes."""
-
-    SEEN = "seen"
-    CLUTTER = "clutter"
-    BODIES = "bodies"
-    ARMS = "arms"
-    WORDS = "words"
-    TIME = "time"
-
-
-class Axis:
-    """One dial: everything but it stays what it was, and so do placement, variation and instruction of every seed.
-
-    An axis overrides the hooks of what it changes. Each is given the level's magnitude and a generator of the axis's own,
-    the same at every level, so that a higher level is more of the same.
-
-    Attributes:
-        name: snake_case, also the module's name.
-        group: what kind of difference it makes.
-        levels: magnitudes of the levels 1, 2 and 3.
-        unit: of the magnitudes.
-        summary: what is done, in a sentence.
-        source: where the magnitudes come from.
-    """
-
-    name: ClassVar[str]
-    group: ClassVar[Group]
-    levels: ClassVar[tuple[float, float, float]]
-    unit: ClassVar[str]
-    summary: ClassVar[str]
-    source: ClassVar[str]
-
-    @property
-    def touches(self) -> tuple[str, ...]:
-        """Names of the hooks that it overrides."""
-        return tuple(name for name in HOOKS if getattr(type(self), name) is not getattr(Axis, name))
-
-    @property
-    def is_seen_only(self) -> bool:
-        """Whether it changes nothing but what is seen and said, and so no state."""
-        return self.group in (Group.SEEN, Group.WORDS)
-
-    @property
-    def moves_things_later(self) -> bool:
-        """Whether things may be moved while an episode runs, so that who does not look again is led astray."""
-        return "disturb" in self.touches
-
-    def applies_to(self, task: TaskSpec, model: mujoco.MjSpec) -> bool:
-        """Whether a task has what is changed here.
-
-        Args:
-            task: as data.
-            model: its world, which is not compiled yet.
-        """
-        return True
-
-    def build(self, model: mujoco.MjSpec, magnitude: float) -> None:
-        """Change the world before it is compiled."""
-
-    def begin(self, start: EpisodeStart, magnitude: float, rng: np.random.Generator) -> None:
-        """Change the start of an episode, by the scene's methods or in its progress."""
-
-    def look(
-        self, start: EpisodeStart, appearance: Appearance, magnitude: float, rng: np.random.Generator
-    ) -> Appearance:
-        """How an episode looks.
-
-        Args:
-            start: of the episode; to be read only.
-            appearance: that of the axes before.
-            magnitude: of the level.
-            rng: of the axis and the episode.
-        """
-        return appearance
-
-    def see(
-        self,
-        camera: str,
-        image: Image,
-        progress: EpisodeProgress,
-        magnitude: float,
-        rng: np.random.Generator,
-    ) -> Image:
-        """What a camera hands out of what it sees.
-
-        Args:
-            camera: its name.
-            image: may be changed in place.
-            progress: the episode; `memory` keeps what `begin` has drawn for it.
-            magnitude: of the level.
-            rng: of the axis, the episode, the tick and the camera.
-        """
-        return image
-
-    def command(
-        self,
-        action: NDArray[np.float32],
-        progress: EpisodeProgress,
-        magnitude: float,
-        rng: np.random.Generator,
-    ) -> NDArray[np.float32]:
-        """What the arms are told of a joint action (16,).
-
-        Args:
-            action: as it was meant; not to be changed in place.
-            progress: the episode; `memory` keeps what the axis has to remember.
-            magnitude: of the level.
-            rng: of the axis, the episode and the tick.
-        """
-        return action
-
-    def late_ticks(self, magnitude: float) -> int:
-        """Ticks by which a command of a keypose's motion arrives later than meant; the motion's end is waited for."""
-        return 0
-
-    def disturb(
-        self, scene: Scene, progress: EpisodeProgress, magnitude: float, rng: np.random.Generator
-    ) -> None:
-        """Change the world after a tick, before anybody looks again.
-
-        Keyposes and the joint actions that execute them so meet the same changes.
-
-        Args:
-            scene: the world.
-            progress: the episode; `memory` keeps what the axis has to remember.
-            magnitude: of the level.
-            rng: of the axis and the episode, the same at every call.
-        """
-
+type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
 
 HOOKS: Mapping[str, str] = {
     "build": "model at compile",
@@ -159,4 +30,111 @@ HOOKS: Mapping[str, str] = {
     "command": "command",
     "disturb": "between ticks",
 }
-"""Name of each hook, and what it touches."""
+"""Name of each hook, and what it changes."""
+
+
+@dataclass(frozen=True)
+class Moment[Memory]:
+    """What a hook is given: an episode at one of its ticks, the level's magnitude, and a generator of the axis's own.
+
+    Attributes:
+        axis: whose hook is called.
+        magnitude: of the level.
+        rng: of the axis, the hook and the episode; for `command` also of the tick, for `see` also of tick and camera. It
+            is the same at every level, so that a higher level is more of the same.
+        scene: the world.
+        progress: the episode.
+    """
+
+    axis: Axis[Memory]
+    magnitude: float
+    rng: np.random.Generator
+    scene: Scene
+    progress: EpisodeProgress
+
+    @property
+    def memory(self) -> Memory | None:
+        """What the axis remembers of the episode; None before anything was remembered."""
+        return cast("Memory | None", self.progress.memory.get(self.axis.name))
+
+    @property
+    def recalled(self) -> Memory:
+        """What `begin` has remembered.
+
+        Raises:
+            KeyError: nothing was remembered.
+        """
+        return cast("Memory", self.progress.memory[self.axis.name])
+
+    def remember(self, memory: Memory) -> None:
+        """Keep something for later ticks of the episode."""
+        self.progress.memory[self.axis.name] = memory
+
+    def forget(self) -> None:
+        """Drop what was remembered."""
+        del self.progress.memory[self.axis.name]
+
+
+@dataclass(frozen=True)
+class Start[Memory](Moment[Memory]):
+    """The start of an episode, after its props were placed and before they come to rest.
+
+    Attributes:
+        task: whose episode it is.
+        is_feasible: rehearses the task's script in the present scene; says whether both arms can do it.
+    """
+
+    task: Task
+    is_feasible: Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Axis[Memory]:
+    """One way to change the world in three levels; placement, variation and instruction of every seed stay the same.
+
+    Attributes:
+        name: snake_case.
+        group: kind of what it changes: seen, clutter, bodies, arms, words or time.
+        levels: magnitudes of the levels 1, 2 and 3.
+        unit: of the magnitudes.
+        summary: what is done, in a sentence.
+        source: where the magnitudes come from.
+        applies_to: whether a task, with its world before it is compiled, has what is changed here.
+        build: changes the world before it is compiled, by the magnitude.
+        begin: changes the start of an episode, by methods of the scene or in its progress.
+        look: the appearance of an episode, given the appearance that the axes before have made.
+        see: the image that a camera, given by name, hands out; the image may be changed in place.
+        command: the joint action that the arms are given; the action must not be changed in place.
+        disturb: changes the world after a tick. Keyposes and the joint actions that execute them meet the same changes.
+        late_ticks: ticks by which, at a magnitude, commands of a keypose's motion arrive late; its end is waited for.
+    """
+
+    name: str
+    group: Group
+    levels: tuple[float, float, float]
+    unit: str
+    summary: str
+    source: str
+    applies_to: Callable[[TaskSpec, mujoco.MjSpec], bool] = lambda task, model: True
+    build: Callable[[mujoco.MjSpec, float], None] | None = None
+    begin: Callable[[Start[Memory]], None] | None = None
+    look: Callable[[Start[Memory], Appearance], Appearance] | None = None
+    see: Callable[[Moment[Memory], str, Image], Image] | None = None
+    command: Callable[[Moment[Memory], Action], Action] | None = None
+    disturb: Callable[[Moment[Memory]], None] | None = None
+    late_ticks: Callable[[float], int] = lambda magnitude: 0
+
+    @property
+    def hooks(self) -> tuple[str, ...]:
+        """Names of the hooks that it has."""
+        return tuple(name for name in HOOKS if getattr(self, name) is not None)
+
+    @property
+    def changes_only_observations(self) -> bool:
+        """Whether it changes only what is seen and said, and so no state."""
+        return self.group in ("seen", "words")
+
+    @property
+    def moves_things_later(self) -> bool:
+        """Whether things may be moved during an episode, so that an open-loop policy goes to where they were."""
+        return self.disturb is not None

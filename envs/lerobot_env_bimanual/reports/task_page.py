@@ -7,7 +7,6 @@ import inspect
 from functools import cached_property
 
 from lerobot_bimanual.markdown_table import MarkdownTable, markdown_table
-from lerobot_env_bimanual.registration import gym_id
 from lerobot_env_bimanual.reports.certified import (
     Certified,
     evidence_table,
@@ -17,7 +16,7 @@ from lerobot_env_bimanual.reports.certified import (
 )
 from lerobot_env_bimanual.reports.visibility import Visibility, targets_table
 from lerobot_env_bimanual.task import TaskSpec
-from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.tasks.registry import get_task, gym_id
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 PAGE = """\

@@ -1,18 +1,36 @@
-"""The one list of tasks; tables, suites, gym ids and tests are all derived from it."""
+"""The tasks by name, in suites, and as Gymnasium ids such as `bimanual/LiftBall-v0`.
+
+Names are known without loading MuJoCo, so that a plugin can list its tasks quickly.
+"""
 
 from __future__ import annotations
 
-import importlib
+import pkgutil
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import BimanualError, UnknownTask
-from lerobot_env_bimanual.task import Task
-from lerobot_env_bimanual.tasks.discovery import TASKS_GROUP, task_modules
+import gymnasium as gym
 
-_TASKS: dict[str, type[Task]] = {}
+from lerobot_bimanual.errors import UnknownTask
+from lerobot_env_bimanual.registry import Registry
+
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.task import Task
+
+TASKS_GROUP = "lerobot_bimanual.tasks"
+"""Entry-point group of tasks in other distributions: `name_of_the_task = "module.that.registers_it"`."""
 ALL = "all"
 TWO_ARMED = "two_armed"
-"""Suite of the tasks of which the PerAct2 paper says that one arm alone cannot do them."""
+"""Suite of the tasks that one arm alone cannot do, according to the PerAct2 paper."""
+
+_FILES = (module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)]))
+TASKS: Registry[type[Task]] = Registry(
+    kind="task",
+    group=TASKS_GROUP,
+    own={name: f"{__package__}.{name}" for name in _FILES if not name.startswith("_") and name != "registry"},
+    unknown=UnknownTask,
+)
 
 
 def register[T: Task](task_class: type[T]) -> type[T]:
@@ -22,39 +40,19 @@ def register[T: Task](task_class: type[T]) -> type[T]:
         ValueError: another task has the same name or id.
     """
     spec = task_class.spec
-    for other in _TASKS.values():
+    for other in TASKS.loaded.values():
         if other.spec.name == spec.name or other.spec.id == spec.id:
             raise ValueError(
                 f"task {spec.name!r} (id {spec.id}) clashes with {other.spec.name!r} (id {other.spec.id}); "
                 "names and ids must be unique"
             )
-    _TASKS[spec.name] = task_class
+    TASKS.add(spec.name, task_class)
     return task_class
 
 
-def _load(name: str) -> type[Task]:
-    """The class of a task that is registered, or found but not yet imported.
-
-    Raises:
-        BimanualError: its module cannot be imported, or does not register it.
-    """
-    if name not in _TASKS:
-        module = task_modules()[name]
-        try:
-            importlib.import_module(module)
-        except Exception as error:  # somebody else's module may fail in any way
-            raise BimanualError(f"task {name!r} cannot be loaded from module {module!r}: {error}") from error
-        if name not in _TASKS:
-            raise BimanualError(
-                f"module {module!r} registers no task called {name!r}; a file in tasks/, or an entry point of the "
-                f"group {TASKS_GROUP!r}, bears the name of its task"
-            )
-    return _TASKS[name]
-
-
 def list_tasks() -> tuple[str, ...]:
-    """Names of all tasks, sorted."""
-    return tuple(sorted({*task_modules(), *_TASKS}))
+    """Names of all tasks, sorted; one of another distribution may turn out to be broken when it is loaded."""
+    return TASKS.names
 
 
 def get_task(name: str) -> Task:
@@ -62,18 +60,16 @@ def get_task(name: str) -> Task:
 
     Raises:
         UnknownTask: no such task; the message lists those that exist.
-        BimanualError: it is one of somebody else's, and cannot be loaded.
+        BimanualError: it belongs to another distribution, and cannot be loaded.
     """
-    if name not in list_tasks():
-        raise UnknownTask(name, list_tasks())
-    return _load(name)()
+    return TASKS.get(name)()
 
 
 def list_suites() -> dict[str, tuple[str, ...]]:
-    """Each suite with the names of its tasks, both sorted; a suite without a task does not exist."""
+    """Each suite with the names of its tasks, both sorted; without tasks that cannot be loaded."""
     suites: dict[str, list[str]] = {ALL: []}
-    for name in list_tasks():
-        spec = _load(name).spec
+    for name, task in TASKS.all().items():
+        spec = task.spec
         for suite in (ALL, *spec.taxonomy.suites, *((TWO_ARMED,) if spec.needs_both_arms else ())):
             suites.setdefault(suite, []).append(name)
     return {suite: tuple(suites[suite]) for suite in sorted(suites)}
@@ -97,3 +93,16 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
             raise UnknownTask(name, (*tasks, *suites))
         chosen.update(dict.fromkeys(suites.get(name, (name,))))
     return tuple(chosen)
+
+
+def gym_id(task: str) -> str:
+    """Gymnasium id of a task, e.g. `bimanual/LiftBall-v0` of `lift_ball`."""
+    return f"bimanual/{''.join(word.capitalize() for word in task.split('_'))}-v0"
+
+
+def register_gym_ids() -> None:
+    """Register every task with Gymnasium, without importing its module."""
+    for task in list_tasks():
+        if gym_id(task) not in gym.registry:
+            entry_point = "lerobot_env_bimanual.env:BimanualEnv"
+            gym.register(gym_id(task), entry_point=entry_point, kwargs={"task": task})

@@ -39,7 +39,7 @@ class Alterations:
         """The model's present values of `FIELDS`, if any is altered; they are views, to be read only."""
         return {field: getattr(self._model, field) for field in self._compiled}
 
-    def put_on(self, fields: Mapping[str, NDArray]) -> None:
+    def apply(self, fields: Mapping[str, NDArray]) -> None:
         """Give some fields other values.
 
         Raises:
@@ -52,7 +52,7 @@ class Alterations:
         if fields:
             self._set(fields)
 
-    def take_off(self) -> None:
+    def revert(self) -> None:
         """Give all fields the values that were compiled."""
         if self._compiled:
             self._set(self._compiled)

@@ -50,11 +50,11 @@ class Appearance:
         return b"".join(name.encode() + values.tobytes() for name, values in sorted(self.fields.items()))
 
 
-AS_IT_IS = Appearance()
+NOMINAL = Appearance()
 
 
 @contextmanager
-def lent(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDArray]) -> Iterator[None]:
+def applied(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDArray]) -> Iterator[None]:
     """Have a model wear other values while the `with` block runs.
 
     Args:

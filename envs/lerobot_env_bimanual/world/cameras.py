@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.appearance import lent
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
@@ -71,7 +71,7 @@ def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.fl
     """
     extrinsics = np.zeros((len(CAMERA_NAMES), 4, 4))
     intrinsics = np.empty((len(CAMERA_NAMES), 3, 3))
-    with lent(view.model, view.data, view.appearance.calibration):
+    with applied(view.model, view.data, view.appearance.calibration):
         for index, name in enumerate(CAMERA_NAMES):
             camera = view.model.camera(name).id
             extrinsics[index, :3, :3] = view.data.cam_xmat[camera].reshape(3, 3) @ OPENCV_FROM_OPENGL

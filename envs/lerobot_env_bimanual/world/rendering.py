@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.gl import release_gl
-from lerobot_env_bimanual.world.appearance import lent
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.composition import Composition
 from lerobot_env_bimanual.world.offscreen import Offscreen, Quality
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -98,7 +98,7 @@ class Renderer:
                 self._offscreen = Offscreen(model, self.height, self.width, quality)
                 self._composition = Composition(model, data, self._offscreen)
             composition = self._composition
-            with lent(model, data, appearance.fields):
+            with applied(model, data, appearance.fields):
                 composition.begin(appearance.fingerprint)
                 return {camera: take(composition, model.camera(camera).id) for camera in self.cameras}
         finally:

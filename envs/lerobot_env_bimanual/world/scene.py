@@ -17,7 +17,7 @@ from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.alterations import Alterations
-from lerobot_env_bimanual.world.appearance import AS_IT_IS, Appearance
+from lerobot_env_bimanual.world.appearance import NOMINAL, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
 from lerobot_env_bimanual.world.contacts import solid_geom_counts
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -83,7 +83,7 @@ class Scene(SceneView):
     Args:
         props: the things besides robots and room, in the order in which they are compiled.
         arm_pair: the robots.
-        amend: changes the model before it is compiled.
+        patch: changes the model before it is compiled.
 
     Attributes:
         ticks: control ticks since the episode started (settling not counted).
@@ -93,12 +93,12 @@ class Scene(SceneView):
         self,
         props: Sequence[Prop] = (),
         arm_pair: ArmPair = PANDA_PAIR,
-        amend: Callable[[mujoco.MjSpec], None] | None = None,
+        patch: Callable[[mujoco.MjSpec], None] | None = None,
     ):
         self._home_action = np.array([*arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
         spec = build_spec(props, arm_pair)
-        if amend is not None:
-            amend(spec)
+        if patch is not None:
+            patch(spec)
         super().__init__(spec.compile(), arm_pair, self._home_action)
         self.ticks = 0
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
@@ -122,8 +122,8 @@ class Scene(SceneView):
         """Back to the compiled model: arms at home with open hands, props at the origin, nothing moves."""
         for field, pristine in zip(RESETTABLE_FIELDS, self._pristine, strict=True):
             getattr(self.model, field)[:] = pristine
-        self._alterations.take_off()
-        self.appearance = AS_IT_IS
+        self._alterations.revert()
+        self.appearance = NOMINAL
         mujoco.mj_resetData(self.model, self.data)
         for arm in ARMS:
             self.data.qpos[self._joint_qpos[arm.ordinal]] = self.arm_pair.home_joints
@@ -198,7 +198,7 @@ class Scene(SceneView):
         Raises:
             ValueError: a field that cannot be altered.
         """
-        self._alterations.put_on(fields)
+        self._alterations.apply(fields)
         self._refresh()
 
     def settle(self, max_ticks: int = MAX_SETTLE_TICKS) -> None:
@@ -293,8 +293,8 @@ class Scene(SceneView):
         """Continue from a state of this scene, or of another one with the same props and robots."""
         for field, values in zip(RESETTABLE_FIELDS, state.model_fields, strict=True):
             getattr(self.model, field)[:] = values
-        self._alterations.take_off()
-        self._alterations.put_on(state.altered)
+        self._alterations.revert()
+        self._alterations.apply(state.altered)
         self.appearance = state.appearance
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state.physics, FULL_STATE)

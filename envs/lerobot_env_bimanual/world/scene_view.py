@@ -8,7 +8,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
-from lerobot_env_bimanual.world.appearance import AS_IT_IS
+from lerobot_env_bimanual.world.appearance import NOMINAL
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
 LEAST_SQUEEZE_N = 2.0
@@ -39,7 +39,7 @@ class SceneView:
         self.model = model
         self.data = mujoco.MjData(model)
         self.arm_pair = arm_pair
-        self.appearance = AS_IT_IS
+        self.appearance = NOMINAL
         self._commanded = commanded
         self._contacts = ContactQueries(self.model, self.data)
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]

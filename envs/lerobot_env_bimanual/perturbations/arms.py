@@ -1,0 +1,104 @@
+"""Axes that change the arms: `arm_late`, `command_noise`, `grip_force`, `start_posture`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import by_arm
+from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start
+from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.world.scene import Scene
+
+DRIFT_PERIOD_S = (4.0, 12.0)
+"""Range of the period of a joint's drift; about as long as a task takes."""
+N_POSTURES = 20
+"""Start postures that are drawn; the first that can be used is taken."""
+
+
+@dataclass
+class LateArm:
+    """Which arm is late, and the latest actions, oldest first."""
+
+    arm: int
+    actions: list[Action]
+
+
+def _delay_arm(moment: Moment[LateArm], action: Action) -> Action:
+    """Give one arm the action of some ticks ago, or the first one while there is none so old."""
+    late = moment.memory or LateArm(int(moment.rng.integers(len(ARMS))), [action])
+    late.actions = [*late.actions[-int(moment.magnitude) :], action]
+    moment.remember(late)
+    told = action.copy()
+    by_arm(told)[late.arm] = by_arm(late.actions[0])[late.arm]
+    return told
+
+
+register(Axis(**data("arm_late"), command=_delay_arm, late_ticks=int))
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Drift of the arms' joints, each (2, 7): signed share of the level's amplitude, and angular frequency."""
+
+    share: NDArray[np.float64]
+    rad_per_tick: NDArray[np.float64]
+
+
+def _draw_drift(start: Start[Drift]) -> None:
+    shape = (len(ARMS), JOINTS_PER_ARM)
+    share = start.rng.uniform(-1.0, 1.0, shape)
+    start.remember(Drift(share, 2 * np.pi / (start.rng.uniform(*DRIFT_PERIOD_S, shape) * CONTROL_HZ)))
+
+
+def _add_drift(moment: Moment[Drift], action: Action) -> Action:
+    drift, told = moment.recalled, action.copy()
+    offsets = drift.share * np.sin(drift.rad_per_tick * moment.progress.ticks)
+    by_arm(told)[:, :-1] += np.deg2rad(moment.magnitude) * offsets
+    return told
+
+
+register(Axis(**data("command_noise"), begin=_draw_drift, command=_add_drift))
+
+
+def _weaken_hands(start: Start) -> None:
+    """Scale gain, bias and limit of the hands' motors; at rest they pull to the same width."""
+    model = start.scene.model
+    factors = np.ones((model.nu, 1))
+    hands = [model.actuator(start.scene.arm_pair.actuator_names(arm)[-1]).id for arm in ARMS]
+    factors[hands] = start.magnitude
+    start.scene.alter(
+        actuator_gainprm=model.actuator_gainprm * factors,
+        actuator_biasprm=model.actuator_biasprm * factors,
+        actuator_forcerange=model.actuator_forcerange * factors,
+    )
+
+
+register(Axis(**data("grip_force"), begin=_weaken_hands))
+
+
+def _draw_posture(start: Start) -> None:
+    """Take the first of some drawn postures that touches nothing and is feasible; else stay at home."""
+    scene = start.scene
+    home = np.array([scene.joint_positions(arm) for arm in ARMS])
+    for shares in start.rng.uniform(-1.0, 1.0, (N_POSTURES, len(ARMS), JOINTS_PER_ARM)):
+        scene.pose_arms(home + np.deg2rad(start.magnitude) * shares)
+        if not _arms_touch(scene) and start.is_feasible():
+            return
+    scene.pose_arms(home)
+
+
+def _arms_touch(scene: Scene) -> bool:
+    """Whether an arm touches anything, itself included."""
+    model = scene.model
+    bases = [model.body(scene.arm_pair.base_body(arm)).id for arm in ARMS]
+    contact = scene.data.contact
+    roots = model.body_rootid[model.geom_bodyid[contact.geom.reshape(-1, 2)]]
+    return bool((np.isin(roots, bases).any(axis=1) & (contact.dist < 0)).any())
+
+
+register(Axis(**data("start_posture"), begin=_draw_posture))

@@ -1,1 +1,0 @@
-"""One file per axis, found by walking this folder."""

@@ -1,0 +1,164 @@
+"""Axes that change what cameras measure: their poses, noise and holes of their images, cameras that fail."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_multiply
+from lerobot_env_bimanual.perturbations.axis import Axis, Image, Moment, Start
+from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.world.appearance import Appearance
+
+CM_PER_M = 100
+
+NOISE_OFFSETS = 2**16
+"""Number of places in the table of noise where an image's noise may begin."""
+GAMMA = 2.2
+"""Of the encoding from light to grey values."""
+SIGMA_PER_STOP = 12
+"""Noise of colours per stop of exposure, of 255 grey values."""
+STEPS_PER_GREY = 64
+"""Fixed-point steps of a grey value: arithmetic in 16 bits is fast."""
+
+MAX_SLANT_DEG = 90
+LOST_SLANT_DEG = 30
+"""At magnitude 1 the largest slant that is still measured is this much smaller."""
+EDGE_SHARE = 1 / 85
+"""Share of an image's height that is lost beside an edge at magnitude 1: three pixels of 256."""
+MAX_DARK = 60
+"""At magnitude 1 pixels whose channels are all at most this, of 255, are too dark to be measured."""
+
+ALWAYS_SEEN, *MAY_FAIL = CAMERA_NAMES
+"""A policy that gets no image at all refuses to act, so the first camera, `front`, never fails."""
+
+
+def _move_cameras(start: Start, appearance: Appearance, *, calibrated: bool) -> Appearance:
+    """Turn each camera about a drawn axis by the magnitude in degrees, and shift it by as many centimetres.
+
+    Args:
+        start: of the episode.
+        appearance: that of the axes before.
+        calibrated: whether the calibration is changed in the same way.
+    """
+    model = start.scene.model
+    directions = start.rng.normal(size=(2, model.ncam, 3))
+    axes, shifts_m = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    shifts_m *= start.magnitude / CM_PER_M
+    turns_wxyz = quat_wxyz_from_axis_angle(axes, np.deg2rad(start.magnitude))
+
+    def moved(fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
+        quat_wxyz, position_m = fields.get("cam_quat", model.cam_quat), fields.get("cam_pos", model.cam_pos)
+        return {"cam_quat": quat_wxyz_multiply(quat_wxyz, turns_wxyz), "cam_pos": position_m + shifts_m}
+
+    worn = appearance.wearing(**moved(appearance.fields))
+    return worn.calibrated(**moved(appearance.calibration)) if calibrated else worn
+
+
+def _normal(shape: tuple[int, ...], sigma: float, rng: np.random.Generator, dtype: DTypeLike) -> NDArray:
+    """Normally distributed numbers, cut from one long table: drawing them anew would cost as much as an image.
+
+    Args:
+        shape: of the result, which must not be written to.
+        sigma: their standard deviation.
+        rng: draws where in the table they begin.
+        dtype: floats, or integers to which they are rounded.
+    """
+    count, begin = math.prod(shape), int(rng.integers(NOISE_OFFSETS))
+    return _noise_table(count, sigma, np.dtype(dtype))[begin : begin + count].reshape(shape)
+
+
+@functools.lru_cache(maxsize=16)
+def _noise_table(count: int, sigma: float, dtype: np.dtype) -> NDArray:
+    """The same numbers in every process."""
+    numbers = np.random.default_rng(0).standard_normal(NOISE_OFFSETS + count, dtype=np.float32)
+    numbers = numbers * np.float32(sigma)
+    return np.rint(numbers).astype(dtype) if np.issubdtype(dtype, np.integer) else numbers.astype(dtype)
+
+
+def _draw_exposures(start: Start[dict[str, int]]) -> None:
+    """Draw which cameras are exposed too long (1), and which too short (-1)."""
+    signs = start.rng.choice((-1, 1), size=len(CAMERA_NAMES))
+    start.remember(dict(zip(CAMERA_NAMES, signs.tolist(), strict=True)))
+
+
+def _expose(moment: Moment[dict[str, int]], camera: str, image: Image) -> Image:
+    rgb, depth_m = image
+    gain = 2 ** (moment.recalled[camera] * moment.magnitude / GAMMA)
+    values = rgb.astype(np.int16)
+    values *= round(gain * STEPS_PER_GREY)
+    values += _normal(rgb.shape, SIGMA_PER_STOP * moment.magnitude * STEPS_PER_GREY, moment.rng, np.int16)
+    np.clip(values, 0, STEPS_PER_GREY * 256 - 1, out=values)
+    greys = values.view(np.uint16)  # NumPy divides unsigned numbers twice as fast
+    greys //= STEPS_PER_GREY
+    return greys.astype(np.uint8), depth_m
+
+
+def _add_depth_noise(moment: Moment, camera: str, image: Image) -> Image:
+    """Add noise; depth that was not measured stays 0."""
+    rgb, depth_m = image
+    depth_m += np.square(depth_m) * _normal(depth_m.shape, moment.magnitude, moment.rng, np.float32)
+    return rgb, depth_m
+
+
+def _note_slopes(start: Start[dict[str, float]]) -> None:
+    """Note the largest measured change of depth from one pixel to the next, per m of depth and image height."""
+    model = start.scene.model
+    steepest = np.tan(np.deg2rad(MAX_SLANT_DEG - LOST_SLANT_DEG * start.magnitude))
+    start.remember(
+        {
+            camera: float(steepest * 2 * np.tan(np.deg2rad(model.camera(camera).fovy / 2)).item())
+            for camera in CAMERA_NAMES
+        }
+    )
+
+
+def _lose_depth(moment: Moment[dict[str, float]], camera: str, image: Image) -> Image:
+    """Set depth to 0 where it is lost. An edge is a very slanted surface between two pixels, so one rule finds both."""
+    rgb, depth_m = image
+    height, width = depth_m.shape
+    step = max(1, round(moment.magnitude * EDGE_SHARE * height))
+    most = np.float32(moment.recalled[camera] * step / height)
+    # One step along the diagonal finds what changes along rows and along columns; as one line of numbers NumPy goes
+    # through an image several times as fast as row by row.
+    lost, line = _is_dark(rgb, round(moment.magnitude * MAX_DARK)), depth_m.reshape(-1)
+    back = step * (width + 1)
+    change_m = line[back:] - line[:-back]
+    lost[back:] |= np.abs(change_m, out=change_m) > (line * most)[back:]
+    lost = lost.reshape(depth_m.shape)
+    lost[:, :step] = True  # the second eye sees nothing beyond this edge of the image
+    depth_m *= ~lost
+    return rgb, depth_m
+
+
+def _is_dark(rgb: NDArray[np.uint8], darkest: int) -> NDArray[np.bool_]:
+    """(height x width,) pixels without a channel above a value."""
+    line = rgb.reshape(-1)
+    brightest = np.maximum(line[:-2], line[1:-1])
+    np.maximum(brightest, line[2:], out=brightest)
+    return brightest[::3].copy() <= darkest
+
+
+def _draw_failing(start: Start[list[str]]) -> None:
+    start.remember(start.rng.permutation(MAY_FAIL).tolist()[: int(start.magnitude)])
+
+
+def _black_out(moment: Moment[list[str]], camera: str, image: Image) -> Image:
+    if camera in moment.recalled:
+        for values in image:
+            values[:] = 0
+    return image
+
+
+register(Axis(**data("camera_moved"), look=partial(_move_cameras, calibrated=True)))
+register(Axis(**data("camera_miscalibrated"), look=partial(_move_cameras, calibrated=False)))
+register(Axis(**data("colour_noise"), begin=_draw_exposures, see=_expose))
+register(Axis(**data("depth_noise"), see=_add_depth_noise))
+register(Axis(**data("depth_holes"), begin=_note_slopes, see=_lose_depth))
+register(Axis(**data("fewer_cameras"), begin=_draw_failing, see=_black_out))
