@@ -52,7 +52,7 @@ def check_figure_file(path: Path) -> None:
     """
     check_output_file(path)
     if path.suffix.lower() != ".png":
-        raise InvalidChoice("figure", str(path), ["a path that ends in .png"])
+        raise InvalidChoice("figure", str(path), "a path that ends in .png")
 
 
 class Canvas:

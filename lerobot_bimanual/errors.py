@@ -17,8 +17,10 @@ def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualE
     return kind.__new__(kind, *args)
 
 
-def _choices(valid: Iterable[str]) -> str:
-    return ", ".join(valid)
+def did_you_mean(name: object, valid: Iterable[str]) -> str:
+    """A sentence with the valid name that is nearest to a wrong one, after a space; "" if none is near."""
+    close = difflib.get_close_matches(name, list(valid), n=1) if isinstance(name, str) else []
+    return f" Did you mean {close[0]!r}?" if close else ""
 
 
 class UnknownTask(BimanualError):
@@ -26,16 +28,17 @@ class UnknownTask(BimanualError):
 
     def __init__(self, name: str, valid: Iterable[str]):
         names = list(valid)
-        close = difflib.get_close_matches(name, names, n=1)
-        guess = f" Did you mean {close[0]!r}?" if close else ""
-        super().__init__(f"unknown task {name!r}.{guess} Tasks and suites: {_choices(names)}")
+        super().__init__(
+            f"unknown task {name!r}.{did_you_mean(name, names)} Tasks and suites: {', '.join(names)}"
+        )
 
 
 class UnknownCamera(BimanualError):
     """A camera name that the scene does not have."""
 
     def __init__(self, name: str, valid: Iterable[str]):
-        super().__init__(f"unknown camera {name!r}. Cameras: {_choices(valid)}")
+        names = list(valid)
+        super().__init__(f"unknown camera {name!r}.{did_you_mean(name, names)} Cameras: {', '.join(names)}")
 
 
 class UnknownVariation(BimanualError):
@@ -48,10 +51,33 @@ class UnknownVariation(BimanualError):
 
 
 class InvalidChoice(BimanualError):
-    """An option set to a value outside its list of choices."""
+    """An option set to a value that it cannot have.
 
-    def __init__(self, option: str, value: object, valid: Iterable[str]):
-        super().__init__(f"{option} is {value!r}, but must be one of: {_choices(valid)}")
+    Args:
+        option: name of the option.
+        value: what it was set to.
+        valid: the names that it can have, or a text that describes its values, such as "1 to 100".
+    """
+
+    def __init__(self, option: str, value: object, valid: str | Iterable[str]):
+        if isinstance(valid, str):
+            super().__init__(f"{option} is {value!r}, but must be {valid}")
+        else:
+            names = list(valid)
+            guess = did_you_mean(value, names)
+            super().__init__(
+                f"{option} is {value!r}, but must be one of: {', '.join(names)}{guess and '.'}{guess}"
+            )
+
+
+def check_range(option: str, value: float, least: float, most: float | None = None) -> None:
+    """Refuse a number outside its range, whose bounds are included.
+
+    Raises:
+        InvalidChoice: the number is below `least` or above `most`.
+    """
+    if value < least or (most is not None and value > most):
+        raise InvalidChoice(option, value, f"at least {least}" if most is None else f"{least} to {most}")
 
 
 class InvalidAction(BimanualError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -91,7 +90,7 @@ class EnvOptions:
             if not isinstance(value, str) or value not in choices:
                 raise InvalidChoice(option, value, choices)
         if type(self.max_keyposes) is not int or self.max_keyposes < 1:
-            raise InvalidChoice("max_keyposes", self.max_keyposes, ["an integer of at least 1"])
+            raise InvalidChoice("max_keyposes", self.max_keyposes, "an integer of at least 1")
 
     @classmethod
     def of(cls, **keywords: Any) -> Self:
@@ -103,9 +102,7 @@ class EnvOptions:
         names = [field.name for field in fields(EnvOptions)]
         for name in keywords:
             if name not in names:
-                guess = difflib.get_close_matches(name, names, n=1)
-                hint = f" (did you mean {guess[0]!r}?)" if guess else ""
-                raise InvalidChoice("an option of the environment" + hint, name, names)
+                raise InvalidChoice("an option of the environment", name, names)
         return cls(**keywords)
 
     @property
@@ -155,15 +152,15 @@ def _image_size(image_size: object) -> tuple[int, int]:
     if not is_list or not all(
         type(side) is int and MIN_IMAGE_SIDE <= side <= MAX_IMAGE_SIDE for side in sides
     ):
-        choices = f"a side of {MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels (256), (height, width), the text '480x640'"
-        raise InvalidChoice("image_size", image_size, [choices])
+        choices = f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels, or HEIGHTxWIDTH such as 480x640"
+        raise InvalidChoice("image_size", image_size, choices)
     return sides[0], sides[-1]
 
 
 def _writable_folder(option: str, path: object) -> str:
     """A path at which there is a folder that can be written, or at which one can be made."""
     if not isinstance(path, str | Path):
-        raise InvalidChoice(option, path, ["the path of a folder"])
+        raise InvalidChoice(option, path, "the path of a folder")
     try:
         folder = Path(path).absolute()
         there = next(place for place in (folder, *folder.parents) if place.exists())
@@ -171,5 +168,5 @@ def _writable_folder(option: str, path: object) -> str:
     except OSError:  # a name that is too long
         is_writable = False
     if not is_writable:
-        raise InvalidChoice(option, str(path), ["the path of a folder that can be written or made"])
+        raise InvalidChoice(option, str(path), "the path of a folder that can be written or made")
     return str(path)

@@ -28,7 +28,8 @@ How to write a command
        importing anything, for the list of commands.
     4. Failures that a user can cause are raised as `lerobot_bimanual.errors.BimanualError`: the command
        prints the message on one line and exits with 1. Set LEROBOT_BIMANUAL_TRACEBACK=1 to see the traceback.
-    5. A command that can be interrupted and continued says so: it raises `KeyboardInterrupt("how")` in place of the
+    5. It ends with `show_next(...)`, the command that continues the work, unless its output is for programs.
+    6. A command that can be interrupted and continued says so: it raises `KeyboardInterrupt("how")` in place of the
        one that it catches, and the command prints the text behind "interrupted".
 
 `lerobot_bimanual.cli.flags` says which flags a dataclass gets. Exit codes: 0 done (or what the command returned),
@@ -37,5 +38,6 @@ How to write a command
 
 from lerobot_bimanual.cli.command_line import find_command, main
 from lerobot_bimanual.cli.commands import config_type_of, find_commands
+from lerobot_bimanual.cli.next_command import show_next
 
-__all__ = ["config_type_of", "find_command", "find_commands", "main"]
+__all__ = ["config_type_of", "find_command", "find_commands", "main", "show_next"]

@@ -14,7 +14,6 @@ Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be abse
 """
 
 import dataclasses
-import difflib
 import types
 import typing
 from collections.abc import Container, Iterable, Iterator, Sequence
@@ -23,7 +22,7 @@ from typing import Any, Literal
 
 import yaml
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, did_you_mean
 from lerobot_bimanual.json_file import shown
 
 CONFIG_FLAG = "config_path"
@@ -107,7 +106,7 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
         return draccus.decode(config_type, values)
     except Exception as error:  # draccus lets through whatever a type's constructor raises
         message = " ".join(str(error).split())
-        raise BadCommandLine(f"{message}. Valid flags: {_listing(flags)}.") from error
+        raise BadCommandLine(message) from error
 
 
 def _assignments(words: Sequence[str], flags: dict[str, Flag]) -> Iterator[tuple[str, str]]:
@@ -182,11 +181,20 @@ def _value(text: str, flag: Flag) -> Any:
     if typing.get_origin(flag.kind) is Literal:
         choices = {str(choice): choice for choice in typing.get_args(flag.kind)}
         if text not in choices:
+            guess = did_you_mean(text, choices)
             raise BadCommandLine(
-                f"--{flag.name}: invalid choice: {shown(text)} (choose from {_quoted(choices)})"
+                f"--{flag.name} is {shown(text)}, but must be one of: {', '.join(choices)}{guess and '.'}{guess}"
             )
         return choices[text]
-    return _yaml(text, flag)
+    return _number(text, flag) if flag.kind in (int, float) else _yaml(text, flag)
+
+
+def _number(text: str, flag: Flag) -> float:
+    try:
+        return flag.kind(text)
+    except ValueError as error:
+        kind = "an integer" if flag.kind is int else "a number"
+        raise BadCommandLine(f"--{flag.name} is {shown(text)}, but must be {kind}") from error
 
 
 def _yaml(text: str, flag: Flag) -> Any:
@@ -206,15 +214,6 @@ def _without_none(annotation: Any) -> tuple[Any, bool]:
 
 
 def _unknown_flag(name: str, flags: dict[str, Flag]) -> str:
-    close = difflib.get_close_matches(name, flags, n=1)
-    guess = f" Did you mean --{close[0]}?" if close else ""
-    known = name if name.isprintable() else shown(name)
-    return f"unknown flag --{known}.{guess} Valid flags: {_listing(flags)}."
-
-
-def _listing(flags: dict[str, Flag]) -> str:
-    return ", ".join(f"--{name}" for name in flags)
-
-
-def _quoted(choices: Iterable[str]) -> str:
-    return ", ".join(map(repr, choices))
+    names = [f"--{valid}" for valid in flags]
+    typed = f"--{name}" if name.isprintable() else shown(f"--{name}")
+    return f"unknown flag {typed}.{did_you_mean(typed, names)} Valid flags: {', '.join(names)}."

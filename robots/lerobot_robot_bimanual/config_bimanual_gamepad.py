@@ -35,6 +35,6 @@ class BimanualGamepadConfig(TeleoperatorConfig):
         ):
             speed = getattr(self, name)
             if not 0 < speed <= largest:
-                raise InvalidChoice(name, speed, [f"a number above 0, up to {largest:g}"])
+                raise InvalidChoice(name, speed, f"a number above 0, up to {largest:g}")
         if not 0 <= self.dead_zone < 1:
-            raise InvalidChoice("dead_zone", self.dead_zone, ["a number from 0, below 1"])
+            raise InvalidChoice("dead_zone", self.dead_zone, "a number from 0, below 1")

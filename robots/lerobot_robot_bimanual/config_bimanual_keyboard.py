@@ -29,4 +29,4 @@ class BimanualKeyboardConfig(TeleoperatorConfig):
         for name, largest in (("step_m", MAX_STEP_M), ("step_deg", MAX_STEP_DEG)):
             step = getattr(self, name)
             if not 0 < step <= largest:
-                raise InvalidChoice(name, step, [f"a number above 0, up to {largest}"])
+                raise InvalidChoice(name, step, f"a number above 0, up to {largest}")

@@ -120,9 +120,7 @@ def test_the_verbs_write_figures_that_describe_themselves(tmp_path: Path, instal
 
 
 def test_a_figure_under_the_name_of_another_kind_of_file_is_refused(tmp_path: Path):
-    with pytest.raises(
-        InvalidChoice, match=r"figure is '.*all\.pdf', but must be one of: a path that ends in \.png"
-    ):
+    with pytest.raises(InvalidChoice, match=r"figure is '.*all\.pdf', but must be a path that ends in \.png"):
         results_leaderboard(ResultsLeaderboardConfig(results=tmp_path, figure=tmp_path / "all.pdf"))
 
 

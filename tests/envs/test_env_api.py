@@ -269,13 +269,13 @@ def test_a_variation_is_an_index_or_any(variation):
 
 
 def test_gymnasium_passes_on_what_is_wrong_with_keywords():
-    with pytest.raises(InvalidChoice, match="did you mean 'image_size'"):
+    with pytest.raises(InvalidChoice, match="Did you mean 'image_size'"):
         gym.make("bimanual/LiftBall-v0", imagesize=64)
 
 
 def test_an_unknown_option_is_answered_with_the_known_ones():
     with pytest.raises(
-        InvalidChoice, match=r"did you mean 'image_size'.*variation, split, cameras, image_size"
+        InvalidChoice, match=r"variation, split, cameras, image_size.*Did you mean 'image_size'"
     ):
         BimanualEnv("lift_ball", image_sizes=64)
 
@@ -284,7 +284,7 @@ def test_options_may_be_given_together_and_single_ones_win():
     options = EnvOptions(obs="state", split="val")
     env = BimanualEnv("lift_ball", options=options, split="train")
     assert (env.options.obs, env.options.split, options.split) == ("state", "train", "val")
-    with pytest.raises(InvalidChoice, match="did you mean 'variation'"):
+    with pytest.raises(InvalidChoice, match="Did you mean 'variation'"):
         BimanualEnv("lift_ball", options=options, variaton=0)
 
 

@@ -121,7 +121,7 @@ def test_the_return_value_of_a_command_is_the_exit_code() -> None:
             2,
             "unknown command 'dataset verfy'. Did you mean 'dataset verify'? Commands of",
         ),
-        (["greet", "--nam=x"], 2, "unknown flag --nam. Did you mean --name? Valid flags: --name, --fail."),
+        (["greet", "--nam=x"], 2, "unknown flag --nam. Did you mean '--name'? Valid flags: --name, --fail."),
         (["greet", "--fail=clearly"], 1, "there is nobody to greet"),
         (["greet", "--fail=by interrupt"], 130, "interrupted"),
         (["greet", "--fail=by interrupt on the way"], 130, "interrupted; the same command goes on"),

@@ -173,4 +173,4 @@ def _fraction(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InvalidChoice("intermediate", text, ["fractions between 0 and 1, such as 0.35,0.7"]) from None
+        raise InvalidChoice("intermediate", text, "fractions between 0 and 1, such as 0.35,0.7") from None

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 
 if TYPE_CHECKING:
@@ -66,8 +66,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         lerobot-bimanual dataset verify --root=data/lift_ball
         lerobot-bimanual dataset verify --root=data/lift_ball --episodes=0:20 --render=all
     """
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    check_range("seed", config.seed, 0)
     rows = _parse_rows(config.render)
     roots = _views(config.root)
     with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:

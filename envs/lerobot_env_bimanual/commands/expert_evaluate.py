@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_env_bimanual.experts.control_names import EXPERTS, ControlName
 
 if TYPE_CHECKING:
@@ -102,8 +102,7 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
 
 def _check_effects(config: ExpertEvaluateConfig) -> None:
     """Refuse what would change nothing, for a certificate would claim it."""
-    if config.discretise < 0:
-        raise InvalidChoice("discretise", config.discretise, ["voxels per axis", "0 for exact keyposes"])
+    check_range("discretise", config.discretise, 0)
     if config.discretise and config.control not in EXPERTS:
         raise InvalidChoice(f"discretise of the control {config.control!r}", config.discretise, ["0"])
     if config.replay != "none" and config.control not in EXPERTS:

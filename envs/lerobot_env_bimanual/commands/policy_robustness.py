@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.ladder.climb import Climb
@@ -106,8 +106,7 @@ def _climb(config: PolicyRobustnessConfig) -> Climb:
 
     for name in ("episodes", "batch_size", "first_seed"):
         least = 0 if name == "first_seed" else 1
-        if (value := getattr(config, name)) < least:
-            raise InvalidChoice(name, value, [f"an integer of at least {least}"])
+        check_range(name, getattr(config, name), least)
     get_task(config.task).spec.variation_index(config.variation)
     checkpoint = Checkpoint.read(config.checkpoint)
     rungs = rungs_of(config.task, config.axes, config.levels)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice, check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.audit.blame import Blame
@@ -52,10 +52,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     from lerobot_env_bimanual.pictures.blame_bars import blame_bars
     from lerobot_env_bimanual.workers import WorkerPool
 
-    if config.sample < 0:
-        raise InvalidChoice("sample", config.sample, ["a number of episodes from 0 on"])
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    check_range("sample", config.sample, 0)
+    check_range("seed", config.seed, 0)
     if config.output is not None:
         check_output_file(config.output)
     if config.figure is not None:
@@ -94,7 +92,9 @@ def _chosen(results: list[Result], policy: str | None) -> list[Result]:
         return results
     policies = sorted({result.row.learner for result in results if result.row})
     if policy not in policies:
-        raise InvalidChoice("policy", policy, policies or ["nothing, since no row of `benchmark` is there"])
+        raise InvalidChoice(
+            "policy", policy, policies or "left out, since no result of `policy benchmark` is there"
+        )
     return [result for result in results if result.row and result.row.learner == policy]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import InvalidChoice, check_range
 
 if TYPE_CHECKING:
     from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
@@ -52,10 +52,9 @@ def results_report(config: ResultsReportConfig) -> None:
     from lerobot_env_bimanual.reports.results_page import Section, results_page
     from lerobot_env_bimanual.workers import WorkerPool
 
-    if config.films < 0:
-        raise InvalidChoice("films", config.films, ["a number of films from 0 on"])
+    check_range("films", config.films, 0)
     if not config.max_mb > 0:
-        raise InvalidChoice("max_mb", config.max_mb, ["a number of megabytes above 0"])
+        raise InvalidChoice("max_mb", config.max_mb, "a number of megabytes above 0")
     check_output_file(config.output)
     results = [Result.read(path) for path in result_files(config.results)]
     for result in results:

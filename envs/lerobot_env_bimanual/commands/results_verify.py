@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
     from lerobot_bimanual.benchmark.results import ResultRow
@@ -48,10 +48,8 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     from lerobot_env_bimanual.experts.campaign import Campaign
 
     for name in ("sample", "controls"):
-        if getattr(config, name) < 0:
-            raise InvalidChoice(name, getattr(config, name), ["a number of episodes from 0 on"])
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+        check_range(name, getattr(config, name), 0)
+    check_range("seed", config.seed, 0)
     is_sound = True
     with Campaign(config.workers) as campaign:
         for path in result_files(config.results):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.perturbations.axis import Axis
@@ -62,10 +62,9 @@ def _draw(config: TaskPerturbationsConfig, axes: list[Axis], picture: Path) -> N
     from lerobot_env_bimanual.workers import WorkerPool
     from lerobot_env_bimanual.world.arena import build_spec
 
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    check_range("seed", config.seed, 0)
     if picture.suffix not in (".jpg", ".png"):
-        raise InvalidChoice("picture", str(picture), ["a file that ends in .jpg or .png"])
+        raise InvalidChoice("picture", str(picture), "a file that ends in .jpg or .png")
     check_output_file(picture)
     task = get_task(config.task).spec
     model = build_spec(task.props, PANDA_PAIR)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.pictures.shooting import Order, Shot
@@ -76,8 +76,7 @@ def _orders(config: TaskRenderConfig) -> list[Order]:
     from lerobot_env_bimanual.pictures.shooting import Order
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    check_range("seed", config.seed, 0)
     orders = []
     for name in sorted(resolve_tasks(config.task), key=lambda name: get_task(name).spec.id):
         order = Order(

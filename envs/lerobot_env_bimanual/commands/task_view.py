@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_env_bimanual.options import EnvOptions
 
 
@@ -59,8 +59,7 @@ def task_view(config: TaskViewConfig) -> None:
 
 
 def _check(config: TaskViewConfig) -> None:
-    if config.seed < 0:
-        raise InvalidChoice("seed", config.seed, ["an integer of at least 0"])
+    check_range("seed", config.seed, 0)
     if config.video_dir is not None or config.results_dir is not None:
         raise BimanualError(
             "view keeps no films and records of the environment: --output says where its film goes"

@@ -73,11 +73,11 @@ class GenerationSettings:
         for option in ("height", "width"):
             pixels = getattr(self, option)
             if type(pixels) is not int or not MIN_IMAGE_SIDE <= pixels <= MAX_IMAGE_SIDE:
-                raise InvalidChoice(option, pixels, [f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels"])
+                raise InvalidChoice(option, pixels, f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels")
         for option, (least, most) in LIMITS.items():
             value = getattr(self, option)
             if type(value) is not int or not least <= value <= most:
-                raise InvalidChoice(option, value, [f"an integer from {least} to {most}"])
+                raise InvalidChoice(option, value, f"{least} to {most}")
         if type(self.depth) is not bool:
             raise InvalidChoice("depth", self.depth, ["true", "false"])
         for option in ("tasks", "views", "cameras"):
@@ -95,12 +95,12 @@ class GenerationSettings:
             raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
         if not isinstance(self.intermediate, tuple) or not all(map(_is_fraction, self.intermediate)):
             raise InvalidChoice(
-                "intermediate", self.intermediate, ["fractions between 0 and 1, such as 0.35,0.7"]
+                "intermediate", self.intermediate, "fractions between 0 and 1, such as 0.35,0.7"
             )
         if self.perturb != (canonical := checked_perturbation(self.perturb)):
             raise InvalidChoice("perturb", self.perturb, [canonical])
         if not (isinstance(self.repo_id, str) and REPO_ID.fullmatch(self.repo_id)):
-            raise InvalidChoice("repo_id", self.repo_id, ["OWNER/NAME of letters, digits, '_', '-' and '.'"])
+            raise InvalidChoice("repo_id", self.repo_id, "OWNER/NAME of letters, digits, '_', '-' and '.'")
 
     @classmethod
     def from_dict(cls, options: object) -> Self:
@@ -175,7 +175,7 @@ class GenerationSettings:
 def _check_names(option: str, names: Any) -> None:
     are_texts = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
     if not (are_texts and 0 < len(names) == len(set(names))):
-        raise InvalidChoice(option, names, ["a list of one or more different names"])
+        raise InvalidChoice(option, names, "a list of one or more different names")
 
 
 def _is_fraction(value: object) -> bool:
