@@ -1,17 +1,11 @@
-"""PerAct2 against its written-out formulation, stage by stage and whole: time and peak memory, in one run.
+"""How long policies take: training steps and actions of the small recipes, and PerAct2 beside its reference.
 
-The written-out formulation (`peract/reference.py`) has the structure of PerAct2's reference code: every
-arm decodes on its own, maps are really upsampled and concatenated. Both compute the same function of the same
-weights. On a CPU times are CPU times and memory is resident (needs Linux); on a GPU times are taken by events,
-after one call to warm up, and memory is what PyTorch allocated. Memory counts beyond what was there before the
-call, so without the weights. Prints a table and, as the last line, the same figures as JSON.
+The reference (`peract/reference.py`) is the method written out: it has the structure of PerAct2's published code and
+computes the same function of the same weights. Both run in turns; memory is the peak of resident memory beyond that
+before the call (Linux), or of what PyTorch allocates on a GPU.
 
-    python benchmarks/policies.py                                  # the whole at 50^3, half a CPU minute
-    python benchmarks/policies.py --stages --backward              # stage by stage too
-    python benchmarks/policies.py --voxels=100 --backward          # minutes, and 10 GB for the written-out one
-    python benchmarks/policies.py --variants float32 bfloat16 compile checkpointing --backward
-    python benchmarks/policies.py --policies peract2 peract_lf     # select_action and training of whole policies
-    python benchmarks/policies.py --policies peract2 --set projection_dilations=[3,9]   # beyond the small recipe
+    python benchmarks/policies.py                               # small policies on five 128 px cameras
+    python benchmarks/policies.py --reference --voxels=50       # forward and backward pass of the paper's network
 """
 
 import argparse
@@ -19,190 +13,172 @@ import ctypes
 import gc
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import draccus
+import numpy as np
 import torch
-from policy_jobs import Job, Setting, network_job, policy_job, small_flags
-from policy_stages import TITLES, Stages
-from rich.console import Console
-from rich.table import Table
+import torch.nn.functional as F  # noqa: N812
+from harness import Figures, parser, report
+from lerobot.configs import PreTrainedConfig
+from lerobot.policies.factory import get_policy_class
+from torch import Tensor
 
-VARIANTS = ("float32", "bfloat16", "compile", "checkpointing")
-"""Of our network; all keep their voxel maps with the channels last in memory."""
+from lerobot_bimanual.benchmark.recipe import Recipe
+from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.dataset import schema
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.peract import reference
+from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
+from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
+from lerobot_policy_bimanual.training.memory import keep_freed_memory
 
-WRITTEN_OUT_BYTES = {False: (0.5e9, 3e3), True: (3e9, 8e3)}
-"""What the written-out network takes, by `--backward`: at any size, and per voxel, for one sample. A tenth to a half
-more than was measured with 50 and 100 voxels."""
+type Job = Callable[[], object]
+POLICIES = ("peract2", "peract_lf", "peract_independent", "rvt_lf")
+EPISODE_KEYPOSES = 7
+"""Of the synthetic batches; no time depends on it."""
 
-Figures = dict[str, float]
+
+def seconds(job: Job, device: str) -> float:
+    """CPU seconds of a call, or those of the clock on a GPU."""
+    clock = time.process_time if device == "cpu" else time.perf_counter
+    start = clock()
+    job()
+    if device != "cpu":
+        torch.cuda.synchronize()
+    return clock() - start
 
 
-def measure(job: Job | None, setting: Setting, repeats: int, *, warm_up: bool = False) -> Figures | None:
-    """The fastest of several calls, and the peak of their memory."""
-    if job is None:
-        return None
-    gpu = setting.device == "cuda"
-    clock, start_memory, peak_bytes = (
-        (time_on_gpu, start_gpu_memory, torch.cuda.max_memory_allocated)
-        if gpu
-        else (time_on_cpu, start_cpu_memory, cpu_peak_bytes)
-    )
+def peak_gb(job: Job, device: str) -> float:
+    """The memory that a call takes at most, beyond what was taken before."""
     gc.collect()
-    with torch.set_grad_enabled(setting.backward):
-        if gpu or warm_up:
-            job()
-        before = start_memory()
-        seconds = min(clock(job) for _ in range(repeats))
-        return {"seconds": seconds, "peak_gb": (peak_bytes() - before) / 1e9}
-
-
-def time_on_cpu(job: Job) -> float:
-    start = time.process_time()
+    if device != "cpu":
+        torch.cuda.reset_peak_memory_stats()
+        before = torch.cuda.memory_allocated()
+        job()
+        return (torch.cuda.max_memory_allocated() - before) / 1e9
+    ctypes.CDLL(None).malloc_trim(0)  # otherwise memory that earlier calls have freed would be used again
+    Path("/proc/self/clear_refs").write_text("5")  # the peak is counted from here
+    before = _peak_bytes()
     job()
-    return time.process_time() - start
+    return (_peak_bytes() - before) / 1e9
 
 
-def start_cpu_memory() -> int:
-    """Bytes resident now, from which on the peak is counted anew."""
-    ctypes.CDLL(None).malloc_trim(0)  # else what earlier jobs have freed would serve this one
-    Path("/proc/self/clear_refs").write_text("5")
-    return cpu_peak_bytes()
+def _peak_bytes() -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM"))
 
 
-def cpu_peak_bytes() -> int:
-    return proc_bytes("self/status", "VmHWM")
+def random_batch(samples: int, image_size: int, device: str) -> dict[str, Any]:
+    """Five cameras that look down on noise, with labels."""
+    batch: dict[str, Any] = {}
+    for camera in CAMERA_NAMES:
+        batch[schema.image_key(camera)] = torch.rand(samples, 3, image_size, image_size)
+        batch[schema.depth_key(camera)] = 500 + 1500 * torch.rand(samples, 1, image_size, image_size)
+    pose = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
+    intrinsics = torch.tensor(intrinsics_from_fovy(np.pi / 3, image_size, image_size)).float()
+    batch[schema.CAMERA_EXTRINSICS] = pose.repeat(samples, 5, 1, 1).flatten(1)
+    batch[schema.CAMERA_INTRINSICS] = intrinsics.repeat(samples, 5, 1, 1).flatten(1)
+    batch[schema.STATE] = torch.rand(samples, 16)
+    batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
+    batch[schema.KEYPOSE_STEP] = torch.zeros(samples, 1)
+    batch[schema.NEXT_KEYPOSE] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
+    return {key: value.to(device) for key, value in batch.items()} | {"task": ["lift the ball"] * samples}
 
 
-def proc_bytes(file: str, entry: str) -> int:
-    lines = (Path("/proc") / file).read_text().splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(entry))
+def small_policy(name: str, batch_size: int, rounds: int, device: str) -> Figures:
+    """A training step of a small recipe, and one action."""
+    section = Recipe.find(name, "small").sections["policy"]
+    flags = [f"--{option}={json.dumps(value)}" for option, value in section.items() if option != "type"]
+    config = draccus.parse(PreTrainedConfig.get_choice_class(name), args=[*flags, f"--device={device}"])
+    stats = {schema.KEYPOSE_STEP: {"max": EPISODE_KEYPOSES}}
+    policy: Any = get_policy_class(name)(config, dataset_stats=stats).to(device).train()
+    optimizer: Any = config.get_optimizer_preset().build(policy.get_optim_params())
+    batch, observation = random_batch(batch_size, 128, device), random_batch(1, 128, device)
+
+    def step() -> None:
+        loss, _ = policy(batch)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(policy.parameters(), config.optimizer_grad_clip_norm)
+        optimizer.step()
+
+    step()
+    step_s = min(seconds(step, device) for _ in range(rounds))
+    policy.eval()
+    action_s = min(seconds(lambda: policy.select_action(observation), device) for _ in range(rounds))
+    return {"training step, s": step_s, "samples per s": batch_size / step_s, "action, s": action_s}
 
 
-def time_on_gpu(job: Job) -> float:
-    start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
-    start.record()
-    job()
-    end.record()
-    torch.cuda.synchronize()
-    return start.elapsed_time(end) / 1e3
+def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> Figures:
+    """Forward and backward pass of PerAct2 in the paper's size, and of its reference with the same weights."""
+    config = PerAct2Config(device=device, voxel_size=voxels, keypose_horizon=EPISODE_KEYPOSES + 1)
+    network: Any = PerAct2Policy(config).network.eval().to(device)
+    parameters = dict(network.named_parameters())
+    grid = torch.rand(batch_size, 10, voxels, voxels, voxels, device=device)
+    proprio = torch.rand(batch_size, 8, device=device)
+    language = torch.randn(batch_size, config.language_tokens, config.language_dim, device=device)
+    voxel = torch.full((batch_size, 2, 3), voxels // 2, device=device)
+    classes = torch.ones(batch_size, 2, 5, dtype=torch.long, device=device)
+
+    def ours() -> None:
+        prediction = network(grid, proprio, language)
+        parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
+        _index_loss(prediction.translation.logits, torch.cat(parts, dim=-1), voxel, classes).backward()
+
+    def written_out() -> None:
+        outputs = reference.network(parameters, grid, proprio, language, arms=2, heads=config.heads)
+        reference.one_hot_loss(*outputs, voxel, classes).backward()
+
+    network.requires_grad_(True)
+    times = [[seconds(job, device) for job in (ours, written_out)] for _ in range(rounds)]
+    ours_s, written_s = (min(column) for column in zip(*times, strict=True))
+    ours_gb, written_gb = peak_gb(ours, device), peak_gb(written_out, device)
+    times_faster, memory = written_s / ours_s, ours_gb / written_gb
+    return {
+        "s": ours_s,
+        "reference, s": written_s,
+        "times faster": times_faster,
+        "memory, of the reference": memory,
+    }
 
 
-def start_gpu_memory() -> int:
-    torch.cuda.synchronize()
-    torch.cuda.reset_peak_memory_stats()
-    return torch.cuda.memory_allocated()
-
-
-def missing_memory(setting: Setting) -> str | None:
-    """Why the written-out network would not fit, or None if it does."""
-    fixed, per_voxel = WRITTEN_OUT_BYTES[setting.backward]
-    needed = setting.batch * (fixed + per_voxel * setting.voxels**3)
-    free = torch.cuda.mem_get_info()[0] if setting.device == "cuda" else proc_bytes("meminfo", "MemAvailable")
-    if needed < free:
-        return None
-    return (
-        f"The written-out network is left out: --voxels={setting.voxels} --batch={setting.batch} takes about "
-        f"{needed / 1e9:.0f} GB, and {free / 1e9:.0f} GB are free. Fewer of either would fit."
-    )
-
-
-def row(title: str, ours: Figures | None, written: Figures | None) -> list[str]:
-    def cells(figures: Figures | None) -> list[str]:
-        return [f"{figures['seconds']:.3f}", f"{figures['peak_gb']:.2f}"] if figures else ["", ""]
-
-    ratios = ["", ""]
-    if ours and written:
-        ratios[0] = f"{written['seconds'] / ours['seconds']:.2f} x"
-        if written["peak_gb"] > 0.1:  # below, it is the allocator that is measured
-            ratios[1] = f"{ours['peak_gb'] / written['peak_gb']:.2f} x"
-    return [title, *cells(ours), *cells(written), *ratios]
-
-
-def compare(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[str, Any]]:
-    """The network, whole and by stages."""
-    passes = "forward and backward" if setting.backward else "forward"
-    table = Table(
-        *("", "s", "GB", "written out s", "written out GB", "faster", "memory"),
-        title=f"PerAct2, {setting.voxels}^3 voxels, batch {setting.batch}, {setting.device}, {passes}",
-    )
-    refusal = missing_memory(setting)
-    if refusal:
-        Console(stderr=True).print(refusal)
-    figures: dict[str, Any] = {}
-    for stage, title in TITLES.items() if options.stages else ():
-        jobs = getattr(Stages(setting), stage)()
-        ours, written = (
-            measure(job, setting, options.repeats) for job in (jobs[0], None if refusal else jobs[1])
-        )
-        figures[stage] = {"ours": ours, "written_out": written}
-        table.add_row(*row(title, ours, written))
-    table.add_section()
-    written = None if refusal else measure(network_job("written_out", setting), setting, 1)
-    figures["written_out"] = written
-    for variant in options.variants:
-        job = network_job(variant, setting)
-        figures[variant] = ours = measure(job, setting, 1, warm_up=variant == "compile")
-        table.add_row(*row(f"whole, {variant}", ours, written))
-    return table, figures
-
-
-def time_policies(setting: Setting, options: argparse.Namespace) -> tuple[Table, dict[str, Any]]:
-    """Latency and training of whole policies."""
-    size = "default size" if options.full_size else "small recipes"
-    table = Table(
-        *("", "select_action s", "training samples per s", "training GB"),
-        title=f"whole policies, {size}, five 128 px cameras, training batch {setting.batch}, {setting.device}",
-    )
-    figures: dict[str, Any] = {}
-    beyond = dict(word.split("=", 1) for word in options.set)
-    for policy in options.policies:
-        flags = ({} if options.full_size else small_flags(policy)) | beyond
-        act, train = (
-            measure(policy_job(policy, flags, each), each, options.repeats)
-            for each in (
-                Setting(setting.voxels, 1, setting.device, backward=False),
-                Setting(setting.voxels, setting.batch, setting.device, backward=True),
-            )
-        )
-        assert act is not None
-        assert train is not None
-        rate = setting.batch / train["seconds"]
-        name = ", ".join([policy, *options.set])
-        figures[name] = {"select_action": act, "train": train, "samples_per_s": rate}
-        table.add_row(name, f"{act['seconds']:.3f}", f"{rate:.2f}", f"{train['peak_gb']:.2f}")
-    return table, figures
+def _index_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tensor) -> Tensor:
+    """What `reference.one_hot_loss` computes, by the translation's own loss and from indices."""
+    loss = DenseTranslation(translation).cross_entropy(voxel).sum(1).mean()
+    bins = (pose.shape[-1] - 4) // 3
+    for logits, target in zip(pose.split([bins] * 3 + [2, 2], dim=-1), classes.unbind(-1), strict=True):
+        loss = loss + pose.shape[1] * F.cross_entropy(logits.flatten(0, 1), target.flatten())
+    return loss
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--voxels", type=int, default=50, help="voxels per axis, a multiple of 5")
-    parser.add_argument("--batch", type=int, default=1)
-    parser.add_argument("--backward", action="store_true", help="forward and backward pass")
-    parser.add_argument("--stages", action="store_true", help="also every stage on its own")
-    parser.add_argument("--variants", nargs="*", choices=VARIANTS, default=["float32"], help="of our network")
-    parser.add_argument("--policies", nargs="+", metavar="TYPE", help="whole policies instead of the network")
-    parser.add_argument(
-        "--set",
-        nargs="+",
-        metavar="NAME=VALUE",
-        default=[],
-        help="options of whole policies, beyond the small recipe",
-    )
-    parser.add_argument("--full_size", action="store_true", help="policies at their default sizes")
+    arguments = parser(__doc__)
     devices = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
-    parser.add_argument("--device", choices=devices, default=devices[-1])
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument(
-        "--repeats", type=int, default=2, help="calls per stage or policy; the fastest counts"
+    arguments.add_argument("--device", choices=devices, default="cpu")
+    arguments.add_argument("--policies", nargs="+", default=POLICIES, metavar="TYPE")
+    arguments.add_argument("--batch_size", type=int, help="by default 8, beside the reference 1")
+    arguments.add_argument(
+        "--reference", action="store_true", help="compare PerAct2 with its reference instead"
     )
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
+    arguments.add_argument(
+        "--voxels", type=int, default=50, help="per axis, a multiple of 5; with --reference"
+    )
+    options: argparse.Namespace = arguments.parse_args()
+    torch.set_num_threads(1)
     torch.manual_seed(0)
-    setting = Setting(options.voxels, options.batch, options.device, options.backward)
-    table, figures = (time_policies if options.policies else compare)(setting, options)
-    Console(width=120).print(table)
-    print(json.dumps(vars(options) | {"torch": torch.__version__, "figures": figures}))
+    keep_freed_memory()
+    if options.reference:
+        figures = beside_reference(options.voxels, options.batch_size or 1, options.rounds, options.device)
+        rows = {f"PerAct2, {options.voxels} voxels": figures}
+    else:
+        batch_size = options.batch_size or 8
+        rows = {
+            name: small_policy(name, batch_size, options.rounds, options.device) for name in options.policies
+        }
+    report(f"policies, {options.device}", rows)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,84 @@
+"""What the benchmarks share: CPU times, a table for people, and the same figures as one line of JSON."""
+
+import argparse
+import contextlib
+import ctypes
+import json
+import os
+import resource
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
+
+from rich.console import Console
+from rich.table import Table
+
+from lerobot_env_bimanual.tasks.registry import resolve_tasks
+
+type Figures = dict[str, float]
+PR_SET_CHILD_SUBREAPER = 36
+
+
+def parser(description: str | None) -> argparse.ArgumentParser:
+    """A parser with the flags that all benchmarks have."""
+    arguments = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
+    arguments.add_argument(
+        "--task", default="lift_ball", help="task and suite names, comma separated, or all"
+    )
+    arguments.add_argument("--rounds", type=int, default=5, help="repetitions; the fastest counts")
+    return arguments
+
+
+def tasks_of(options: argparse.Namespace) -> list[str]:
+    return list(resolve_tasks(options.task))
+
+
+def cpu_s(work: Callable[[], object], calls: int = 1) -> float:
+    """CPU seconds of this process, with all its threads, per call."""
+    start = time.process_time()
+    for _ in range(calls):
+        work()
+    return (time.process_time() - start) / calls
+
+
+def interleaved_cpu_s(works: Sequence[Callable[[], object]], rounds: int) -> list[float]:
+    """The least CPU seconds of each of several pieces of work, measured in turns so that they meet the same machine."""
+    turns = [[cpu_s(work) for work in works] for _ in range(rounds)]
+    return [min(times) for times in zip(*turns, strict=True)]
+
+
+def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> float:
+    """CPU seconds of a program of this environment and of all processes that it starts."""
+    program = Path(sys.executable).with_name(str(words[0]))
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become our children, whose time is counted
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [program, *map(str, words[1:])],
+        cwd=folder,
+        env=os.environ | {"HF_HUB_OFFLINE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        sys.exit(f"{shlex.join(map(str, words))}\n{done.stdout[-1000:]}\n{done.stderr[-3000:]}")
+    with contextlib.suppress(ChildProcessError):
+        while True:  # a server of worker processes ends after its parent
+            os.wait()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def report(title: str, rows: dict[str, Figures]) -> None:
+    """Print a table of named rows that have the same columns, and as the last line all figures as JSON."""
+    columns = list(next(iter(rows.values())))
+    table = Table("", *columns, title=title)
+    for name, figures in rows.items():
+        table.add_row(name, *(f"{figures[column]:.4g}" for column in columns))
+    Console(width=160).print(table)
+    print(json.dumps({"benchmark": title, "figures": rows}))
