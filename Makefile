@@ -49,8 +49,9 @@ format: setup  ## Sort imports and format the code
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-bench: setup  ## Run the benchmarks; one JSON line each
-	@for script in $$(grep --files-with-matches __main__ benchmarks/*.py); do $(BIN)/python "$$script" || exit; done
+bench: setup  ## Run the benchmarks of docs/performance.md; each ends with a line of JSON
+	@for run in simulation.py observation.py planning.py policies.py "policies.py --reference" "commands.py starting" \
+	    "commands.py recording" "commands.py decoding" "commands.py scoring"; do $(BIN)/python benchmarks/$$run || exit; done
 
 docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
 	$(BIN)/python scripts/site_films.py
