@@ -1,57 +1,17 @@
-"""Commands, tables and links in the documents are true."""
+"""Tables and links in the documents are true."""
 
 import re
-import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from documents import DOCUMENTS, ROOT
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.cli.flags import parse_flags
 
-ROOT = Path(__file__).parents[2]
-DOCUMENTS = sorted(
-    path
-    for folder in (
-        ".",
-        "docs",
-        "envs",
-        "policies",
-        "robots",
-        "examples",
-        "policies/lerobot_policy_bimanual/*",
-        "results/checkpoints",
-    )
-    for path in ROOT.glob(f"{folder}/*.md")
-)
-SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
-
-
-def commands(program: str) -> Iterator[tuple[str, list[str]]]:
-    """Every call of a program in a shell block of a document or in an example, as (place, words after it)."""
-    texts = [(path, block) for path in DOCUMENTS for block in SHELL_BLOCK.findall(path.read_text())]
-    texts += [(path, path.read_text()) for path in sorted(ROOT.glob("examples/*.sh"))]
-    for path, text in texts:
-        for name, value in re.findall(r"^(\w+)=\$\{\1:-([^}]*)\}", text, re.MULTILINE):
-            text = text.replace(f"${name}", value)
-        text = re.sub(r"(^|\s)#.*$", "", text, flags=re.MULTILINE).replace("\\\n", " ")
-        lexer = shlex.shlex(text, posix=True, punctuation_chars="\n;&|")
-        lexer.whitespace, lexer.whitespace_split, lexer.commenters = " \t", True, ""
-        command: list[str] = []
-        for token in [*lexer, "\n"]:
-            if set(token) <= set("\n;&|"):
-                if command[:1] == ["torchrun"]:  # several processes of the program that a later word names
-                    command = [program, *command[3:]] if program in command[2] else []
-                if command and command[0] == program:
-                    yield path.name, command[1:]
-                command = []
-            else:
-                command.append(token)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
@@ -66,14 +26,6 @@ def test_the_readme_names_every_command_and_no_other() -> None:
     assert sorted(rows) == list(cli.find_commands())
 
 
-def test_flags_of_our_commands_parse() -> None:
-    found = list(commands("lerobot-bimanual"))
-    assert len(found) > 5
-    for _, words in found:
-        name, flags = cli.find_command(words)
-        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), flags)
-
-
 def test_every_page_is_in_the_navigation_of_the_site() -> None:
     import yaml
 
@@ -86,32 +38,6 @@ def test_every_page_is_in_the_navigation_of_the_site() -> None:
 
     named = set(pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
     assert {path.name for path in ROOT.glob("docs/*.md")} <= named
-
-
-def test_make_knows_every_target_that_is_named() -> None:
-    named = {word for _, words in commands("make") for word in words}
-    assert {"setup", "demo", "test", "check"} <= named
-    subprocess.run(["make", "--dry-run", *sorted(named)], cwd=ROOT, check=True, capture_output=True)
-
-
-@pytest.mark.parametrize("program", ["lerobot-train", "lerobot-bimanual-train", "lerobot-eval"])
-def test_flags_of_lerobots_commands_parse(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    import draccus
-    from lerobot.configs.eval import EvalPipelineConfig
-    from lerobot.configs.train import TrainPipelineConfig
-
-    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
-    from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
-
-    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
-    found = list(commands(program))
-    assert found
-    for _, flags in found:
-        if any(flag.startswith("--policy.path=") for flag in flags):
-            # LeRobot reads the policy's config from there and applies the other --policy flags to it.
-            flags = [flag for flag in flags if not flag.startswith("--policy.")]
-        monkeypatch.chdir(ROOT)  # where recipes are
-        draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
 def test_the_task_table_of_the_readme_is_the_registry() -> None:

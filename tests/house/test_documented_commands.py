@@ -1,0 +1,154 @@
+"""Every command in the documents is accepted by its program, and those of the README run."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from documents import DOCUMENTS, ROOT, commands
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.cli.flags import parse_flags
+
+ALL = list(commands(*DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))))
+PYTHON_BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+
+RUN = re.compile(
+    r"lerobot-bimanual (task|dataset (verify|regenerate|replay)|results (compare|report))|lerobot-edit-dataset|cp "
+)
+"""Commands of pages that are run because they take seconds; all of the README are."""
+RUN_PAGES = ("datasets", "determinism", "learning")
+
+SMALLER = {
+    **dict.fromkeys(("episodes", "eval.n_episodes", "sample", "eval.batch_size"), "1"),
+    **dict.fromkeys(("steps", "save_freq"), "2"),
+    **dict.fromkeys(("image_size", "env.image_size"), "32"),
+}
+"""Values of flags that are given, by name."""
+TRAINING = ("--steps=2", "--save_freq=2", "--batch_size=2", "--num_workers=0", "--policy.device=cpu")
+BENCHMARK = (
+    "--demos=2",
+    "--image_size=32",
+    "--steps=2",
+    "--save_freq=2",
+    "--val_episodes=0",
+    "--test_episodes=1",
+)
+FURTHER = {
+    "lerobot-train": TRAINING,
+    "lerobot-eval": ("--policy.device=cpu", "--eval.n_episodes=1", "--eval.batch_size=1"),
+    "policy benchmark": (*BENCHMARK, "--eval_flags=--eval.batch_size=1", "--device=cpu"),
+}
+"""Flags that are added unless they are given, by program or command."""
+
+
+def words_after(program: str) -> list[list[str]]:
+    """The flags of every call of a program; `torchrun` and `accelerate` start it in several processes."""
+    found = []
+    for words in ALL:
+        index = next(
+            (index for index, word in enumerate(words) if re.search(rf"\b{program}\)?$", word)), None
+        )
+        if index is not None and (index == 0 or words[0] in ("torchrun", "accelerate")):
+            found.append(words[index + 1 :])
+    assert found
+    return found
+
+
+def test_the_commands_of_our_program_parse() -> None:
+    for words in words_after("lerobot-bimanual"):
+        name, flags = cli.find_command(words)
+        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), flags)
+
+
+@pytest.mark.parametrize("program", ["(?<!bimanual-)lerobot-train", "lerobot-bimanual-train", "lerobot-eval"])
+def test_the_commands_of_lerobots_programs_parse(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    import draccus
+    from lerobot.configs.eval import EvalPipelineConfig
+    from lerobot.configs.train import TrainPipelineConfig
+
+    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
+    from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
+
+    monkeypatch.chdir(ROOT)  # which holds the recipes
+    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
+    for flags in words_after(program):
+        if any(flag.startswith("--policy.path=") for flag in flags):
+            # LeRobot reads the policy's config from there and applies the other --policy flags to it.
+            flags = [flag for flag in flags if not flag.startswith("--policy.")]
+        draccus.parse(config_type, args=flags, exit_on_error=False)
+
+
+def test_make_knows_every_target_that_is_named() -> None:
+    named = {word for words in words_after("make") for word in words}
+    assert {"setup", "demo", "test", "check"} <= named
+    subprocess.run(["make", "--dry-run", *sorted(named)], cwd=ROOT, check=True, capture_output=True)
+
+
+def test_the_files_that_commands_read_exist() -> None:
+    named = {word.rpartition("=")[2] for words in ALL for word in words}
+    paths = {
+        word for word in named if re.match(r"(results|examples|scripts|benchmarks|policies)/[\w./-]+$", word)
+    }
+    written = {word for word in paths if "seed2000" in word}
+    assert len(paths) > 10
+    assert [path for path in paths - written if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_commands_of_the_readme_and_the_quick_ones_of_pages_run(tmp_path: Path) -> None:
+    for name in ("policies", "results"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    readme = [words for words in commands(ROOT / "README.md") if words[0] not in ("make", "source")]
+    pages = commands(*(ROOT / f"docs/{name}.md" for name in RUN_PAGES))
+    quick = [words for words in pages if RUN.match(shlex.join(words))]
+    assert len(readme) > 8
+    assert len(quick) > 8
+    for words in readme + quick:
+        run(small(words), tmp_path)
+
+
+def small(words: list[str]) -> list[str]:
+    """The same command with little to do."""
+    given = {word.partition("=")[0] for word in words}
+    further = [*FURTHER.get(words[0], ()), *FURTHER.get(" ".join(words[1:3]), ())]
+    return [_small(word) for word in words] + [
+        flag for flag in further if flag.partition("=")[0] not in given
+    ]
+
+
+def _small(word: str) -> str:
+    name, equals, value = word.removeprefix("--").partition("=")
+    if name in ("seeds", "episodes") and ":" in value:
+        first = int(value.partition(":")[0])
+        return f"--{name}={first}:{first + 1}"
+    return f"--{name}={SMALLER.get(name, value)}" if equals and word.startswith("--") else word
+
+
+def run(words: list[str], folder: Path) -> None:
+    """Run a command in a folder, with the programs of this environment and without the Hub."""
+    program = Path(sys.executable).with_name(words[0])
+    done = subprocess.run(
+        [program if program.exists() else words[0], *words[1:]],
+        cwd=folder,
+        env=os.environ | {"HF_HUB_OFFLINE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+
+
+@pytest.mark.slow
+def test_the_python_programs_of_the_pages_run(tmp_path: Path) -> None:
+    """Those that import everything that they need."""
+    blocks = [text for page in DOCUMENTS for text in PYTHON_BLOCK.findall(page.read_text(encoding="utf-8"))]
+    programs = [text for text in blocks if text.startswith("import gymnasium")]
+    assert len(programs) >= 3
+    for text in programs:
+        (tmp_path / "program.py").write_text(text, encoding="utf-8")
+        run(["python", "program.py"], tmp_path)
