@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,8 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
 from lerobot_env_bimanual.episode.actions import ActionReader
-from lerobot_env_bimanual.episode.draw import draw_episode
-from lerobot_env_bimanual.episode.membership import joined
-from lerobot_env_bimanual.episode.observations import observation_space
-from lerobot_env_bimanual.episode.progress import EpisodeProgress
+from lerobot_env_bimanual.episode.observations import ObservationRenderer, observation_space
+from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
@@ -28,7 +27,6 @@ from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.perturbations.registry import chosen_levels
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.sight import Sight
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
@@ -40,6 +38,16 @@ type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 """Sees the environment and the joint action (16,) before every control tick."""
 type StepObserver = Callable[[], None]
 """Looks at the scene after every step of physics."""
+
+
+@dataclass(frozen=True, eq=False)
+class _World:
+    """A compiled scene, and what works in it."""
+
+    scene: Scene
+    planner: KeyposePlanner
+    reset: EpisodeReset
+    renderer: ObservationRenderer
 
 
 class BimanualEnv(gym.Env):
@@ -101,12 +109,22 @@ class BimanualEnv(gym.Env):
         self.perturbations = Perturbations(
             chosen_levels(self.options.perturb), self.task_definition.spec, self.options.split
         )
-        self._scene: Scene | None = None
-        self._planner: KeyposePlanner | None = None
-        self._reset: EpisodeReset | None = None
-        self._sight: Sight | None = None
+        self._compiled: _World | None = None
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
+
+    @property
+    def _world(self) -> _World:
+        if self._compiled is None:
+            changes = self.perturbations
+            scene = Scene(self.task_definition.spec.props, patch=changes.build)
+            self._compiled = _World(
+                scene,
+                KeyposePlanner(scene),
+                EpisodeReset(self.task_definition, scene, changes.begin, changes.changes_model),
+                ObservationRenderer(scene, self.options, changes.see),
+            )
+        return self._compiled
 
     @property
     def scene(self) -> Scene:
@@ -115,20 +133,7 @@ class BimanualEnv(gym.Env):
         Raises:
             InvalidChoice: an axis of perturbation finds nothing to change in the task.
         """
-        if self._scene is None:
-            changes = self.perturbations
-            self._scene = Scene(self.task_definition.spec.props, patch=changes.build)
-            self._planner = KeyposePlanner(self._scene)
-            self._reset = EpisodeReset(
-                self.task_definition, self._scene, changes.begin, changes.changes_model
-            )
-        return self._scene
-
-    @property
-    def _eyes(self) -> Sight:
-        if self._sight is None:
-            self._sight = Sight(self.scene, self.options, self.perturbations)
-        return self._sight
+        return self._world.scene
 
     @property
     def progress(self) -> EpisodeProgress:
@@ -188,24 +193,32 @@ class BimanualEnv(gym.Env):
             variation = self.task_definition.spec.variation_index(chosen["variation"])
         super().reset(seed=seed)
         self._finish_video()
-        _ = self.scene
-        assert self._reset is not None  # made with the scene
+        world = self._world
         seed = int(self.np_random.integers(2**31)) if seed is None else seed
         progress = draw_episode(self.task_definition.spec, self.options.split, seed, variation)
         self._progress = progress
         try:
-            progress.draws = self._reset.start(progress)
+            progress.draws = world.reset.start(progress)
         except PlacementFailure as failure:
             progress.failure, progress.draws = str(failure), MAX_DRAWS  # nothing can be played from here
             raise
         progress.conditions = check(self._conditions, self.scene, known={})
         return self.observe(), self.progress.info()
 
+    @contextmanager
     def observed_by(
         self, observer: TickObserver, step_observer: StepObserver | None = None
-    ) -> AbstractContextManager[None]:
-        """Have somebody see every control tick, and every step of physics, while a `with` block runs."""
-        return joined((self.tick_observers, observer), (self.step_observers, step_observer))
+    ) -> Iterator[None]:
+        """Call an observer before every control tick, and another after every step of physics, in a `with` block."""
+        self.tick_observers.append(observer)
+        if step_observer is not None:
+            self.step_observers.append(step_observer)
+        try:
+            yield
+        finally:
+            self.tick_observers.remove(observer)
+            if step_observer is not None:
+                self.step_observers.remove(step_observer)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -255,8 +268,7 @@ class BimanualEnv(gym.Env):
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
-        assert self._planner is not None  # made with the scene
-        plan = self._planner.plan(keypose, progress.rng)
+        plan = self._world.planner.plan(keypose, progress.rng)
         progress.line_fallbacks += plan.line_fallbacks
         for joint_action in (*plan.actions, *[plan.actions[-1]] * self.perturbations.late_ticks):
             self._tick(joint_action)
@@ -285,21 +297,21 @@ class BimanualEnv(gym.Env):
 
     def observe(self) -> dict[str, Any]:
         """The observation of the present state; see `lerobot_env_bimanual.episode.observations` for its arrays."""
-        return self._eyes.observe(self.progress)
+        return self._world.renderer.observe(self.progress)
 
     def images(self) -> dict[str, Any]:
         """The images of an observation, with depth, whatever the option `obs` says."""
-        return self._eyes.images(self.progress, depth=True)
+        return self._world.renderer.images(self.progress, depth=True)
 
     def render(self) -> NDArray[np.uint8] | None:
         """The front camera at 480x640, uint8 RGB."""
-        return None if self.render_mode is None else self._eyes.frame()
+        return None if self.render_mode is None else self._world.renderer.frame()
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
             episode = f"v{self.variation}_{self.options.split}_seed{self.progress.seed}"
             self._video = VideoWriter(folder, f"{self.task}_{episode}")
-        self._video.add(self._eyes.frame())
+        self._video.add(self._world.renderer.frame())
 
     def _finish_video(self) -> None:
         if self._video is not None:
@@ -338,9 +350,9 @@ class BimanualEnv(gym.Env):
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
-        if self._sight is not None:
-            self._sight.close()
-        self._sight = self._scene = self._planner = self._reset = self._progress = None
+        if self._compiled is not None:
+            self._compiled.renderer.close()
+        self._compiled = self._progress = None
 
 
 def _restored(

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from lerobot_bimanual.errors import UnknownVariation
+from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.conditions import Condition
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.props.prop import Prop
@@ -117,6 +118,26 @@ class TaskSpec:
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""
         return tuple(template.format(**variation.words) for template in self.instructions)
+
+
+@dataclass(frozen=True)
+class PlacementArea:
+    """An upright rectangle on the table with a range of headings.
+
+    Attributes:
+        center_m: x and y of the middle, world frame.
+        half_size_m: how far a prop's origin may lie from it along x and y.
+        half_yaw_rad: how far a prop may be turned to either side about the vertical.
+    """
+
+    center_m: tuple[float, float]
+    half_size_m: tuple[float, float]
+    half_yaw_rad: float = 0.0
+
+    def sample(self, rng: np.random.Generator, height_m: float) -> Pose:
+        """A uniform upright pose with its origin at `height_m` above the floor."""
+        xy = np.array(self.center_m) + rng.uniform(-1.0, 1.0, 2) * self.half_size_m
+        return Pose.upright((*xy, height_m), rng.uniform(-1.0, 1.0) * self.half_yaw_rad)
 
 
 class Task(ABC):

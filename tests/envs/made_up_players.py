@@ -7,7 +7,7 @@ from typing import Any
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.checkpoint import Checkpoint
-from lerobot_env_bimanual.episode.draw import draw_episode
+from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.outcome import Job, MoveReport, Outcome
 from lerobot_env_bimanual.tasks.registry import get_task
 

@@ -19,7 +19,7 @@ from lerobot_env_bimanual.commands.expert_evaluate_perturbed import (
     expert_evaluate_perturbed,
 )
 from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConfig, policy_robustness
-from lerobot_env_bimanual.episode.draw import draw_episode
+from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.ladder import certification, climb
 from lerobot_env_bimanual.ladder.controls import Controls
 from lerobot_env_bimanual.ladder.rungs import rungs_of

@@ -8,7 +8,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.tasks.lift_ball import AREA, LiftBall
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene

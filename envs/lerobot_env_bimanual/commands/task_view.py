@@ -28,8 +28,7 @@ def task_view(config: TaskViewConfig) -> None:
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
-    before, up and down another variation; space pauses, backspace plays again. Page down and page up take the next
-    perturbation and the one before, in a window of its own, end its next level. Closing the window ends the command.
+    before, up and down another variation; space pauses, backspace plays again. Closing the window ends the command.
 
     Where there is none, or with `--film`, a film and a contact sheet are written instead.
 
@@ -101,32 +100,15 @@ def _perform(config: TaskViewConfig) -> None:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.policy_player import policy_player
-    from lerobot_env_bimanual.viewer import KEYS, Performance, Wish, mujoco_window
+    from lerobot_env_bimanual.viewer import KEYS, Performance, ShownEpisode, mujoco_window
 
     name, player = "expert", expert()
     if config.checkpoint is not None:
         name, player = "policy", policy_player(config.checkpoint)
-    options, perturbations = _shown(config), _perturbations(config)
     print(KEYS)
-    Performance(
-        lambda perturb: BimanualEnv(config.task, options=options, perturb=perturb),
-        player,
-        name,
-        Wish(config.seed, perturb=config.perturb),
-        perturbations,
-        mujoco_window,
-    ).run()
-
-
-def _perturbations(config: TaskViewConfig) -> list[tuple[str, ...]]:
-    """The world as it is, what was asked for if that is more than one axis, and every axis of the task."""
-    from lerobot_env_bimanual.ladder.rungs import UPPER_LEVELS, perturb_text, rungs_of
-
-    axes = rungs_of(config.task).axes
-    single = [("",), *(tuple(perturb_text(axis.name, level) for level in UPPER_LEVELS) for axis in axes)]
-    if any(config.perturb in levels for levels in single):
-        return single
-    return [single[0], (config.perturb,), *single[1:]]
+    env = BimanualEnv(config.task, options=_shown(config))
+    Performance(env, player, name, ShownEpisode(config.seed), mujoco_window).run()
+    env.close()
 
 
 def _shown(config: TaskViewConfig) -> EnvOptions:

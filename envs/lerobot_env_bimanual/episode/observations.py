@@ -1,4 +1,4 @@
-"""Which arrays a step yields.
+"""Observations: the arrays that a step returns, and the cameras that make their images.
 
 Keys follow from the dataset schema, so that LeRobot's `preprocess_observation` turns each into the dataset's
 key of the same meaning: `pixels[camera]` and `agent_pos` have the names LeRobot expects, every other key is the
@@ -7,7 +7,7 @@ dataset's without its prefix `observation.`. All arrays are fresh copies.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,21 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
+from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 PIXELS = "pixels"
+FRAME_CAMERA = "front"
+FRAME_SIZE = (480, 640)
+
+type Images = Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]]
+"""Camera -> RGB (H, W, 3) and depth (H, W) in metres along the optical axis, 0 where none was measured."""
+type Filter = Callable[[Images, Scene, EpisodeProgress], Images]
+"""Changes images between the cameras and the observation, as perturbations do."""
 
 _BOUNDS = {
     schema.STATE: (-2 * np.pi, 2 * np.pi),
@@ -53,15 +64,12 @@ def observation_space(options: EnvOptions) -> spaces.Dict:
     return spaces.Dict(space)
 
 
-def observe_images(
-    cameras: Sequence[str], images: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.float32]]], depth: bool
-) -> dict[str, Any]:
+def observe_images(cameras: Sequence[str], images: Images, depth: bool) -> dict[str, Any]:
     """Image part of an observation.
 
     Args:
         cameras: names of those whose images are taken.
-        images: per camera RGB uint8 (H, W, 3) and depth float32 (H, W) in metres along the optical axis, 0 where none was
-            measured.
+        images: of these cameras.
         depth: with depth, or colours only.
 
     Returns:
@@ -102,3 +110,51 @@ def observe_vectors(
         schema.CAMERA_INTRINSICS: intrinsics,
     }
     return {env_key(key): vector.astype(np.float32) for key, vector in vectors.items()}
+
+
+class ObservationRenderer:
+    """Makes the observations of one environment, and frames for videos; OpenGL starts at the first image.
+
+    Args:
+        scene: the world.
+        options: which cameras, and how.
+        change: changes images before they are observed; not those of frames.
+    """
+
+    def __init__(self, scene: Scene, options: EnvOptions, change: Filter):
+        self._scene, self._options, self._change = scene, options, change
+        self._cameras: Renderer | None = None
+        self._frame_camera: Renderer | None = None
+
+    def observe(self, progress: EpisodeProgress) -> dict[str, Any]:
+        """The observation of the present state; the module's docstring says which arrays it has."""
+        images = {} if self._options.obs == "state" else self.images(progress, self._options.obs == "rgbd")
+        return images | observe_vectors(
+            self._scene, progress.keyposes, calibration(self._scene, *self._options.size)
+        )
+
+    def images(self, progress: EpisodeProgress, depth: bool) -> dict[str, Any]:
+        """The images of an observation, whatever `obs` says.
+
+        Args:
+            progress: of the episode.
+            depth: with depth, or colours only.
+        """
+        cameras = self._options.camera_names
+        if self._cameras is None:
+            self._cameras = Renderer(self._scene, cameras, *self._options.size)
+        return observe_images(cameras, self._change(self._cameras.render(), self._scene, progress), depth)
+
+    def frame(self) -> NDArray[np.uint8]:
+        """The front camera at 480x640, uint8 RGB."""
+        if self._frame_camera is None:
+            quality = self._options.render_quality
+            self._frame_camera = Renderer(self._scene, (FRAME_CAMERA,), *FRAME_SIZE, quality=quality)
+        return self._frame_camera.render()[FRAME_CAMERA][0]
+
+    def close(self) -> None:
+        """Free OpenGL."""
+        for renderer in (self._cameras, self._frame_camera):
+            if renderer is not None:
+                renderer.close()
+        self._cameras = self._frame_camera = None

@@ -1,4 +1,4 @@
-"""What an episode remembers besides the state of its scene."""
+"""What an episode remembers besides the state of its scene, and what its seed draws first."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lerobot_env_bimanual.task import Variation
+from lerobot_env_bimanual.options import SPLITS
+from lerobot_env_bimanual.task import TaskSpec, Variation
 
 SUCCESS_TICKS = 10
 """Consecutive control ticks, half a second, that all conditions have to hold."""
@@ -31,7 +32,7 @@ class EpisodeProgress:
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         failure: what ended the episode, empty while nothing has.
-        memory: what axes of perturbation remember of the episode, by their name.
+        memory: what axes of perturbation remember of the episode, by their name; see `perturbations.axis.Moment`.
     """
 
     seed: int
@@ -46,7 +47,7 @@ class EpisodeProgress:
     first_met_tick: int | None = None
     line_fallbacks: int = 0
     failure: str = ""
-    memory: dict[str, Any] = field(default_factory=dict)
+    memory: dict[str, object] = field(default_factory=dict)
 
     @property
     def succeeded(self) -> bool:
@@ -76,3 +77,20 @@ class EpisodeProgress:
             "seed": self.seed,
             "instruction": self.instruction,
         }
+
+
+def draw_episode(spec: TaskSpec, split: str, seed: int, fixed: int | None) -> EpisodeProgress:
+    """An episode that has not begun: its variation, instruction and generator.
+
+    Both are always drawn, so that fixing a variation changes nothing else.
+
+    Args:
+        spec: of the task.
+        split: "train", "val" or "test".
+        seed: of the episode.
+        fixed: index of the variation; None leaves it to the seed.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([SPLITS[split], spec.id, seed]))
+    drawn, sentence = int(rng.integers(len(spec.variations))), int(rng.integers(len(spec.instructions)))
+    variation = spec.variations[drawn if fixed is None else fixed]
+    return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng)

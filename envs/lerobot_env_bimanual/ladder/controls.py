@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lerobot_env_bimanual.episode.draw import draw_episode
+from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.campaign import Campaign
 from lerobot_env_bimanual.experts.control_names import ControlName
 from lerobot_env_bimanual.experts.outcome import Job, Keyposes

@@ -14,7 +14,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Axis, Start
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, joints_of_props
 from lerobot_env_bimanual.perturbations.registry import data, register
-from lerobot_env_bimanual.placement import PlacementArea
+from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M, TABLE_HALF_SIZE_M
 from lerobot_env_bimanual.world.scene import Scene
 

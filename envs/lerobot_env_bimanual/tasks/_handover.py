@@ -13,8 +13,8 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 AREA_CENTER_M, AREA_HALF_SIZE_M = (0.0, 0.36), (0.15, 0.11)

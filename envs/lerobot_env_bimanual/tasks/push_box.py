@@ -25,11 +25,10 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import AtRest, CentredOn
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView

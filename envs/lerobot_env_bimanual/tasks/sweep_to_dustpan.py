@@ -22,13 +22,12 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Inside
-from lerobot_env_bimanual.placement import PlacementArea
 from lerobot_env_bimanual.props.broom import Broom
 from lerobot_env_bimanual.props.broom_stand import BroomStand
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
