@@ -53,24 +53,10 @@ def test_every_task_follows_gymnasiums_api_in_some_modes(task, modes, instant_pl
     assert_follows_gymnasiums_api(BimanualEnv(task, control_mode=control_mode, obs=obs, image_size=16))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("control_mode", "obs"), MODES)
-@pytest.mark.parametrize("task", list_tasks())
-def test_every_task_follows_gymnasiums_api_in_all_modes(task, control_mode, obs, instant_placement):
-    assert_follows_gymnasiums_api(BimanualEnv(task, control_mode=control_mode, obs=obs, image_size=16))
-
-
 def test_environments_made_by_gymnasium_follow_its_api_and_render(instant_placement):
     env = gym.make("bimanual/LiftBall-v0", cameras=("front",), image_size=16).unwrapped
     assert isinstance(env, BimanualEnv)
     assert_follows_gymnasiums_api(env)
-
-
-def test_every_registered_task_has_a_gymnasium_id():
-    ids = {name for name in gym.registry if name.startswith("bimanual/")}
-    assert ids == {
-        f"bimanual/{''.join(part.title() for part in task.split('_'))}-v0" for task in list_tasks()
-    }
 
 
 def test_observation_has_the_names_and_shapes_of_the_dataset(rgbd_env):
@@ -187,27 +173,19 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
     [
         ({"task": "lift_bal"}, UnknownTask, "lift_ball"),
         ({"variation": 99}, UnknownVariation, "any"),
+        ({"variation": 0.7}, UnknownVariation, "any"),
+        ({"variation": True}, UnknownVariation, "any"),
         ({"variation": "red"}, UnknownVariation, "any"),
         ({"split": "dev"}, InvalidChoice, "train, val, test"),
         ({"obs": "depth"}, InvalidChoice, "rgbd, rgb, state"),
         ({"control_mode": "ee"}, InvalidChoice, "auto, joint, keypose"),
         ({"cameras": ("front", "top")}, UnknownCamera, "left_shoulder"),
         ({"cameras": ()}, InvalidChoice, "non-empty"),
-        ({"image_size": 0}, InvalidChoice, "pixels"),
-        ({"image_size": "big"}, InvalidChoice, "pixels"),
         ({"image_size": 20_000}, InvalidChoice, "8 to 4096 pixels"),
-        ({"image_size": 64.5}, InvalidChoice, "pixels"),
-        ({"image_size": ("64", "64")}, InvalidChoice, "pixels"),
-        ({"image_size": 64 + 1j}, InvalidChoice, "pixels"),
         ({"image_size": "64x64x64"}, InvalidChoice, "pixels"),
-        ({"cameras": 7}, InvalidChoice, "non-empty"),
-        ({"cameras": ("front", 3)}, InvalidChoice, "non-empty"),
-        ({"split": ["test"]}, InvalidChoice, "train, val, test"),
         ({"variation": np.zeros(2)}, InvalidChoice, "an index"),
         ({"video_dir": 7}, InvalidChoice, "the path of a folder"),
         ({"video_dir": "/dev/null/films"}, InvalidChoice, "that can be written or made"),
-        ({"video_dir": "a\0b"}, InvalidChoice, "that can be written or made"),
-        ({"video_dir": "x" * 5000}, InvalidChoice, "that can be written or made"),
         ({"max_keyposes": 0}, InvalidChoice, "at least 1"),
         ({"render_quality": "ultra"}, InvalidChoice, "observation, high"),
         ({"render_mode": "human"}, InvalidChoice, "rgb_array"),
@@ -216,11 +194,6 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
 def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
     with pytest.raises(error, match=complaint):
         BimanualEnv(**({"task": TASK} | options))
-
-
-def test_using_the_environment_before_reset_is_refused():
-    with pytest.raises(gym.error.ResetNeeded):
-        BimanualEnv(TASK).step(np.zeros(16))
 
 
 def test_fixing_the_variation_changes_nothing_else():
@@ -260,17 +233,6 @@ def test_a_reset_can_choose_the_variation_of_its_episode():
     assert env.variation == drawn
     env.close()
     fixed.close()
-
-
-@pytest.mark.parametrize("variation", [0.7, True, -1, "first", "1.0", None])
-def test_a_variation_is_an_index_or_any(variation):
-    with pytest.raises(UnknownVariation):
-        BimanualEnv("handover_item", variation=variation)
-
-
-def test_gymnasium_passes_on_what_is_wrong_with_keywords():
-    with pytest.raises(InvalidChoice, match="Did you mean 'image_size'"):
-        gym.make("bimanual/LiftBall-v0", imagesize=64)
 
 
 def test_an_unknown_option_is_answered_with_the_known_ones():

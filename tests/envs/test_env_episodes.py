@@ -26,13 +26,6 @@ class When(Condition):
         return self.test()
 
 
-def wiggle(env: BimanualEnv, seed: int, ticks: int) -> list[np.ndarray]:
-    """Joint actions of a random walk that starts where the arms stand."""
-    rng = np.random.default_rng(seed)
-    steps = rng.uniform(-0.05, 0.05, (ticks, 16))
-    return list((env.scene.commanded + np.cumsum(steps, axis=0)).astype(np.float32))
-
-
 def test_a_keypose_is_the_joint_actions_that_an_observer_saw(state_env, keypose_below):
     heard = []
     state_env.reset(seed=1)

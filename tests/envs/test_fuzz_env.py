@@ -6,11 +6,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
-import draccus
 import gymnasium as gym
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
@@ -108,20 +106,6 @@ def test_any_action_is_a_step_or_refused_without_a_trace(environment, actions):
             break
 
 
-def test_after_any_actions_a_reset_is_as_in_a_new_environment(environment):
-    env, start = environment
-    env.restore_state(start)
-    expected = env.state_hash()
-    rng = np.random.default_rng(0)
-    for action in (rng.normal(0, 1e30, env.action_lengths[0]), np.zeros(3), env.scene.commanded):
-        try:
-            env.step(action)
-        except (InvalidAction, gym.error.ResetNeeded):
-            continue
-    env.reset(seed=SEED)
-    assert env.state_hash() == expected
-
-
 @given(options=OPTIONS, misspelt=MISSPELT)
 def test_any_options_make_an_environment_or_are_refused(options, misspelt):
     before = set(Path.cwd().iterdir())
@@ -189,28 +173,3 @@ def resettable(module_patch):
     env.reset(seed=SEED)
     yield env
     env.close()
-
-
-WORDS = st.one_of(
-    st.text(alphabet=st.characters(exclude_categories=["Cs", "Cc"]), max_size=12),
-    st.sampled_from(
-        ["null", "true", "[1,2]", "{a: 1}", "24x32", "1e3", "any", "0", "front,top", "rgb", "-5", "~"]
-    ),
-)
-
-
-@given(
-    words=st.dictionaries(st.sampled_from([field.name for field in fields(EnvOptions)]), WORDS, min_size=1)
-)
-def test_any_words_of_a_command_line_are_read_or_refused(words):
-    from lerobot.envs.configs import EnvConfig
-
-    from lerobot_env_bimanual import BimanualEnvConfig
-
-    line = [f"--{name}={word}" for name, word in words.items()]
-    try:
-        config = draccus.parse(BimanualEnvConfig, args=line)
-    except (BimanualError, draccus.utils.DraccusException, yaml.YAMLError, SystemExit):
-        return  # what is no YAML, LeRobot's parser refuses before anybody asks us
-    assert isinstance(config, EnvConfig)
-    assert BimanualEnv("push_box", **config.gym_kwargs).options == EnvOptions(**config.gym_kwargs)

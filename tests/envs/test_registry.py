@@ -5,7 +5,7 @@ import pytest
 
 from lerobot_bimanual.errors import BimanualError, UnknownTask
 from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
-from lerobot_env_bimanual.task import Prehension, Taxonomy
+from lerobot_env_bimanual.task import Prehension
 from lerobot_env_bimanual.tasks.registry import (
     TASKS,
     get_task,
@@ -28,10 +28,6 @@ def test_tasks_are_listed_sorted_and_named_after_their_modules():
 def test_no_two_tasks_share_an_id():
     ids = [get_task(name).spec.id for name in list_tasks()]
     assert len(set(ids)) == len(ids)
-
-
-def test_each_call_gives_a_fresh_task():
-    assert get_task("push_box") is not get_task("push_box")
 
 
 @pytest.mark.parametrize("changes", [{"name": "new_name"}, {"id": 99}])
@@ -74,18 +70,6 @@ def test_suites_follow_from_the_taxonomy():
         for coupling in ("temporal", "spatial", "physical"):
             assert (name in suites.get(coupling, ())) == getattr(taxonomy, coupling)
         assert [kind for kind in Prehension if name in suites.get(kind, ())] == [taxonomy.prehension]
-
-
-def test_a_taxonomy_row_names_its_suites():
-    taxonomy = Taxonomy(
-        temporal=True,
-        spatial=False,
-        physical=False,
-        symmetric=False,
-        synchronous=True,
-        prehension=Prehension.MIXED,
-    )
-    assert taxonomy.suites == ("temporal", "asymmetric", "synchronous", "mixed")
 
 
 def test_the_verb_lists_every_task_for_programs(capsys):

@@ -261,15 +261,6 @@ def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respect
     assert chosen.stdout.split() == ["disable", "2"]
 
 
-def test_a_forgotten_renderer_ends_the_process_quietly():
-    program = (
-        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
-        "renderer = Renderer(Scene(), ('front',), 32, 32); renderer.render(); other = Renderer(Scene()); other.render()"
-    )
-    result = without_gl(program)
-    assert (result.returncode, result.stderr) == (0, "")
-
-
 def in_a_thread[Result](function: Callable[[], Result]) -> Result:
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(function).result()
