@@ -234,7 +234,7 @@ def _dataset_record(plan: Plan) -> DatasetRecord:
 
 
 def _provenance(plan: Plan) -> Provenance:
-    provenance = Provenance.read(plan.dataset)
+    provenance = Provenance.of_dataset(plan.dataset)
     if provenance is None:
         raise BimanualError(
             f"{plan.dataset} does not say where it comes from; remove it to generate it again"

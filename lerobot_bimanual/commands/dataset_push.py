@@ -1,4 +1,4 @@
-"""The verb `push`: a dataset onto the Hugging Face Hub."""
+"""The command `dataset push`: a dataset onto the Hugging Face Hub."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass
 class DatasetPushConfig:
-    """Flags of the verb `push`."""
+    """Options of the command `dataset push`."""
 
     root: Path = field(kw_only=True)  # folder of the dataset; of two views from one run, name one
     repo_id: str = field(kw_only=True)  # where to, USER/NAME or ORGANISATION/NAME

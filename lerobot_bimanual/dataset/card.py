@@ -67,7 +67,7 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         DatasetError: the dataset has no provenance.
         UnwritableOutput: its folder cannot be written.
     """
-    provenance = Provenance.read(root)
+    provenance = Provenance.of_dataset(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
     write_picture(root)

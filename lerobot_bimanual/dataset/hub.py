@@ -16,10 +16,9 @@ from huggingface_hub.errors import RevisionNotFoundError
 from lerobot_bimanual.dataset.card import CARD_FILE, write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
-from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.seal import seal_problems, write_seal
 from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.hub import open_repository, plain_errors
+from lerobot_bimanual.hub import plain_errors
 
 DATASET_FILES = ("data/*", "meta/*", "videos/*")
 """Everything that a LeRobotDataset consists of; the Hub's patterns cross folders."""
@@ -48,25 +47,6 @@ def pushable_folder(root: Path) -> Path:
             "it, or generate it again"
         )
     return root
-
-
-def prepare_push(repo_id: str, views: Sequence[View]) -> None:
-    """Open the repository of a dataset that is still to be made, so that what would prevent the push shows now.
-
-    Args:
-        repo_id: USER/NAME or ORGANISATION/NAME.
-        views: what the dataset will consist of.
-
-    Raises:
-        DatasetError: there will be several views.
-        BimanualError: as `open_repository`.
-    """
-    if len(views) > 1:
-        raise DatasetError(
-            "--push_to_hub takes a single view, --view=frames or --view=keyframes; "
-            "of both from one run, push each afterwards with `lerobot-bimanual dataset push`"
-        )
-    open_repository(repo_id, repo_type="dataset")
 
 
 def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags: Sequence[str] = ()) -> str:

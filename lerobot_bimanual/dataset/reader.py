@@ -104,7 +104,7 @@ class RecordedDataset:
             key.removeprefix(schema.IMAGE_PREFIX) for key, f in images.items() if not is_depth(f)
         )
         self.has_depth = any(map(is_depth, images.values()))
-        self.provenance = Provenance.read(self.root)
+        self.provenance = Provenance.of_dataset(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
         self._index = episode_table(self.root, columns)
 

@@ -1,7 +1,8 @@
-"""The verb `generate`: expert demonstrations as a LeRobot dataset."""
+"""The command `dataset generate`: expert demonstrations as a LeRobot dataset."""
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -10,29 +11,37 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.commands.dataset_push import DatasetPushConfig, dataset_push
-from lerobot_bimanual.dataset.schema import VIEWS
+from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.generation.executor import Executor
+    from lerobot_env_bimanual.generation.processes import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 BOTH_VIEWS = "both"
 
+START_S, EPISODE_S = 20.0, 0.7
+VIEW_S: dict[View, float] = {"frames": 1.9, "keyframes": 0.4}
+VIEW_MB: dict[View, float] = {"frames": 5.6, "keyframes": 1.6}
+"""Seconds of start and merge, and per episode of one processor, and megabytes per episode, of `lift_ball` with five
+cameras and depth at 256 pixels (measured over 20 episodes; docs/performance.md has all tasks)."""
+
+SLOWEST = 3
+"""Times as long as `lift_ball` the slowest task takes."""
+
 
 @dataclass
 class DatasetGenerateConfig:
-    """Options of the verb `generate`."""
+    """Options of the command `dataset generate`."""
 
-    task: str = "all"  # task and suite names, comma separated
+    task: str = field(kw_only=True)  # task and suite names, comma separated
     variation: str = "any"  # index, or `any` for equal shares of all variations
     episodes: int = 100  # successful episodes per task
     split: Literal["train", "val", "test"] = "train"  # the same seeds mean other episodes in each
     first_seed: int = 0  # seed of each task's first episode; the next ones follow
     # What is stored: `frames` (every tick, as video), `keyframes` (start, reached keyposes and end, lossless), or
     # both from one run, in root/frames and root/keyframes.
-    view: Literal["frames", "keyframes", "both"] = "both"
+    view: Literal["frames", "keyframes", "both"] = "keyframes"
     image_size: str = "256"  # side in pixels, or HEIGHTxWIDTH
     cameras: tuple[str, ...] = CAMERA_NAMES  # whose images are stored; calibration covers all five
     # Store depth beside the colours. Keypose policies need it; LeRobot's own policies take every image for colours, and
@@ -42,7 +51,7 @@ class DatasetGenerateConfig:
     intermediate: tuple[str, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
     discretise: int = 0
-    # What is different from the world as it is: AXIS:LEVEL, several separated by commas.
+    # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
     perturb: str = ""
     # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
     # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
@@ -54,8 +63,6 @@ class DatasetGenerateConfig:
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
     repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
-    # Upload the complete dataset to `repo_id` on the Hugging Face Hub; takes a single view.
-    push_to_hub: bool = False
 
 
 def dataset_generate(config: DatasetGenerateConfig) -> None:
@@ -65,22 +72,26 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
     that the expert does not solve are listed with their reason, and the next seed takes their place.
 
     The dataset grows in ROOT.partial and appears at ROOT in one move. After a crash or an interruption the same
-    command goes on where it stopped; shards that were damaged meanwhile are named and recorded again. A dataset that
-    is there already is read once more: it is complete if every file is as it was published.
+    command goes on where it stopped. A dataset that is there already is read once more: it is complete if every file is
+    as it was published.
 
     Examples:
         lerobot-bimanual dataset generate --task=lift_ball --episodes=50 --root=data/lift_ball
-        lerobot-bimanual dataset generate --task=all --view=keyframes --image_size=128 --root=data/all --repo_id=me/all
+        lerobot-bimanual dataset generate --task=all --image_size=128 --root=data/all --repo_id=me/all
+        lerobot-bimanual dataset generate --task=lift_ball --view=both --root=data/lift_ball_both
         lerobot-bimanual dataset generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
-    from lerobot_bimanual.dataset.hub import prepare_push
-
     settings = settings_of(config)
-    if config.push_to_hub:
-        prepare_push(settings.repo_id, settings.views)
-    make_dataset(settings, config.root, make_executor(config))
-    if config.push_to_hub:
-        dataset_push(DatasetPushConfig(root=config.root, repo_id=settings.repo_id))
+    if config.executor == "ray":
+        from lerobot_env_bimanual.generation.ray_cluster import RayExecutor
+
+        executor: Executor = RayExecutor(config.workers, config.ray_address)
+    else:
+        from lerobot_env_bimanual.generation.processes import ProcessExecutor
+
+        executor = ProcessExecutor(config.workers)
+        print(estimate(settings, config.workers or os.cpu_count() or 1))
+    make_dataset(settings, config.root, executor)
 
 
 def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
@@ -98,7 +109,7 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     options = EnvOptions(
         cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
     )
-    return GenerationSettings(
+    return GenerationSettings.of(
         tasks=resolve_tasks(config.task),
         variation=config.variation,
         episodes=config.episodes,
@@ -117,19 +128,17 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     )
 
 
-def make_executor(config: DatasetGenerateConfig) -> Executor:
-    """Who records, as the options say.
-
-    Raises:
-        DatasetError: ray is wanted but not installed.
-    """
-    if config.executor == "ray":
-        from lerobot_env_bimanual.generation.ray_executor import RayExecutor
-
-        return RayExecutor(config.workers, config.ray_address)
-    from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
-
-    return ProcessExecutor(config.workers)
+def estimate(settings: GenerationSettings, workers: int) -> str:
+    """Minutes and megabytes that a dataset will take, in words, from what `lift_ball` takes."""
+    images = len(settings.cameras) / len(CAMERA_NAMES) * settings.height * settings.width / 256**2
+    seconds = EPISODE_S + sum(VIEW_S[view] for view in settings.views) * images
+    megabytes = sum(VIEW_MB[view] for view in settings.views) * images * settings.total_episodes
+    busy = min(workers, -(-settings.episodes // settings.episodes_per_shard) * len(settings.tasks))
+    minutes = (START_S + seconds * settings.total_episodes / busy) / 60
+    return (
+        f"{settings.total_episodes} episodes with {busy} workers: about {minutes:.0f} to {SLOWEST * minutes:.0f} minutes and "
+        f"{megabytes:.0f} MB"
+    )
 
 
 def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -> None:
@@ -138,7 +147,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
     Args:
         settings: what the dataset holds.
         root: where it will be.
-        executor: who does the work.
+        executor: records the shards.
 
     Raises:
         BimanualError: the place is taken, damaged or cannot be written, or something cannot be recorded.
@@ -161,12 +170,14 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
             )
             raise
     skipped = [seed for report in reports for seed in report.skipped]
-    minutes, cpu_minutes = (time.monotonic() - start_s) / 60, executor.cpu_seconds / 60
+    minutes = (time.monotonic() - start_s) / 60
     megabytes = sum(path.stat().st_size for path in root.rglob("*") if path.is_file()) / 1e6
-    print(f"{root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped")
-    print(f"{minutes:.2f} minutes, {cpu_minutes:.2f} of CPU time; {megabytes:.1f} MB")
+    print(
+        f"{root}: {settings.total_episodes} episodes, {len(skipped)} seeds skipped; {minutes:.1f} minutes, {megabytes:.1f} MB"
+    )
     for seed in skipped:
         print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
+    print(f"next: lerobot-bimanual dataset verify --root={root}")
 
 
 def _fraction(text: str) -> float:

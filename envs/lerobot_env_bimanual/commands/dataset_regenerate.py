@@ -1,4 +1,4 @@
-"""The verb `regenerate`: a dataset from its provenance."""
+"""The command `dataset regenerate`: a dataset from its provenance."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 
 @dataclass
 class DatasetRegenerateConfig:
-    """Options of the verb `regenerate`."""
+    """Options of the command `dataset regenerate`."""
 
     provenance: Path = field(kw_only=True)  # file `meta/bimanual.json` of a dataset, or a copy of it
     root: Path = field(kw_only=True)  # new folder of the dataset
@@ -21,12 +21,11 @@ class DatasetRegenerateConfig:
 def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     """Make a dataset again from its provenance, a file of about a hundred bytes per episode.
 
-    The file is `meta/bimanual.json`, which `generate` writes into every view; one view's file makes all views. The
-    installed simulation must have the versions that it names. Can be interrupted and repeated as `generate`. In the
+    The file is `meta/bimanual.json`, which `dataset generate` writes into every view; one view's file makes all views. The
+    installed simulation must have the versions that it names. Can be interrupted and repeated as `dataset generate`. In the
     folder of its dataset the file must be the one that was published; the rest of the dataset may be damaged or gone.
 
-    Only the settings of the dataset are taken from the file. Its command is for people to read and is never run:
-    somebody else's file does not choose what is uploaded where, or which machines work.
+    Only the settings of the dataset are taken from the file. Its command is for people to read and is never run.
 
     Examples:
         lerobot-bimanual dataset regenerate --provenance=lift_ball.json --root=data/lift_ball
@@ -36,7 +35,7 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
     from lerobot_env_bimanual.commands.dataset_generate import make_dataset
     from lerobot_env_bimanual.experts.world_version import other_worlds
-    from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
+    from lerobot_env_bimanual.generation.processes import ProcessExecutor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
     provenance = Provenance.load(config.provenance)
@@ -61,12 +60,12 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
             "this package that made it"
         )
     try:
-        settings = GenerationSettings.from_dict(provenance.settings)
+        settings = GenerationSettings.of(**provenance.settings)
     except BimanualError as error:
         raise DatasetError(f"{config.provenance}: no dataset has these settings: {error}") from error
     make_dataset(settings, config.root, ProcessExecutor(config.workers))
-    made = Provenance.read(find_view(config.root))
-    if made is None or list(made.episodes) != list(provenance.episodes):
+    made = Provenance.of_dataset(find_view(config.root))
+    if made is None or made.episodes != provenance.episodes:
         raise DatasetError(
             f"{config.root} holds other episodes than {config.provenance} lists, although settings and versions are "
             "the same: the simulation gives other results on this machine, or the file was changed"

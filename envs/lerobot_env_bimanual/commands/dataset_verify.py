@@ -91,7 +91,7 @@ def _views(root: Path) -> list[Path]:
     promised: set[Any] = {view for view in VIEWS if (root / view).is_dir()}
     for place in present:
         with contextlib.suppress(BimanualError, TypeError):  # which the checks of that view tell
-            provenance = Provenance.read(place)
+            provenance = Provenance.of_dataset(place)
             promised.update(() if provenance is None else provenance.settings.get("views", ()))
     return [root / view for view in VIEWS if view in promised]
 

@@ -1,17 +1,20 @@
-"""Builds a dataset: plans, has shards recorded until every episode is there, has them merged, publishes."""
+"""Builds a dataset: plans, has shards recorded until every episode is there, merges them, publishes."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 
 from tqdm import tqdm
 
-from lerobot_env_bimanual.generation.executor import Executor, MergeJob
+from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
-from lerobot_env_bimanual.generation.progress import Progress
+from lerobot_env_bimanual.generation.processes import PRELOADED, Executor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.shard_report import DamagedShard
-from lerobot_env_bimanual.generation.staging import Staging, new_folder
+from lerobot_env_bimanual.generation.staging import Staging, new_folder, plain_write_errors, view_folder
+from lerobot_env_bimanual.workers import WorkerPool
 
 
 def build_dataset(settings: GenerationSettings, staging: Staging, executor: Executor) -> list[ShardReport]:
@@ -20,69 +23,101 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
     Args:
         settings: what the dataset holds.
         staging: where it grows; shards of an earlier run are taken over.
-        executor: who does the work.
+        executor: records the shards.
 
     Returns:
         The reports of all shards, in the order of the episodes.
 
     Raises:
-        DatasetError: something cannot be written, an expert fails too often, workers died, or shards are damaged
-            again and again. What is finished stays for the next run.
+        DatasetError: something cannot be written, an expert fails too often, or workers died. What is finished stays
+            for the next run.
     """
     finished = _record(settings, staging, executor)
-    folders = [(staging.shard_folder(shard.name), report) for shard, report in finished]
-    command = settings.command(staging.root.name)
+    reports = [report for _, report in finished]
+    folders = [staging.shard_folder(shard.name) for shard, report in finished if report.episodes]
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
-        jobs = [MergeJob(settings, view, command, staging.worlds, folders, merged) for view in settings.views]
-        shards = f"{len(folders)} shard{'s' if len(folders) > 1 else ''}"
-        with tqdm(bar_format=f"merging {shards}, {{elapsed}}") as bar:
-            for _ in executor.merge(jobs):
-                bar.refresh()
+        jobs = [
+            (folders, view_folder(merged, settings, view), _provenance(settings, staging, view, reports))
+            for view in settings.views
+        ]
+        with WorkerPool(len(jobs), preload=PRELOADED) as pool:
+            for _ in pool.map(merge_view, jobs, "merging", "view", name=lambda job: job[2].view):
+                pass
         staging.publish(merged)
-    return [report for _, report in finished]
+    return reports
+
+
+def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
+    """Merge a view of finished shards into one dataset, with its card and its checksums.
+
+    Every shard keeps its own files, so the time grows with the size of the dataset and not with its square.
+
+    Args:
+        job: folders of the shards, each with a folder of this view; new folder of the dataset; its provenance.
+    """
+    from lerobot_bimanual.dataset.card import write_card
+    from lerobot_bimanual.dataset.merging import merge_datasets
+    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+    from lerobot_bimanual.dataset.seal import write_seal
+
+    shards, folder, provenance = job
+    with plain_write_errors(folder):
+        merge_datasets([shard / provenance.view for shard in shards], folder)
+        _sort_keys(folder / "meta" / "stats.json")
+        provenance.write(folder / PROVENANCE_FILE)
+        write_card(folder, provenance.settings["repo_id"])
+        write_seal(folder)
 
 
 def _record(
     settings: GenerationSettings, staging: Staging, executor: Executor
 ) -> list[tuple[Shard, ShardReport]]:
-    """Look what is there and record what is missing, until a look at everything finds nothing missing."""
-    rebuilt: set[str] = set()
-    with Progress(settings.total_episodes) as progress:
-        while True:
-            finished, missing = _survey(settings, staging, rebuilt)
-            progress.start_from(sum(len(report.episodes) for _, report in finished), executor.successes)
-            if not missing:
-                return finished
-            for _ in executor.record(settings, missing, staging.shard_folder):
-                progress.show(executor.successes)
+    """Record missing shards, round by round, until none is missing."""
+    finished, missing = _survey(settings, staging)
+    there = sum(len(report.episodes) for _, report in finished)
+    with tqdm(total=settings.total_episodes, initial=there, unit="demo", smoothing=0) as bar:
+        while missing:
+            executor.record(settings, missing, staging.shard_folder, bar.update)
+            finished, missing = _survey(settings, staging)
+            bar.n = sum(len(report.episodes) for _, report in finished)
+            bar.refresh()
+    return finished
 
 
 def _survey(
-    settings: GenerationSettings, staging: Staging, rebuilt: set[str]
-) -> tuple[list[tuple[Shard, ShardReport]], Sequence[Shard]]:
-    """Finished shards and, of the first round that lacks some, the missing ones; every file is checked."""
+    settings: GenerationSettings, staging: Staging
+) -> tuple[list[tuple[Shard, ShardReport]], list[Shard]]:
+    """Finished shards and, of the first round that lacks some, the missing ones."""
     finished: list[tuple[Shard, ShardReport]] = []
-    planned_before = 0
     missing: list[Shard] = []
+    planned_before = 0
     while not missing and (planned := next_round(settings, [r for _, r in finished], planned_before)):
         planned_before += len(planned)
         for shard in planned:
-            report = _take_over(shard, staging, rebuilt)
-            if report is None:
+            if (report := staging.report(shard)) is None:
                 missing.append(shard)
             else:
                 finished.append((shard, report))
     return finished, missing
 
 
-def _take_over(shard: Shard, staging: Staging, rebuilt: set[str]) -> ShardReport | None:
-    try:
-        return staging.report(shard)
-    except DamagedShard as damaged:
-        if shard.name in rebuilt:
-            raise  # twice in one run: recording it a third time would not help
-        rebuilt.add(shard.name)
-        tqdm.write(f"{damaged}; it is recorded again")
-        staging.discard(shard)
-        return None
+def _provenance(
+    settings: GenerationSettings, staging: Staging, view: View, reports: Sequence[ShardReport]
+) -> Provenance:
+    return Provenance(
+        schema_version=2,
+        view=view,
+        versions=staging.origin.versions,
+        worlds=staging.origin.worlds,
+        settings=settings.to_dict(),
+        command=settings.command(staging.root.name),
+        episodes=tuple(episode for report in reports for episode in report.episodes),
+        skipped=tuple(seed for report in reports for seed in report.skipped),
+    )
+
+
+def _sort_keys(path: Path) -> None:
+    """LeRobot writes the statistics in the order of a set, which differs between processes."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(content, indent=4, sort_keys=True) + "\n", encoding="utf-8")

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 MAX_FAILURES_PER_EPISODE = 1.0
@@ -34,9 +35,13 @@ class Shard:
     candidates: tuple[EpisodeKey, ...]
 
 
-@dataclass(frozen=True)
-class ShardReport:
-    """What became of a shard's candidates."""
+class ShardReport(Record):
+    """What became of a shard's candidates.
+
+    Attributes:
+        episodes: those that the expert solved, in the order of the shard's episodes.
+        skipped: the others, with the reason.
+    """
 
     episodes: tuple[EpisodeKey, ...]
     skipped: tuple[SkippedSeed, ...]
@@ -82,7 +87,7 @@ def _candidates(
         tried = found[task, variation] + skipped[task, variation]
         for turn in range(tried, tried + wanted - found[task, variation]):
             seed = settings.first_seed + place + turn * len(variations)
-            yield EpisodeKey(task, variation, settings.split, seed)
+            yield EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
 
 
 def _refuse_broken_expert(settings: GenerationSettings, task: str, reasons: list[str]) -> None:

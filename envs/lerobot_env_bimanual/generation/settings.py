@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import re
+import json
 import shlex
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Self
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
-from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
-from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE, SPLITS
+from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
+from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE
 from lerobot_env_bimanual.perturbations.registry import checked_perturbation
 from lerobot_env_bimanual.tasks.registry import get_task
 
-LIMITS = {
-    "episodes": (1, 100_000),
-    "first_seed": (0, 2**48),
-    "discretise": (0, 1000),
-    "episodes_per_shard": (1, 10_000),
-}
-"""Options that are whole numbers, with the least and the most that each may be: a slip of the finger should not fill
-memory and disk."""
-
-REPO_ID = re.compile(r"\w[\w. -]*(/\w[\w. -]*)?")
+Pixels = Annotated[int, Field(ge=MIN_IMAGE_SIDE, le=MAX_IMAGE_SIDE)]
+Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
-@dataclass(frozen=True)
-class GenerationSettings:
+class GenerationSettings(Record):
     """Options of one dataset, valid by construction.
 
     Attributes:
@@ -46,87 +38,56 @@ class GenerationSettings:
         discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         episodes_per_shard: episodes per file of the dataset.
         repo_id: LeRobot's name of the dataset.
-        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
+        perturb: what is perturbed, `AXIS:LEVEL,...`; empty for nominal episodes.
 
     Raises:
-        BimanualError: an option is outside its choices; the message lists them.
+        BimanualError: a task, variation, camera or perturbation does not exist; the message lists the choices.
     """
 
-    tasks: tuple[str, ...]
+    tasks: Annotated[tuple[str, ...], Field(min_length=1)]
     variation: str
-    episodes: int
-    split: str
-    first_seed: int
+    episodes: Annotated[int, Field(ge=1, le=100_000)]
+    split: Literal["train", "val", "test"]
+    first_seed: Annotated[int, Field(ge=0, le=2**48)]
     views: tuple[View, ...]
-    cameras: tuple[str, ...]
-    height: int
-    width: int
+    cameras: Annotated[tuple[str, ...], Field(min_length=1)]
+    height: Pixels
+    width: Pixels
     depth: bool
-    intermediate: tuple[float, ...]
-    discretise: int
-    episodes_per_shard: int
-    repo_id: str
+    intermediate: tuple[Fraction, ...]
+    discretise: Annotated[int, Field(ge=0, le=1000)]
+    episodes_per_shard: Annotated[int, Field(ge=1, le=10_000)]
+    repo_id: Annotated[str, Field(pattern=r"^\w[\w. -]*(/\w[\w. -]*)?$")]
     perturb: str = ""
 
-    def __post_init__(self) -> None:
-        """Refuse what is outside its choices."""
-        for option in ("height", "width"):
-            pixels = getattr(self, option)
-            if type(pixels) is not int or not MIN_IMAGE_SIDE <= pixels <= MAX_IMAGE_SIDE:
-                raise InvalidChoice(option, pixels, f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels")
-        for option, (least, most) in LIMITS.items():
-            value = getattr(self, option)
-            if type(value) is not int or not least <= value <= most:
-                raise InvalidChoice(option, value, f"{least} to {most}")
-        if type(self.depth) is not bool:
-            raise InvalidChoice("depth", self.depth, ["true", "false"])
-        for option in ("tasks", "views", "cameras"):
-            _check_names(option, getattr(self, option))
+    @model_validator(mode="after")
+    def _exist(self) -> Self:
+        for option, names in (("tasks", self.tasks), ("cameras", self.cameras)):
+            if len(names) > len(set(names)):
+                raise InvalidChoice(option, names, ["a list of different names"])
         for task in self.tasks:
             get_task(task).spec.variation_index(self.variation)
-        if not isinstance(self.variation, str):
-            raise InvalidChoice("variation", self.variation, ["the text 'any'", "an index as text"])
-        if self.split not in (splits := tuple(SPLITS)):
-            raise InvalidChoice("split", self.split, splits)
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise UnknownCamera(camera, CAMERA_NAMES)
         if self.views not in (VIEWS, *((view,) for view in VIEWS)):
             raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
-        if not isinstance(self.intermediate, tuple) or not all(map(_is_fraction, self.intermediate)):
-            raise InvalidChoice(
-                "intermediate", self.intermediate, "fractions between 0 and 1, such as 0.35,0.7"
-            )
         if self.perturb != (canonical := checked_perturbation(self.perturb)):
             raise InvalidChoice("perturb", self.perturb, [canonical])
-        if not (isinstance(self.repo_id, str) and REPO_ID.fullmatch(self.repo_id)):
-            raise InvalidChoice("repo_id", self.repo_id, "OWNER/NAME of letters, digits, '_', '-' and '.'")
+        return self
 
     @classmethod
-    def from_dict(cls, options: object) -> Self:
-        """Settings as `to_dict` gave them, after a passage through JSON.
+    def of(cls, **options: Any) -> Self:
+        """Settings from options, whose tuples may be lists.
 
         Raises:
-            DatasetError: an option is missing or unknown.
-            BimanualError: an option is outside its choices, or of another type.
+            BimanualError: an option is missing, unknown, or outside its choices; the message names it.
         """
-        names = [field.name for field in fields(cls)]
-        if not isinstance(options, Mapping):
-            raise DatasetError(
-                f"settings of a dataset are an object with {', '.join(names)}, not {options!r}"
-            )
-        if wrong := [*(name for name in names if name not in options), *(options.keys() - set(names))]:
-            raise DatasetError(
-                f"settings of a dataset have {', '.join(names)}; missing or unknown: {', '.join(map(str, wrong))}"
-            )
-        values: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in options.items()
-        }
-        return cls(**values)
+        return cls.from_json(json.dumps(options))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values by option name."""
-        return asdict(self)
+        """Plain values by option name, as JSON has them."""
+        return self.model_dump(mode="json")
 
     def command(self, root: str) -> str:
         """The command line that makes this dataset in the folder `root`, with every option that decides its content.
@@ -163,20 +124,3 @@ class GenerationSettings:
         if self.variation == ANY_VARIATION:
             return tuple(range(len(get_task(task).spec.variations)))
         return (int(self.variation),)
-
-    def differences(self, other: GenerationSettings) -> list[str]:
-        """Each option that differs, as "option is here, there"."""
-        mine, theirs = self.to_dict(), other.to_dict()
-        return [
-            f"{name} is {mine[name]!r}, not {theirs[name]!r}" for name in mine if mine[name] != theirs[name]
-        ]
-
-
-def _check_names(option: str, names: Any) -> None:
-    are_texts = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
-    if not (are_texts and 0 < len(names) == len(set(names))):
-        raise InvalidChoice(option, names, "a list of one or more different names")
-
-
-def _is_fraction(value: object) -> bool:
-    return isinstance(value, float) and 0 < value < 1

@@ -1,4 +1,4 @@
-"""Records one shard, in whichever process: a few candidates of one task, as complete LeRobot datasets."""
+"""Records one shard, a few candidates of one task, as complete LeRobot datasets."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.shard_report import write_report
-from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
+from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
 
 
 def quieten_libraries() -> None:
@@ -74,7 +73,7 @@ class ShardRecorder:
                 for candidate in shard.candidates:
                     episode, reason = _record(recorder, candidate)
                     if episode is None:
-                        skipped.append(SkippedSeed(**vars(candidate), reason=reason))
+                        skipped.append(SkippedSeed(**candidate.model_dump(), reason=reason))
                         continue
                     if not writers:  # a dataset without episodes is none: wait for the first
                         writers = [
@@ -83,7 +82,7 @@ class ShardRecorder:
                     write_episode(episode, writers)
                     episodes.append(candidate)
                     on_episode()
-            write_report(folder, settings, ShardReport(tuple(episodes), tuple(skipped)))
+            ShardReport(episodes=tuple(episodes), skipped=tuple(skipped)).write(folder / REPORT)
             place_shard(folder, target)
 
     def close(self) -> None:

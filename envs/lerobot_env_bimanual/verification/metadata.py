@@ -205,7 +205,7 @@ def check_provenance(root: Path) -> Iterator[Fault]:
 
 def check_card(root: Path) -> Iterator[Fault]:
     """The card is the one that is written from provenance and description; name and further tags are free."""
-    provenance = Provenance.read(root)
+    provenance = Provenance.of_dataset(root)
     if provenance is None:
         return  # the check of the provenance says so
     text = (root / CARD_FILE).read_text(encoding="utf-8", errors="replace")

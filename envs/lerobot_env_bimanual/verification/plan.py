@@ -47,7 +47,7 @@ def shard_sizes(provenance: Provenance) -> list[int]:
 
 def check_plan(root: Path) -> Iterator[Fault]:
     """The settings, with the seeds that failed, give the listed episodes, and the command gives the settings."""
-    provenance = Provenance.read(root)
+    provenance = Provenance.of_dataset(root)
     if provenance is None:
         return  # the check of the provenance says so
     reports = planned_shards(provenance)

@@ -149,7 +149,7 @@ def check_dataset_statistics(root: Path) -> Iterator[Fault]:
 
 def _offsets(root: Path, episodes: list[dict[str, dict[str, NDArray]]]) -> Iterator[dict[str, float]]:
     """What was added to the numbers of an episode, its rows and its sentence after its shard's statistics were taken."""
-    provenance = Provenance.read(root)
+    provenance = Provenance.of_dataset(root)
     sizes = shard_sizes(provenance) if provenance is not None else [len(episodes)]
     first = 0
     for size in sizes:

@@ -1,4 +1,4 @@
-"""A ray cluster: one task per shard, on any machine; finished shards travel home through ray.
+"""Records shards on a ray cluster: one task per shard, on any machine; finished shards travel home through ray.
 
 The machines share no file system. A task records into the temporary folder of its machine and returns the shard as
 the bytes of a tar archive, which the driver unpacks. Ray runs the task of a dead worker again, and the driver takes
@@ -12,10 +12,8 @@ import logging
 import socket
 import tarfile
 import tempfile
-import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import TracebackType
@@ -23,9 +21,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.versions import installed_versions
-from lerobot_env_bimanual.generation.executor import POLL_S, MergeJob
 from lerobot_env_bimanual.generation.plan import Shard
-from lerobot_env_bimanual.generation.process_executor import ProcessExecutor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 from lerobot_env_bimanual.workers import ONE_THREAD
@@ -48,7 +44,7 @@ MAX_RETRIES = 3
 
 
 class RayExecutor:
-    """The processors of a ray cluster; an `Executor`.
+    """The processors of a ray cluster; a `processes.Executor`.
 
     Args:
         workers: most tasks at once; 0 leaves it to ray, which runs one per processor.
@@ -62,8 +58,6 @@ class RayExecutor:
     def __init__(self, workers: int, address: str | None):
         self._workers = workers
         self._address = address
-        self._successes = 0
-        self._cpu_seconds = 0.0
         self._running: dict[Any, Shard] = {}
         self._is_owner = not ray.is_initialized()
         self._task = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
@@ -89,74 +83,49 @@ class RayExecutor:
         if self._is_owner:
             ray.shutdown()
 
-    @property
-    def successes(self) -> int:
-        """Episodes that have come home so far."""
-        return self._successes
-
-    @property
-    def cpu_seconds(self) -> float:
-        """See `Executor`."""
-        return self._cpu_seconds
-
     def record(
-        self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
-    ) -> Iterator[None]:
-        """See `Executor`."""
+        self,
+        settings: GenerationSettings,
+        shards: Sequence[Shard],
+        folder: Callable[[str], Path],
+        on_episodes: Callable[[int], object],
+    ) -> None:
+        """See `processes.Executor`."""
         waiting = deque(shards)
         while waiting or self._running:
             while waiting and not 0 < self._workers <= len(self._running):
                 shard = waiting.popleft()
                 self._running[self._task.remote(settings, shard, installed_versions())] = shard
-            done, _ = ray.wait([*self._running], timeout=POLL_S)
+            done, _ = ray.wait([*self._running])
             for task in done:
                 shard = self._running.pop(task)
-                packed = _result(task, shard)
-                unpack(packed.archive, folder(shard.name))
-                self._successes += packed.episodes
-                self._cpu_seconds += packed.cpu_seconds
-            yield
-
-    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
-        """See `Executor`; on this machine, where the shards are."""
-        with ProcessExecutor(len(jobs)) as local:
-            yield from local.merge(jobs)
-            self._cpu_seconds += local.cpu_seconds
+                archive, episodes = _result(task, shard)
+                unpack(archive, folder(shard.name))
+                on_episodes(episodes)
 
 
-@dataclass(frozen=True)
-class PackedShard:
-    """A finished shard on its way home.
-
-    Attributes:
-        archive: its folder as a tar archive.
-        episodes: how many it has.
-        cpu_seconds: what it took.
-    """
-
-    archive: bytes
-    episodes: int
-    cpu_seconds: float
-
-
-def record_packed(settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]) -> PackedShard:
+def record_packed(
+    settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]
+) -> tuple[bytes, int]:
     """Record a shard on some machine; this is the task that ray runs.
+
+    Returns:
+        The shard's folder as a tar archive, and how many episodes it has.
 
     Raises:
         DatasetError: the shard cannot be recorded, or this machine has other versions than the driver.
     """
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
-    start_s = time.process_time()
-    episodes = Counter()
+    episodes = []
     with new_folder(Path(tempfile.gettempdir())) as folder:
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
-        _shard_recorder().record(settings, shard, finished, lambda: episodes.update(["recorded"]))
+        _shard_recorder().record(settings, shard, finished, lambda: episodes.append(1))
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
-    return PackedShard(archive.getvalue(), episodes["recorded"], time.process_time() - start_s)
+    return archive.getvalue(), len(episodes)
 
 
 @cache
@@ -180,7 +149,7 @@ def unpack(packed: bytes, target: Path) -> None:
         place_shard(folder, target)
 
 
-def _result(task: Any, shard: Shard) -> PackedShard:
+def _result(task: Any, shard: Shard) -> tuple[bytes, int]:
     try:
         return ray.get(task)
     except RayTaskError as error:
