@@ -16,7 +16,7 @@ from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import config_of
 from lerobot_bimanual.benchmark.results import BadResult, ResultRow
 from lerobot_bimanual.benchmark.training_record import Machine
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.evaluation.record import EvaluationRecord
@@ -78,9 +78,13 @@ class Programs:
             worlds=dict.fromkeys(self.tasks, self.worlds["demonstrations"]),
             settings={},
             command=generation(",".join(self.tasks)) + (f" --perturb={perturb}" if perturb else ""),
-            episodes=[EpisodeKey(task, 0, "train", seed) for task in self.tasks for seed in (0, 1)],
-            skipped=[],
-        ).write(root)
+            episodes=tuple(
+                EpisodeKey(task=task, variation=0, split="train", seed=seed)
+                for task in self.tasks
+                for seed in (0, 1)
+            ),
+            skipped=(),
+        ).write(root / PROVENANCE_FILE)
 
     def _certify(self, path: Path, control: str) -> None:
         episodes = [

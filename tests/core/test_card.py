@@ -11,7 +11,7 @@ from PIL import Image
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.output_file import UnwritableOutput
 from lerobot_bimanual.versions import installed_versions
@@ -31,9 +31,14 @@ def root(request, datasets, tmp_path: Path) -> Path:
         worlds={"lift_ball": "0123456789ab"},
         settings={"episodes": 2, "intermediate": [0.5]},
         command=COMMAND,
-        episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],
-        skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
-    ).write(root)
+        episodes=(
+            EpisodeKey(task="lift_ball", variation=0, split="train", seed=0),
+            EpisodeKey(task="lift_ball", variation=0, split="train", seed=2),
+        ),
+        skipped=(
+            SkippedSeed(task="lift_ball", variation=0, split="train", seed=1, reason="left arm: unreachable"),
+        ),
+    ).write(root / PROVENANCE_FILE)
     return root
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -186,15 +186,20 @@ def provenance() -> Provenance:
         worlds={"lift_ball": "0123456789ab"},
         settings={"episodes": 2, "intermediate": [0.5]},
         command="lerobot-bimanual dataset generate --task=lift_ball",
-        episodes=[EpisodeKey("lift_ball", 0, "train", 0), EpisodeKey("lift_ball", 0, "train", 2)],
-        skipped=[SkippedSeed("lift_ball", 0, "train", 1, "left arm: unreachable")],
+        episodes=(
+            EpisodeKey(task="lift_ball", variation=0, split="train", seed=0),
+            EpisodeKey(task="lift_ball", variation=0, split="train", seed=2),
+        ),
+        skipped=(
+            SkippedSeed(task="lift_ball", variation=0, split="train", seed=1, reason="left arm: unreachable"),
+        ),
     )
 
 
 def test_provenance_is_read_as_it_was_written(datasets, tmp_path) -> None:
     shutil.copytree(datasets["frames"], tmp_path / "copy")
     assert RecordedDataset(tmp_path / "copy").provenance is None
-    provenance().write(tmp_path / "copy")
+    provenance().write(tmp_path / "copy" / PROVENANCE_FILE)
     assert RecordedDataset(tmp_path / "copy").provenance == provenance()
 
 
@@ -202,4 +207,4 @@ def test_provenance_of_another_form_is_refused(tmp_path) -> None:
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta/bimanual.json").write_text('{"episodes": [], "skipped": [], "colour": "red"}')
     with pytest.raises(SchemaMismatch, match=r"bimanual\.json"):
-        Provenance.read(tmp_path)
+        Provenance.of_dataset(tmp_path)

@@ -1,5 +1,6 @@
 """A small generated dataset, somebody who records in the test's own process, and flags of small policies."""
 
+import contextlib
 import hashlib
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -9,8 +10,7 @@ import pytest
 
 from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
-from lerobot_env_bimanual.generation.executor import MergeJob
-from lerobot_env_bimanual.generation.merge import merge_shards
+from lerobot_env_bimanual.generation import build
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard import ShardRecorder
@@ -50,10 +50,11 @@ def tiny_flags() -> dict[str, tuple[str, ...]]:
 
 
 def generation(root: Path, **options) -> DatasetGenerateConfig:
-    """Three episodes of one task in two shards, with small images of two cameras."""
+    """Three episodes of one task in two shards, both views, with small images of two cameras."""
     defaults = {
         "task": "lift_ball",
         "episodes": 3,
+        "view": "both",
         "image_size": "24x32",
         "cameras": ("front", "left_wrist"),
         "intermediate": ("0.5",),
@@ -70,53 +71,57 @@ def small_generation():
     return generation
 
 
+class PoolOfThisProcess(contextlib.nullcontext):
+    """Takes the place of a pool of workers."""
+
+    def __init__(self, *_, **__):
+        super().__init__(self)
+
+    def map(self, function, items, *_, **__):
+        return map(function, items)
+
+
 class RecordsHere:
     """An executor that works in the calling process and keeps a list of what it was asked to record.
 
     Args:
         order: brings the shards of a round into the order in which they are recorded.
         after: called with the folder of all shards after each of them.
-        patience: shards that may be recorded before it is interrupted.
+        limit: number of shards after which it is interrupted.
     """
 
     def __init__(
         self,
         order: Callable[[Sequence[Shard]], Iterator[Shard]] = iter,
         after: Callable[[Path], object] = lambda _: None,
-        patience: int = 1000,
+        limit: int = 1000,
     ):
         self.recorded: list[str] = []
-        self.successes = 0
-        self.cpu_seconds = 1.0
         self._shards = ShardRecorder()
-        self._order, self._after, self._patience = order, after, patience
+        self._order, self._after, self._limit = order, after, limit
+        self._patch = pytest.MonkeyPatch()
 
     def __enter__(self):
+        self._patch.setattr(build, "WorkerPool", PoolOfThisProcess)
         return self
 
     def __exit__(self, *_) -> None:
         self._shards.close()
+        self._patch.undo()
 
     def record(
-        self, settings: GenerationSettings, shards: Sequence[Shard], folder: Callable[[str], Path]
-    ) -> Iterator[None]:
+        self,
+        settings: GenerationSettings,
+        shards: Sequence[Shard],
+        folder: Callable[[str], Path],
+        on_episodes: Callable[[int], object],
+    ) -> None:
         for shard in self._order(shards):
-            if len(self.recorded) == self._patience:
-                raise KeyboardInterrupt
-            self._shards.record(settings, shard, folder(shard.name), self._count)
+            self._shards.record(settings, shard, folder(shard.name), lambda: on_episodes(1))
             self.recorded.append(shard.name)
             self._after(folder(shard.name).parent)
-            yield
-
-    def merge(self, jobs: Sequence[MergeJob]) -> Iterator[None]:
-        if len(self.recorded) == self._patience:
-            raise KeyboardInterrupt
-        for job in jobs:
-            merge_shards(job)
-            yield
-
-    def _count(self) -> None:
-        self.successes += 1
+            if len(self.recorded) == self._limit:
+                raise KeyboardInterrupt
 
 
 @pytest.fixture(scope="session")

@@ -75,7 +75,7 @@ def test_two_machines_and_a_killed_worker_give_the_dataset_of_one_process(
 
 def test_without_ray_the_error_names_the_extra(small_generation, tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    monkeypatch.delitem(sys.modules, "lerobot_env_bimanual.generation.ray_executor", raising=False)
+    monkeypatch.delitem(sys.modules, "lerobot_env_bimanual.generation.ray_cluster", raising=False)
     with pytest.raises(DatasetError, match=r"pip install 'lerobot_bimanual\[ray\]'"):
         dataset_generate(small_generation(tmp_path / "never", executor="ray"))
 

@@ -3,7 +3,6 @@
 import json
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.dataset.seal import seal_problems, write_seal
+from lerobot_bimanual.dataset.seal import seal_problems
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -148,26 +147,6 @@ def test_a_branch_is_loaded_by_its_name_and_leaves_main_alone(hub, dataset, desk
     assert repository.tags == {}
     assert set(repository.files("main")) == {".gitattributes"}
     assert desk.load(repo_id, revision="draft")[0] > 0
-
-
-def test_generate_pushes_also_what_was_complete_before(hub, generated, tmp_path, desk) -> None:
-    """As after a push that failed; a copy stands for the dataset, under the name that it has."""
-    shutil.copytree(generated, tmp_path / "both")
-    provenance = RecordedDataset(generated / "keyframes").provenance
-    assert provenance is not None
-    words = provenance.command.split()
-    refused = desk.run(*words, f"--root={tmp_path / 'both'}", "--push_to_hub")
-    assert refused.returncode == 1
-    assert "--push_to_hub takes a single view" in refused.stderr
-    settings = {**provenance.settings, "views": ["keyframes"], "repo_id": "someone/complete"}
-    shutil.copytree(generated / "keyframes", tmp_path / "one")
-    replace(provenance, settings=settings).write(tmp_path / "one")
-    write_seal(tmp_path / "one")
-    flags = ("--view=keyframes", "--repo_id=someone/complete", f"--root={tmp_path / 'one'}", "--push_to_hub")
-    done = desk.run(*words, *flags)
-    assert done.returncode == 0, done.stderr
-    assert "already complete" in done.stdout
-    assert "# someone/complete" in hub.repositories["someone/complete"].files("v3.0")["README.md"].decode()
 
 
 @pytest.mark.parametrize(

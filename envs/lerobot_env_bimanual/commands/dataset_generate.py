@@ -22,12 +22,12 @@ BOTH_VIEWS = "both"
 
 START_S, EPISODE_S = 20.0, 0.7
 VIEW_S: dict[View, float] = {"frames": 1.9, "keyframes": 0.4}
-VIEW_MB: dict[View, float] = {"frames": 5.6, "keyframes": 1.6}
-"""Seconds of start and merge, and per episode of one processor, and megabytes per episode, of `lift_ball` with five
-cameras and depth at 256 pixels (measured over 20 episodes; docs/performance.md has all tasks)."""
+VIEW_MB: dict[View, tuple[float, float]] = {"frames": (1.1, 4.5), "keyframes": (0.2, 1.4)}
+"""Seconds of start and merge, seconds per episode of one processor, without images and for the images of a view, and
+megabytes per episode, without images and for images, of `lift_ball` with five cameras and depth at 256 pixels."""
 
 SLOWEST = 3
-"""Times as long as `lift_ball` the slowest task takes."""
+"""Times as long as `lift_ball` the slowest task takes (docs/performance.md)."""
 
 
 @dataclass
@@ -132,12 +132,13 @@ def estimate(settings: GenerationSettings, workers: int) -> str:
     """Minutes and megabytes that a dataset will take, in words, from what `lift_ball` takes."""
     images = len(settings.cameras) / len(CAMERA_NAMES) * settings.height * settings.width / 256**2
     seconds = EPISODE_S + sum(VIEW_S[view] for view in settings.views) * images
-    megabytes = sum(VIEW_MB[view] for view in settings.views) * images * settings.total_episodes
+    sizes = (VIEW_MB[view] for view in settings.views)
+    megabytes = sum(tables + images * pixels for tables, pixels in sizes) * settings.total_episodes
     busy = min(workers, -(-settings.episodes // settings.episodes_per_shard) * len(settings.tasks))
     minutes = (START_S + seconds * settings.total_episodes / busy) / 60
     return (
-        f"{settings.total_episodes} episodes with {busy} workers: about {minutes:.0f} to {SLOWEST * minutes:.0f} minutes and "
-        f"{megabytes:.0f} MB"
+        f"{settings.total_episodes} episodes, {busy} at a time: {minutes:.1f} minutes for fast tasks to "
+        f"{SLOWEST * minutes:.1f} for slow ones, about {megabytes:.0f} MB"
     )
 
 
@@ -158,7 +159,6 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
     start_s = time.monotonic()
     with Staging(root, settings) as staging:
         if staging.is_published():
-            staging.remove()
             print(f"{root} is already complete: {settings.total_episodes} episodes")
             return
         try:

@@ -87,12 +87,14 @@ class Staging:
             try:
                 self._adopt()
             except BaseException:
-                self._lock.release()
+                self.__exit__()
                 raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Release the lock; the folder stays for the next run unless `publish` has removed it."""
+        """Release the lock; the folder stays for the next run if it has finished shards."""
+        if self._shards.is_dir() and not any(self._shards.iterdir()):
+            self.remove()
         self._lock.release()
 
     def is_published(self) -> bool:
@@ -103,8 +105,6 @@ class Staging:
         """
         if not self.root.exists() or (self.root.is_dir() and not any(self.root.iterdir())):
             return False
-        if not any(self._shards.iterdir()):
-            self.remove()  # nothing was begun here
         places = (self.root, *(self.root / view for view in VIEWS))
         found = [place for place in places if (place / PROVENANCE_FILE).exists()]
         if not found:
@@ -113,9 +113,12 @@ class Staging:
             )
         for place in found:
             self.origin.refuse_at(self.root, _origin_of(place))
-        for folder in (view_folder(self.root, self._settings, view) for view in self._settings.views):
+        for view in self._settings.views:
+            folder = view_folder(self.root, self._settings, view)
             problem = next(seal_problems(folder), None) if folder.is_dir() else "the view is missing"
-            if problem:
+            if problem is None and Provenance.load(folder / PROVENANCE_FILE).view != view:
+                problem = "it holds another view"
+            if problem is not None:
                 raise DatasetError(
                     f"{folder} is not the dataset that was made there: {problem}. Nothing was changed: restore it, or "
                     "remove the folder and repeat the command"
@@ -160,12 +163,8 @@ class Staging:
         self._shards.mkdir(exist_ok=True)
         self.origin = Origin.here(self._settings)
         path = self.folder / ORIGIN
-        if path.exists():
+        if any(self._shards.iterdir()):
             self.origin.refuse_at(self.folder, Origin.read(path))
-        elif any(self._shards.iterdir()):
-            raise DatasetError(
-                f"{self.folder} has shards but no {ORIGIN} to tell of which dataset: remove it"
-            )
         else:
             self.origin.write(path)
 

@@ -50,7 +50,7 @@ def check_key(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fa
         yield from first_of(column != column[0], f"{key} changes within the episode")
     listed = dataset.provenance.episodes if dataset.provenance is not None else ()
     meta = episode.meta
-    found = EpisodeKey(meta.task, meta.variation, meta.split, meta.seed)
+    found = EpisodeKey(task=meta.task, variation=meta.variation, split=meta.split, seed=meta.seed)
     if episode.index < len(listed) and listed[episode.index] != found:
         yield Fault(f"holds {found}, but the dataset lists {listed[episode.index]}")
     if meta.split not in SPLITS or meta.seed < 0:

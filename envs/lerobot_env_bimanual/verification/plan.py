@@ -22,7 +22,7 @@ def planned_shards(provenance: Provenance) -> list[ShardReport]:
     Raises:
         BimanualError: the settings are none, or more seeds fail than generation allows.
     """
-    settings = GenerationSettings.from_dict(provenance.settings)
+    settings = GenerationSettings.of(**provenance.settings)
     if settings.total_episodes != len(provenance.episodes):
         raise DatasetError(
             f"the settings ask for {settings.total_episodes} episodes, but {len(provenance.episodes)} are listed"
@@ -33,7 +33,7 @@ def planned_shards(provenance: Provenance) -> list[ShardReport]:
         for shard in planned:
             solved = tuple(candidate for candidate in shard.candidates if candidate not in failed)
             skipped = tuple(failed[candidate] for candidate in shard.candidates if candidate in failed)
-            reports.append(ShardReport(solved, skipped))
+            reports.append(ShardReport(episodes=solved, skipped=skipped))
     return reports
 
 
@@ -57,11 +57,11 @@ def check_plan(root: Path) -> Iterator[Fault]:
             yield Fault(f"episode {index} is {listed}, but the settings lead to {planned}")
             break
     skipped = [seed for report in reports for seed in report.skipped]
-    if skipped != list(provenance.skipped):
+    if tuple(skipped) != provenance.skipped:
         yield Fault(
             f"{len(provenance.skipped)} seeds are listed as failed, of which the settings reach {len(skipped)}"
         )
-    settings = GenerationSettings.from_dict(provenance.settings)
+    settings = GenerationSettings.of(**provenance.settings)
     roots = [word.removeprefix(ROOT) for word in shlex.split(provenance.command) if word.startswith(ROOT)]
     wanted = settings.command(roots[0] if roots else "")
     if provenance.command != wanted:

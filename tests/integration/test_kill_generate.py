@@ -1,0 +1,89 @@
+"""Killed at any moment, generation goes on where it stopped, ends with the same dataset and leaves nothing behind."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.sim, pytest.mark.timeout(1800)]
+
+FLAGS = (
+    *("--task=lift_ball", "--episodes=3", "--view=both", "--image_size=24x32", "--cameras=front,left_wrist"),
+    *("--intermediate=0.5", "--episodes_per_shard=1", "--repo_id=local/small", "--workers=2"),
+)
+TIMEOUT_S = 60.0
+"""Within which orphans must be gone."""
+
+
+@pytest.mark.parametrize("victim", ["parent", "all"])
+def test_killed_runs_lose_only_what_was_unfinished(
+    victim, generated, small_generation, tree_hashes, tmp_path
+):
+    undisturbed, root = tmp_path / "undisturbed" / "small", tmp_path / "killed" / "small"
+    start = time.monotonic()
+    assert start_run(undisturbed).wait() == 0
+    duration_s = time.monotonic() - start
+    rng = np.random.default_rng()  # other moments in every run of the test
+    kept: dict[str, float] = {}
+    for share in (0.4, 0.7, 0.95):  # imports take the first third
+        run = start_run(root)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            run.wait(timeout=share * duration_s * rng.uniform(0.8, 1.0))
+        kill(run, victim)
+        shards = {path.name: path.stat().st_mtime for path in partial(root).glob("shards/*")}
+        assert root.exists() or kept.items() <= shards.items(), "a finished shard was recorded again"
+        kept = shards
+    assert start_run(root).wait() == 0
+    assert tree_hashes(root) == tree_hashes(undisturbed)
+    assert [path.name for path in root.parent.iterdir()] == ["small"]
+
+
+def test_a_killed_worker_changes_nothing(tree_hashes, tmp_path):
+    for name in ("undisturbed", "disturbed"):
+        run = start_run(tmp_path / name / "small")
+        if name == "disturbed":
+            while (
+                len(processes := processes_of(run.pid)) < 5
+            ):  # itself, resource tracker, fork server, two workers
+                assert run.poll() is None, "it ended before it had workers"
+                time.sleep(0.02)
+            os.kill(max(processes), signal.SIGKILL)
+        assert run.wait() == 0
+    assert tree_hashes(tmp_path / "undisturbed") == tree_hashes(tmp_path / "disturbed")
+
+
+def partial(root: Path) -> Path:
+    return root.with_name(f"{root.name}.partial")
+
+
+def start_run(root: Path) -> subprocess.Popen:
+    words = ["-m", "lerobot_bimanual.cli", "dataset", "generate", f"--root={root}", *FLAGS]
+    return subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+
+
+def kill(run: subprocess.Popen, victim: str) -> None:
+    """Kill a run, and wait until its workers have ended."""
+    with contextlib.suppress(ProcessLookupError):
+        (os.kill if victim == "parent" else os.killpg)(run.pid, signal.SIGKILL)
+    run.wait()
+    deadline = time.monotonic() + TIMEOUT_S
+    while left := processes_of(run.pid):
+        assert time.monotonic() < deadline, f"left over: {left}"
+        time.sleep(0.1)
+
+
+def processes_of(session: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(ProcessLookupError):
+            if os.getsid(int(entry.name)) == session:
+                found.append(int(entry.name))
+    return found
