@@ -3,6 +3,7 @@
 import difflib
 import inspect
 import os
+import shlex
 import signal
 import sys
 import textwrap
@@ -50,9 +51,20 @@ def main(words: Sequence[str] | None = None) -> int:
         return 1
 
 
+def show_next(*words: object) -> None:
+    """Print the command that continues the work, as the last line of a command.
+
+    It goes to stderr, because programs may read what a command prints.
+
+    Args:
+        words: words of the command, the program's name included.
+    """
+    print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)
+
+
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
-    """Let a termination unwind the command, so that its workers end and its temporary files go; it is silent."""
+    """Let a termination unwind the command, so that its workers end and its temporary files go."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,31 +1,34 @@
-"""Command-line flags of a dataclass, decoded by draccus, LeRobot's own configuration library, without its traps.
+"""Command-line flags of a dataclass, whose values are decoded by draccus, LeRobot's own configuration library.
 
-Every field is a flag, `--name=value` or `--name value`; a field of a nested dataclass is `--outer.inner=value`;
-`--config_path=file.yaml` reads values from a file, which flags override.
+Every field is a flag, `--name=value` or `--name value`; `--config_path=file.yaml` reads values from a file, which flags
+override.
 
 draccus' own command line reads values as YAML 1.1, which alters some texts in silence, and takes a text that begins
-with `include` for the name of a file to read. Here instead
-- a `str` or `Path` field takes its text as it stands (YAML reads `10:30` as the number 630 and `010` as 8);
-- a `tuple` or `list` field takes a comma list, `--cameras=front,left_wrist` (draccus would split the text into
-  letters);
+with `include` for the name of a file to read. Here every value reaches draccus as the text that was typed:
+- a `str` or `Path` field takes it unchanged (YAML reads `10:30` as the number 630 and `010` as 8);
+- a `tuple` field takes a comma list, `--cameras=front,left_wrist`;
 - a `bool` field may stand alone, `--force` for `--force=true`.
 
 Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be absent (`--name=null` sets None).
 """
 
 import dataclasses
+import reprlib
 import types
 import typing
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import yaml
 
-from lerobot_bimanual.errors import BimanualError, did_you_mean
-from lerobot_bimanual.json_file import shown
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
 
 CONFIG_FLAG = "config_path"
+VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
+MEANINGS: dict[Any, str] = {int: "an integer", float: "a number", bool: "true or false"}
+
+_SHORT = reprlib.Repr(maxstring=80)
 
 
 class BadCommandLine(BimanualError):
@@ -37,7 +40,7 @@ class Flag:
     """One field of a config as the command line sees it.
 
     Attributes:
-        name: without dashes; dotted for a field of a nested dataclass.
+        name: the name without dashes.
         kind: the field's annotation without `| None`.
         optional: whether the annotation allows None.
         default: the default value; `dataclasses.MISSING` if the flag is required.
@@ -51,161 +54,111 @@ class Flag:
     owner: type
 
     @property
-    def is_text(self) -> bool:
-        """Whether the value is taken as it stands."""
-        return self.kind in (str, Path)
-
-    @property
     def is_list(self) -> bool:
         """Whether the value is a comma list."""
-        return typing.get_origin(self.kind) in (tuple, list)
+        return typing.get_origin(self.kind) is tuple
 
     @property
     def value_name(self) -> str:
-        """What stands after the equals sign in a help text."""
+        """Placeholder of the value in a help text."""
         if typing.get_origin(self.kind) is Literal:
             return "|".join(str(choice) for choice in typing.get_args(self.kind))
         if self.is_list:
             return "a,b,..."
-        names = {bool: "true|false", str: "text", Path: "path"}
-        return names.get(self.kind) or getattr(self.kind, "__name__", str(self.kind))
+        return VALUE_NAMES.get(self.kind) or getattr(self.kind, "__name__", str(self.kind))
 
 
-def flags_of(config_type: type, prefix: str = "") -> Iterator[Flag]:
-    """The flags of a dataclass in the order of its fields, nested dataclasses in place."""
+def flags_of(config_type: type) -> Iterator[Flag]:
+    """The flags of a dataclass in the order of its fields."""
     hints = typing.get_type_hints(config_type)
     for field in dataclasses.fields(config_type):
-        name, annotation = prefix + field.name, hints[field.name]
-        if isinstance(annotation, type) and dataclasses.is_dataclass(annotation):
-            yield from flags_of(annotation, f"{name}.")
-            continue
         factory = field.default_factory
         default = field.default if factory is dataclasses.MISSING else factory()
-        kind, optional = _without_none(annotation)
-        yield Flag(name, kind, optional, default, config_type)
+        kind, optional = _without_none(hints[field.name])
+        yield Flag(field.name, kind, optional, default, config_type)
 
 
 def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     """Build a config from command-line words.
 
     Raises:
-        BadCommandLine: a word is no flag, a flag is unknown, missing or lacks its value, or a value does not fit.
+        BadCommandLine: a word is not a flag, a flag is unknown, missing or lacks its value, or a value does not fit.
     """
-    import draccus
-
     flags = {flag.name: flag for flag in flags_of(config_type)}
-    assignments = dict(_assignments(words, flags))
-    path = assignments.pop(CONFIG_FLAG, None)
-    if path is None:  # whose file may give the rest
-        _refuse_absence(flags.values(), assignments)
-    values: dict[str, Any] = {} if path is None else _read_config(Path(path))
-    for name, text in assignments.items():
-        _put(values, name, _value(text, flags[name]))
-    _refuse_nothing(values, flags.values())
+    values: dict[str, Any] = dict(_assignments(words, flags))
+    if (path := values.pop(CONFIG_FLAG, None)) is not None:
+        values = _read_config(Path(path), flags) | values
+    required = [flag for flag in flags.values() if flag.default is dataclasses.MISSING]
+    if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in values]:
+        raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
+    decoded = {name: _decode(value, flags[name]) for name, value in values.items()}
     try:
-        return draccus.decode(config_type, values)
-    except Exception as error:  # draccus lets through whatever a type's constructor raises
-        message = " ".join(str(error).split())
-        raise BadCommandLine(message) from error
+        return config_type(**decoded)
+    except (BimanualError, ValueError) as error:
+        raise BadCommandLine(" ".join(str(error).split())) from error
 
 
-def _assignments(words: Sequence[str], flags: dict[str, Flag]) -> Iterator[tuple[str, str]]:
+def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tuple[str, str]]:
     rest = list(words)
     while rest:
         word = rest.pop(0)
         if not word.startswith("--"):
-            raise BadCommandLine(f"{shown(word)} is no flag; flags are written --name=value.")
+            raise BadCommandLine(f"{_SHORT.repr(word)} is not a flag; flags are written --name=value.")
         name, equals, value = word.removeprefix("--").partition("=")
-        flag = flags.get(name)
-        if flag is None and name != CONFIG_FLAG:
+        if name not in flags and name != CONFIG_FLAG:
             raise BadCommandLine(_unknown_flag(name, flags))
         if not equals:
             if rest and not rest[0].startswith("--"):
                 value = rest.pop(0)
-            elif flag is not None and flag.kind is bool:
+            elif name in flags and flags[name].kind is bool:
                 value = "true"
             else:
                 raise BadCommandLine(f"flag --{name} needs a value, --{name}=...")
         yield name, value
 
 
-def _refuse_absence(flags: Iterable[Flag], given: Container[str]) -> None:
-    required = [flag for flag in flags if flag.default is dataclasses.MISSING]
-    if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in given]:
-        raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
-
-
-def _refuse_nothing(values: dict[str, Any], flags: Iterable[Flag]) -> None:
-    """Of None, which YAML reads in `--seed=$UNSET`, draccus makes a value of any type."""
-    for flag in flags:
-        value: Any = values
-        for key in flag.name.split("."):
-            value = value.get(key, dataclasses.MISSING) if isinstance(value, dict) else dataclasses.MISSING
-        if value is None and not flag.optional:
-            raise BadCommandLine(f"--{flag.name} is empty or null, but must be {flag.value_name}")
-        if isinstance(value, list) and None in value:
-            raise BadCommandLine(f"--{flag.name} has an item that is empty or null")
-
-
-def _read_config(path: Path) -> dict[str, Any]:
+def _read_config(path: Path, flags: Mapping[str, Flag]) -> dict[str, Any]:
+    """The values in a YAML file, every scalar as its text."""
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise BadCommandLine(f"--{CONFIG_FLAG} {shown(str(path))} cannot be read: {reason}") from error
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise BadCommandLine(f"--{CONFIG_FLAG}: {_SHORT.repr(str(path))} cannot be read: {reason}") from error
     if not isinstance(values, dict):
-        raise BadCommandLine(
-            f"--{CONFIG_FLAG}: {path} holds {shown(values)}, but must hold `name: value` lines"
-        )
+        found = _SHORT.repr(values)
+        raise BadCommandLine(f"--{CONFIG_FLAG} holds {found}, but must hold `name: value` lines")
+    for name in values:
+        if name not in flags:
+            raise BadCommandLine(f"--{CONFIG_FLAG}: {_unknown_flag(str(name), flags)}")
     return values
 
 
-def _put(values: dict[str, Any], name: str, value: Any) -> None:
-    """Set a value by its dotted name, over what a file has said."""
-    *outer, last = name.split(".")
-    for key in outer:
-        inner = values.get(key)
-        values[key] = values = inner if isinstance(inner, dict) else {}
-    values[last] = value
+def _decode(value: Any, flag: Flag) -> Any:
+    """The value of a flag from its text, or from a list of texts in a file."""
+    import draccus
 
-
-def _value(text: str, flag: Flag) -> Any:
-    """What a text says: itself, a comma list, or what YAML reads in it."""
-    if flag.optional and text == "null":
+    if flag.optional and value in ("null", ""):
         return None
-    if flag.is_text:
-        return text
-    if flag.is_list and not text.startswith("["):
-        items = [item.strip() for item in text.split(",") if item.strip()]
-        return items if str in typing.get_args(flag.kind) else [_yaml(item, flag) for item in items]
-    if typing.get_origin(flag.kind) is Literal:
-        choices = {str(choice): choice for choice in typing.get_args(flag.kind)}
-        if text not in choices:
-            guess = did_you_mean(text, choices)
-            raise BadCommandLine(
-                f"--{flag.name} is {shown(text)}, but must be one of: {', '.join(choices)}{guess and '.'}{guess}"
-            )
-        return choices[text]
-    return _number(text, flag) if flag.kind in (int, float) else _yaml(text, flag)
-
-
-def _number(text: str, flag: Flag) -> float:
+    if flag.is_list and isinstance(value, str):
+        items = value.removeprefix("[").removesuffix("]").split(",")
+        value = [item.strip() for item in items if item.strip()]
+    if not flag.is_list and not isinstance(value, str):
+        raise BadCommandLine(f"--{flag.name} is {_SHORT.repr(value)}, but must be a single value")
     try:
-        return flag.kind(text)
-    except ValueError as error:
-        kind = "an integer" if flag.kind is int else "a number"
-        raise BadCommandLine(f"--{flag.name} is {shown(text)}, but must be {kind}") from error
-
-
-def _yaml(text: str, flag: Flag) -> Any:
-    try:
-        return yaml.safe_load(text)
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
-        raise BadCommandLine(f"--{flag.name} is {shown(text)}, but must be {flag.value_name}") from error
+        return draccus.decode(flag.kind, value)
+    except Exception as error:  # draccus lets through what a type's constructor raises
+        choices = typing.get_args(flag.kind)
+        if typing.get_origin(flag.kind) is Literal:
+            problem = str(InvalidChoice(f"--{flag.name}", value, map(str, choices)))
+        else:
+            kind = choices[0] if flag.is_list else flag.kind
+            meaning = MEANINGS.get(kind, flag.value_name)
+            problem = f"--{flag.name} is {_SHORT.repr(value)}, but must be {meaning}"
+        raise BadCommandLine(problem) from error
 
 
 def _without_none(annotation: Any) -> tuple[Any, bool]:
-    """(`X`, True) of `X | None`; (the annotation, False) of any other."""
+    """(`X`, True) for `X | None`; (the annotation, False) for any other."""
     if typing.get_origin(annotation) not in (typing.Union, types.UnionType):
         return annotation, False
     options = [option for option in typing.get_args(annotation) if option is not type(None)]
@@ -213,7 +166,7 @@ def _without_none(annotation: Any) -> tuple[Any, bool]:
     return (options[0] if len(options) == 1 else annotation), optional
 
 
-def _unknown_flag(name: str, flags: dict[str, Flag]) -> str:
+def _unknown_flag(name: str, flags: Mapping[str, Flag]) -> str:
     names = [f"--{valid}" for valid in flags]
-    typed = f"--{name}" if name.isprintable() else shown(f"--{name}")
+    typed = f"--{name}" if name.isprintable() else _SHORT.repr(f"--{name}")
     return f"unknown flag {typed}.{did_you_mean(typed, names)} Valid flags: {', '.join(names)}."

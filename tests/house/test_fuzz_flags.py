@@ -1,4 +1,4 @@
-"""Whatever is typed behind a verb: a config, or one line and exit code 2; no file is read that was not named for it."""
+"""Arbitrary words after a command give a config or one line with exit code 2; no file is read that was not named."""
 
 import dataclasses
 
@@ -14,9 +14,9 @@ pytestmark = pytest.mark.fuzz
 
 CONFIGS = {name: cli.config_type_of(entry.load()) for name, entry in cli.find_commands().items()}
 ODD = [
-    "", "null", "~", "[", "[1", "[1,2]", "{", "{a: 1}", '"', "'", "1e400", ".nan", "-5", "9" * 5000, "1_000", "0x10",
-    "true", "!!python/object/apply:os.system [true]", "&a [*a]", "*a", "a: b: c", "\x00", "\udc80", "a\nb", "- 1", "%",
-    "@x", "--", "=", "2024-01-01", "include", "include /dev/zero", "[" * 3000, "!!binary x", "? a", "|", "\t", "1", "/",
+    "", "null", "~", "[", "[1", "[1,2]", "{a: 1}", '"', "1e400", ".nan", "-5", "9" * 5000, "1_000", "0x10", "true",
+    "!!python/object/apply:os.system [true]", "*a", "a: b: c", "\x00", "\udc80", "a\nb", "%", "--", "=", "2024-01-01",
+    "include /dev/zero", "[" * 3000, "!!binary x", "|", "\t", "/",
 ]  # fmt: skip
 
 
@@ -25,20 +25,19 @@ ODD = [
 def test_odd_values_give_a_config_or_one_line(command, data):
     config_type, values = CONFIGS[command], st.sampled_from(ODD) | st.text(max_size=20)
     flags = list(flags_of(config_type))
-    given_ = [f"--{flag.name}=x" for flag in flags if flag.default is dataclasses.MISSING]
+    words = [f"--{flag.name}=x" for flag in flags if flag.default is dataclasses.MISSING]
     names = st.sampled_from([*(flag.name for flag in flags), CONFIG_FLAG, "", "nested.name"])
     for _ in range(data.draw(st.integers(1, 3))):
         name, value = data.draw(names), data.draw(values)
-        given_ += data.draw(
-            st.sampled_from([[f"--{name}={value}"], [f"--{name}", value], [value], [f"-{name}"]])
-        )
+        forms = [[f"--{name}={value}"], [f"--{name}", value], [value], [f"-{name}"]]
+        words += data.draw(st.sampled_from(forms))
     try:
-        assert isinstance(parse_flags(config_type, given_), config_type)
+        assert isinstance(parse_flags(config_type, words), config_type)
     except BadCommandLine as error:
         check_clear(error)
 
 
-@given(words=st.lists(st.sampled_from([*ODD, "--version"]) | st.text(max_size=10), min_size=1, max_size=1))
-def test_odd_commands_are_answered_with_a_code(words):
-    assume(words[0] not in (*CONFIGS, *(name.split()[0] for name in CONFIGS)))
-    assert cli.main(words) == (0 if words[0] in ("--version", "-h", "--help", "help") else 2)
+@given(word=st.sampled_from([*ODD, "--version"]) | st.text(max_size=10))
+def test_odd_commands_are_answered_with_a_code(word):
+    assume(word not in {name.split()[0] for name in CONFIGS})
+    assert cli.main([word]) == (0 if word in ("--version", "-h", "--help", "help") else 2)

@@ -11,9 +11,8 @@ class ExpertReportConfig:
     """Options of the verb `report`."""
 
     certificates: Path = Path("results/certificates")  # folder of the files that `certify` has written
-    visibility: Path = Path(
-        "results/visibility.json"
-    )  # of `scripts/visibility.py`; left out if it is not there
+    # Pixel counts, written by `scripts/visibility.py`; left out if the file does not exist.
+    visibility: Path = Path("results/visibility.json")
     output: Path | None = None  # Markdown file; without it the page is printed
 
 
