@@ -17,7 +17,7 @@ from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
-from lerobot_env_bimanual.episode.actions import ActionReader
+from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import ObservationRenderer, observation_space
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
@@ -76,6 +76,7 @@ class BimanualEnv(gym.Env):
     Attributes:
         options: what was chosen.
         perturbations: what is different from the world as it is.
+        last_action: the action of the last step as float32, also if it was refused; empty if it could not be read.
         tick_observers: called in turn before every control tick.
         step_observers: called in turn after every step of physics of the episode.
 
@@ -101,6 +102,7 @@ class BimanualEnv(gym.Env):
         self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
         self._variation = self.task_definition.spec.variation_index(self.options.variation)
         self.render_mode = render_mode
+        self.last_action = EMPTY_ACTION
         self.tick_observers: list[TickObserver] = []
         self.step_observers: list[StepObserver] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
@@ -228,8 +230,10 @@ class BimanualEnv(gym.Env):
             ResetNeeded: the episode is over, or none was started.
         """
         progress = self._running_episode()
+        self.last_action = EMPTY_ACTION
         try:
-            command = self._actions.read(action)
+            self.last_action = self._actions.vector(action)
+            command = self._actions.read(self.last_action)
             if isinstance(command, BimanualKeypose):
                 self._execute(command)
             else:

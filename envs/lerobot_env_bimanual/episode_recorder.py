@@ -1,4 +1,4 @@
-"""Keeps what was played in an episode, so that anybody can play it again without the policy."""
+"""Records the episodes of an environment, so that they can be played again without the policy."""
 
 from __future__ import annotations
 
@@ -11,19 +11,16 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.results.action_text import actions_to_text
 from lerobot_bimanual.results.hash_chain import HashChain
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.actions import real_vector
+from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 
 PLAYED = "played"
 """Key of the last step's info under which the whole episode is, as JSON."""
 OUT_OF_TIME = "out of time"
-NOTHING = np.zeros(0, np.float32)
-"""Stands for an answer that nobody could read."""
 
 
 class EpisodeRecorder(gym.Wrapper):
@@ -39,7 +36,6 @@ class EpisodeRecorder(gym.Wrapper):
         self._start = ""
         self._chain = HashChain()
         self._actions: list[NDArray[np.float32]] = []
-        self._refused = NOTHING
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and its record."""
@@ -47,27 +43,20 @@ class EpisodeRecorder(gym.Wrapper):
         self._start = self._env.state_hash()
         self._chain = chain_of(self._env, self._start)
         self._actions = []
-        self._refused = NOTHING
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One step of the episode; an action that it refuses is kept until the episode is declared a failure."""
-        try:
-            vector = real_vector(action, self._env.action_lengths)
-        except InvalidAction:
-            self._refused = NOTHING
-            return self._env.step(action)  # which says best what is wrong
-        self._refused = vector
-        return self._noted(vector, self._env.step(vector))
+        """One step of the episode; an action that is refused is recorded when the episode is ended by `fail`."""
+        return self._recorded(self._env.step(action))
 
     def fail(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """End the episode as a failure, for the last action was one that cannot be executed."""
-        return self._noted(self._refused, self._env.fail(reason))
+        """End the episode as a failure because its last action was refused."""
+        return self._recorded(self._env.fail(reason))
 
-    def _noted(self, action: NDArray[np.float32], transition: Any) -> Any:
+    def _recorded(self, transition: Any) -> Any:
         observation, reward, terminated, truncated, info = transition
+        action, self._env.last_action = self._env.last_action, EMPTY_ACTION
         self._actions.append(action)
-        self._refused = NOTHING
         self._chain.add(action, self._env.state_hash())
         if terminated or truncated:
             info = info | {PLAYED: json.dumps(asdict(self._played(self._env.progress)))}

@@ -1,10 +1,10 @@
-"""Vector environments for evaluation: started late, quick to start, idle when their episode is over.
+"""Vector environments for evaluation: started at their first use, quick to start, idle after their episode.
 
 LeRobot has such a vector environment, but importing it costs every worker process about eight seconds for
 LeRobot and torch. This module and all that a worker needs import neither.
 
-An action whose values cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the
-others go on. Actions that no environment could read, of another length for example, are an error before any steps.
+An action that cannot be executed, such as a NaN, ends the episode of its own environment as a failure; the others go on.
+Actions all of whose lengths are wrong are an error before any steps.
 A worker process that dies is one clear error, after which the next reset starts all environments anew.
 """
 
@@ -14,7 +14,7 @@ import contextlib
 import multiprocessing
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from multiprocessing import connection, forkserver
 from multiprocessing.process import BaseProcess
@@ -30,27 +30,26 @@ from lerobot_bimanual.errors import InvalidAction, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.keypose import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.actions import real_vector
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.episode_log import EpisodeLog
 from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
-from lerobot_env_bimanual.freezing import FreezeWhenOver
+from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
 """Imported once by the process from which the workers are forked, instead of by each of them."""
 
 KEYPOSE_FPS = 2
-"""Of LeRobot's own videos of keypose policies, which hold one frame per keypose."""
+"""Frame rate of LeRobot's own videos of keypose policies, which hold one frame per keypose."""
 
-PATIENCE_S = 5.0
-"""For the system to say which process has died."""
+TIMEOUT_S = 5.0
+"""The system says within this time which process has died."""
 
 _main_module_lock = threading.Lock()
 
 
 class CarriedError(Exception):
-    """Brings an error home from a worker: Gymnasium makes errors again from their message, ours take other arguments."""
+    """Carries an error out of a worker: Gymnasium makes errors anew from their message, ours take other arguments."""
 
     @property
     def error(self) -> Exception:
@@ -60,18 +59,18 @@ class CarriedError(Exception):
 
 
 class _InWorker(gym.Wrapper):
-    """Lets every error of a reset or a step come home."""
+    """Carries every error of a reset or a step out of the worker."""
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
-        with self._carried_home():
+        with self._carried():
             return self.env.reset(**arguments)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        with self._carried_home():
+        with self._carried():
             return self.env.step(action)
 
     @contextlib.contextmanager
-    def _carried_home(self) -> Iterator[None]:
+    def _carried(self) -> Iterator[None]:
         try:
             yield
         except gym.error.Error:
@@ -80,16 +79,16 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make_frozen(make_env: Callable[[], gym.Env]) -> gym.Env:
+def _make_held(make_env: Callable[[], gym.Env]) -> gym.Env:
     env = make_env()
     if isinstance(env, BimanualEnv) and env.options.results_dir is not None:
         env = EpisodeRecorder(env)
-    return FreezeWhenOver(env)
+    return HoldAfterDone(env)
 
 
 def _make_in_worker(make_env: Callable[[], gym.Env]) -> gym.Env:
     end_with_parent()
-    return _InWorker(_make_frozen(make_env))
+    return _InWorker(_make_held(make_env))
 
 
 @contextlib.contextmanager
@@ -123,7 +122,7 @@ class LazyVectorEnv(VectorEnv):
 
     LeRobot creates the vector environments of all tasks at once and evaluates them one after the other; this
     way only one task's environments hold processes and memory. It can be used again after `close`. Automatic
-    resets happen at the step after an episode's end and leave the environment frozen, see `FreezeWhenOver`.
+    resets happen at the step after an episode's end and change nothing, see `HoldAfterDone`.
 
     Args:
         make_envs: one picklable factory per environment; all with the same spaces. The first is called here
@@ -132,7 +131,7 @@ class LazyVectorEnv(VectorEnv):
     """
 
     def __init__(self, make_envs: Sequence[Callable[[], gym.Env]], *, asynchronous: bool):
-        make = _make_in_worker if asynchronous else _make_frozen
+        make = _make_in_worker if asynchronous else _make_held
         self._make_envs = [partial(make, make_env) for make_env in make_envs]
         self._asynchronous = asynchronous
         self._running: SyncVectorEnv | AsyncVectorEnv | None = None
@@ -216,38 +215,29 @@ class LazyVectorEnv(VectorEnv):
         """Step every environment; `actions` (num_envs, 16) or (num_envs, 18).
 
         Raises:
-            InvalidAction: no environment could execute any of the actions, whatever their values.
+            InvalidAction: all actions have a shape or type that no environment takes.
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
-        readable = self._readable(actions)
-        observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(readable))
+        arrays = self._arrays(actions)
+        observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
         if self._episodes is not None:
             self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
 
-    def _readable(self, actions: Any) -> list[NDArray[np.float32] | InvalidAction]:
-        """The action of each environment, or what is wrong with its form."""
-        try:
-            rows = list(actions)
-        except TypeError:
-            rows = []
+    def _arrays(self, actions: Any) -> list[NDArray | InvalidAction]:
+        """The action of each environment as an array, which the environment checks; or why it is none."""
+        rows = list(actions) if isinstance(actions, Iterable) else []
         if len(rows) != self.num_envs:
-            raise InvalidAction(
-                f"{self.num_envs} environments take as many actions, got {_described(actions)}"
-            )
-        readable = [self._readable_row(row) for row in rows]
-        refused = [action for action in readable if isinstance(action, InvalidAction)]
-        if len(refused) == self.num_envs:
-            raise refused[0]
-        lengths = {len(action) for action in readable if not isinstance(action, InvalidAction)}
-        self.metadata["render_fps"] = KEYPOSE_FPS if lengths == {KEYPOSE_DIM} else self._tick_fps
-        return readable
-
-    def _readable_row(self, action: Any) -> NDArray[np.float32] | InvalidAction:
-        try:
-            return real_vector(action, self._action_lengths)
-        except InvalidAction as error:
-            return InvalidAction(f"an action must be {error}")
+            shape = f" of shape {tuple(actions.shape)}" if isinstance(actions, np.ndarray) else ""
+            got = f"{type(actions).__name__}{shape}"
+            raise InvalidAction(f"{self.num_envs} environments take as many actions, got {got}")
+        arrays = [_array(row) for row in rows]
+        sizes = {row.size for row in arrays if isinstance(row, np.ndarray)}
+        if not sizes & {*self._action_lengths}:
+            valid = " or ".join(map(str, self._action_lengths))
+            raise InvalidAction(f"an action is a vector of {valid} numbers, got {sorted(sizes) or arrays[0]}")
+        self.metadata["render_fps"] = KEYPOSE_FPS if sizes == {KEYPOSE_DIM} else self._tick_fps
+        return arrays
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every environment."""
@@ -291,7 +281,7 @@ def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
     try:
         yield
     except (EOFError, BrokenPipeError, ConnectionResetError) as error:
-        dead = connection.wait([process.sentinel for process in processes], timeout=PATIENCE_S)
+        dead = connection.wait([process.sentinel for process in processes], timeout=TIMEOUT_S)
         ends = [
             f"{number} ({end_of(process)})"
             for number, process in enumerate(processes)
@@ -304,6 +294,8 @@ def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
         ) from error
 
 
-def _described(actions: Any) -> str:
-    shape = getattr(actions, "shape", None)
-    return type(actions).__name__ + (f" of shape {tuple(shape)}" if shape is not None else "")
+def _array(action: Any) -> NDArray | InvalidAction:
+    try:
+        return np.asarray(action)
+    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
+        return InvalidAction(f"an action is a vector of numbers, got what NumPy cannot read: {error}")

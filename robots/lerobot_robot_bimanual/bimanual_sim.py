@@ -220,6 +220,6 @@ class BimanualSim(Robot):
             values = [float(action[name]) for name in schema.JOINT_NAMES]
         except (TypeError, ValueError) as error:
             raise InvalidAction(f"a robot action consists of numbers: {error}") from error
-        command = self._reader.read(np.array(values))
+        command = self._reader.read(self._reader.vector(values))
         assert isinstance(command, np.ndarray)  # a vector of sixteen is no keypose
         return command

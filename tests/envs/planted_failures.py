@@ -14,7 +14,7 @@ from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.instruction_scripts import Script
 from lerobot_env_bimanual.experts.replanning import rereading
 from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
-from lerobot_env_bimanual.freezing import FreezeWhenOver
+from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 
 Keyposes = NDArray[np.float32]
 SEED = 40_001
@@ -74,7 +74,7 @@ def played(
     task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, perturb: str = ""
 ) -> PlayedEpisode:
     """The record of an episode of these actions; the last one is repeated until it is over."""
-    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
+    player = HoldAfterDone(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
     player.reset(seed=seed, options={"variation": 0})
     info, index = {}, 0
     while PLAYED not in info:

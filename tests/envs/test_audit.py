@@ -21,7 +21,7 @@ from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, re
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.freezing import FreezeWhenOver
+from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.vector import LazyVectorEnv
 
@@ -123,7 +123,7 @@ def test_what_was_not_changed_is_as_claimed(played, auditor):
 
 @pytest.mark.parametrize("answer", [np.full(16, np.nan), InvalidAction("an action must be a vector")])
 def test_episodes_that_ended_by_a_refused_answer_are_found_as_recorded(answer, auditor):
-    player = FreezeWhenOver(EpisodeRecorder(BimanualEnv("lift_ball", obs="state")))
+    player = HoldAfterDone(EpisodeRecorder(BimanualEnv("lift_ball", obs="state")))
     observation, _ = player.reset(seed=SEED)
     for _ in range(2):
         player.step(observation["agent_pos"])

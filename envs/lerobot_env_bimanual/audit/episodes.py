@@ -15,7 +15,7 @@ from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.results.hash_chain import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.freezing import INVALID_ACTION, FreezeWhenOver
+from lerobot_env_bimanual.hold_after_done import INVALID_ACTION, HoldAfterDone
 
 PROOFS = ("start", "actions", "links", "end")
 """Fields of an episode that are compared step by step; the others are claims, compared one by one."""
@@ -51,7 +51,7 @@ class EpisodeAuditor:
 
     def __init__(self, task: str, options: Mapping[str, str]):
         self.env = played_env(task, options)
-        self._player = FreezeWhenOver(EpisodeRecorder(self.env))
+        self._player = HoldAfterDone(EpisodeRecorder(self.env))
 
     def audit(self, played: PlayedEpisode) -> EpisodeAudit:
         """Play an episode again and compare everything."""
@@ -71,7 +71,7 @@ class EpisodeAuditor:
             unreadable = InvalidAction(played.failure.removeprefix(INVALID_ACTION))
             info = self._player.step(action if action.size else unreadable)[4]
             ticks.append(self.env.progress.ticks)
-            if self._player.is_frozen:
+            if self._player.is_done:
                 break
         if PLAYED not in info:
             return EpisodeAudit(

@@ -21,8 +21,6 @@ In a vector environment it ends the episode of its own environment as a failure,
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
@@ -42,29 +40,8 @@ from lerobot_bimanual.keypose import (
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 
 JOINT_TOLERANCE_RAD = 0.1
-
-
-def real_vector(action: ArrayLike, lengths: Collection[int]) -> NDArray[np.float32]:
-    """An action of the right form; its values may still be refused.
-
-    Args:
-        action: as it was given.
-        lengths: that it may have.
-
-    Raises:
-        InvalidAction: it has another shape, or does not consist of real numbers.
-    """
-    wanted = f"a vector of {' or '.join(map(str, lengths))} numbers"
-    try:
-        vector = np.asarray(action)
-    except (ValueError, TypeError, RuntimeError) as error:  # ragged, or a tensor that requires its gradient
-        raise InvalidAction(f"{wanted}, got what NumPy cannot read: {error}") from error
-    if vector.ndim != 1 or vector.size not in lengths:
-        raise InvalidAction(f"{wanted}, got shape {vector.shape}")
-    if vector.dtype.kind not in "iuf":
-        raise InvalidAction(f"{wanted}, got {vector.dtype.name} values")
-    with np.errstate(over="ignore"):  # what is too large becomes infinite
-        return vector.astype(np.float32)
+EMPTY_ACTION = np.zeros(0, np.float32)
+"""Recorded in place of an action that could not be read."""
 
 
 class ActionReader:
@@ -98,17 +75,37 @@ class ActionReader:
             return spaces.Box(low.ravel(), high.ravel(), dtype=np.float32)
         return spaces.Box(self.lower, self.upper, dtype=np.float32)
 
-    def read(self, action: ArrayLike) -> NDArray[np.float32] | BimanualKeypose:
-        """A joint action (16,) float32 within the limits, or a keypose.
+    def vector(self, action: ArrayLike) -> NDArray[np.float32]:
+        """An action as a vector of a length that the mode has; its values may still be refused.
+
+        Raises:
+            InvalidAction: it has another shape, or does not consist of real numbers.
+        """
+        wanted = (
+            f"control mode {self._mode!r} takes a vector of {' or '.join(map(str, self.lengths))} numbers"
+        )
+        try:
+            vector = np.asarray(action)
+        except (
+            ValueError,
+            TypeError,
+            RuntimeError,
+        ) as error:  # ragged, or a tensor that requires its gradient
+            raise InvalidAction(f"{wanted}, got what NumPy cannot read: {error}") from error
+        if vector.ndim != 1 or vector.size not in self.lengths:
+            raise InvalidAction(f"{wanted}, got shape {vector.shape}")
+        if vector.dtype.kind not in "iuf":
+            raise InvalidAction(f"{wanted}, got {vector.dtype.name} values")
+        with np.errstate(over="ignore"):  # what is too large becomes infinite
+            return vector.astype(np.float32)
+
+    def read(self, vector: NDArray[np.float32]) -> NDArray[np.float32] | BimanualKeypose:
+        """A joint action (16,) within the limits, or a keypose, of a vector that `vector` has returned.
 
         Raises:
             InvalidAction: see the table above.
             KeyposeFailure: a zero quaternion in mode `auto`.
         """
-        try:
-            vector = real_vector(action, self.lengths)
-        except InvalidAction as error:
-            raise InvalidAction(f"control mode {self._mode!r} takes {error}") from error
         if vector.size == KEYPOSE_DIM:
             return self._read_keypose(vector)
         return self._read_joints(vector)

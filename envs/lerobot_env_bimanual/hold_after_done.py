@@ -1,4 +1,4 @@
-"""An environment that rests when its episode is over, while others of its batch go on."""
+"""A wrapper that holds the last transition of a finished episode, while other environments of its batch go on."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import gymnasium as gym
 from lerobot_bimanual.errors import InvalidAction
 
 INVALID_ACTION = "invalid action: "
-"""Begins the failure of an episode that ended by one."""
+"""Prefix of the failure of an episode that ended with an invalid action."""
 
 
-class FreezeWhenOver(gym.Wrapper):
+class HoldAfterDone(gym.Wrapper):
     """Repeats the last transition of a finished episode until the next explicit reset.
 
-    A batched rollout goes on until its slowest episode ends and ignores what the others do meanwhile, so a
-    finished environment has no reason to simulate another episode. Gymnasium's automatic reset calls `reset`
-    without arguments, which no explicit reset of a vector environment does; it keeps the environment frozen.
+    A batched rollout goes on until its slowest episode ends and ignores the others meanwhile, so a finished environment
+    has no reason to simulate another episode. Gymnasium's automatic reset calls `reset` without arguments, which no
+    explicit reset of a vector environment does; it keeps the last transition.
     """
 
     def __init__(self, env: gym.Env):
@@ -34,7 +34,7 @@ class FreezeWhenOver(gym.Wrapper):
         return self.env.reset(**arguments)
 
     @property
-    def is_frozen(self) -> bool:
+    def is_done(self) -> bool:
         """Whether the episode is over."""
         return self._last is not None
 
@@ -42,8 +42,8 @@ class FreezeWhenOver(gym.Wrapper):
         """One step, or the last transition again, without its reward.
 
         Args:
-            action: of the episode; one that cannot be executed, or the reason why it cannot even be read, ends the
-                episode as a failure.
+            action: of the episode. One that cannot be executed ends the episode as a failure; an `InvalidAction` does so
+                with its own text.
         """
         if self._last is not None:
             return self._last
@@ -59,7 +59,7 @@ class FreezeWhenOver(gym.Wrapper):
         return observation, float(reward), terminated, truncated, info
 
     def render(self) -> Any:
-        """A frame; of a finished episode a copy of its last one, for LeRobot films every environment to the end."""
+        """A frame; of a finished episode a copy of its last one, as LeRobot renders every environment to the end."""
         if self._last is None:
             return self.env.render()
         if self._last_frame is None:
