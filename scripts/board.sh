@@ -34,5 +34,5 @@ done
 [ -z "${failed:-}" ] || { echo "without a row:$failed; the same command goes on"; exit 1; }
 mkdir -p "$rows"
 cp "$output"/results/*.json "$rows"
-$bimanual results leaderboard --results="$rows" --output="$page" --figure="${FIGURE:-docs/results.png}"
+$bimanual results report --results="$rows" --output="$page"
 [ "$page" != docs/results.md ] || .venv/bin/python scripts/tables.py  # the first page shows the same table

@@ -14,10 +14,10 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from site_films import FILMS, film_name
 
-from lerobot_bimanual.benchmark.leaderboard import read_rows, success_table
+from lerobot_bimanual.pages import markdown_table
+from lerobot_bimanual.reports.benchmark_page import read_rows, success_table
 from lerobot_env_bimanual.reports.certified import Certified
 from lerobot_env_bimanual.reports.task_page import TaskPages
-from lerobot_env_bimanual.reports.visibility import Visibility
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
@@ -96,14 +96,14 @@ def _certified() -> Certified:
 
 
 def _task_pages() -> dict[str, str]:
-    pages = TaskPages(_certified(), Visibility.read(RESULTS / "visibility.json"))
+    pages = TaskPages(_certified())
     rows = list(read_rows(RESULTS / "leaderboard").values())
     texts = {}
     for task in pages.tasks:
         scored = [row for row in rows if row.task == task]
         name = film_name(task)
         pictures = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
-        policies = ROWS.format(table=success_table(scored)) if scored else NO_ROWS
+        policies = ROWS.format(table=markdown_table(success_table(scored))) if scored else NO_ROWS
         texts[f"tasks/{task}.md"] = pages.page(task, pictures, policies)
     return texts
 

@@ -4,14 +4,17 @@ Usage: tables.py
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 
-from lerobot_bimanual.benchmark.leaderboard import mean_cell, read_rows, success_cell, success_table
+import pandas as pd
+
 from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, rung_name
-from lerobot_bimanual.markdown_table import markdown_table
+from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_bimanual.reports.benchmark_page import mean_cell, read_rows, success_cell, success_table
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 ROOT = Path(__file__).parents[1]
@@ -36,8 +39,14 @@ def with_table(page: str, name: str) -> str:
     return f"{before}{begin}\n{TABLES[name][1]()}\n\n{end}{after}"
 
 
+def _table(heads: Sequence[str], lines: Sequence[Sequence[object]], words: bool = False) -> str:
+    return markdown_table(
+        pd.DataFrame([[str(cell) for cell in line] for line in lines], columns=[*heads]), words
+    )
+
+
 def _results() -> str:
-    return str(success_table(list(read_rows(BOARD).values())))
+    return markdown_table(success_table(list(read_rows(BOARD).values())))
 
 
 def _axes() -> str:
@@ -51,7 +60,7 @@ def _axes() -> str:
         )
         for axis in axes
     ]
-    return markdown_table(("axis", "group", "what is different", "levels 1, 2, 3"), rows, of_words=True)
+    return _table(("axis", "group", "what is different", "levels 1, 2, 3"), rows, words=True)
 
 
 def _mended() -> str:
@@ -78,7 +87,7 @@ def _mended() -> str:
                     )
                 )
     heads = ("axis", "policy", "demonstrations", "level 0", "1", "2", "3", "of level 0, on the board's seeds")
-    return str(markdown_table(heads, lines))
+    return _table(heads, lines)
 
 
 def _few() -> str:
@@ -116,7 +125,7 @@ def _beside_those_without_squares(*policies: str) -> str:
         (f"`{task}`" for task in tasks), *(map(success_cell, each) for each in columns.values()), strict=True
     )
     means = map(mean_cell, columns.values())
-    return markdown_table(("task", *columns), [*lines, (f"mean of {len(tasks)}", *means)])
+    return _table(("task", *columns), [*lines, (f"mean of {len(tasks)}", *means)])
 
 
 def _fresh() -> str:
@@ -129,9 +138,7 @@ def _task_by_task(room: str, own_head: str, usual_head: str) -> str:
     rates = [(row.rates["policy"], usual.rates["policy"], row.rates["blind"]) for row, usual in pairs]
     lines = [(f"`{row.task}`", *beside) for (row, _), beside in zip(pairs, rates, strict=True)]
     means = [f"{fmean(rate.rate for rate in column):.1%}" for column in zip(*rates, strict=True)]
-    return markdown_table(
-        ("task", own_head, usual_head, "blind"), [*lines, (f"mean of {len(lines)}", *means)]
-    )
+    return _table(("task", own_head, usual_head, "blind"), [*lines, (f"mean of {len(lines)}", *means)])
 
 
 def _again() -> str:
@@ -143,7 +150,7 @@ def _again() -> str:
         )
         for row, usual in _beside_plain("made_again")
     ]
-    return markdown_table(("cell", "made again", "weights", "made first", "weights"), lines)
+    return _table(("cell", "made again", "weights", "made first", "weights"), lines)
 
 
 def _beside_plain(room: str) -> list[tuple[ResultRow, ResultRow]]:

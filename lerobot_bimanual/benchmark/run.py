@@ -32,7 +32,7 @@ from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.results.statistics import SuccessRate, anytime_p_value
-from lerobot_bimanual.terminal_table import print_table
+from lerobot_bimanual.tables import print_table
 
 SEEDS_AT_A_TIME = 10
 """Between two looks at whether the test may stop; each is a start of `lerobot-eval`."""

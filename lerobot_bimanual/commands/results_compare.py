@@ -4,17 +4,14 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.difference_figure import difference_figure
 from lerobot_bimanual.benchmark.likeness import check_trainings
 from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.benchmark.results import ResultRow
-from lerobot_bimanual.canvas import check_figure_file
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.ladder.comparison import LadderComparison
-from lerobot_bimanual.ladder.heat_map import heat_map
 from lerobot_bimanual.ladder.result import LadderResult, is_ladder
+from lerobot_bimanual.reports.robustness_comparison import LadderComparison
 from lerobot_bimanual.results.statistics import SuccessRate, holm
-from lerobot_bimanual.terminal_table import print_table
+from lerobot_bimanual.tables import print_table
 
 type Rows = dict[str, tuple[ResultRow, ...]]
 """Trainings of one policy, by task."""
@@ -52,13 +49,17 @@ def results_compare(config: ResultsCompareConfig) -> None:
         lerobot-bimanual results compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
-        check_figure_file(config.figure)
+        from lerobot_bimanual.reports.charts import check_chart_file
+
+        check_chart_file(config.figure)
     if is_ladder(config.first) or is_ladder(config.second):
         ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
         ladders.print()
         for line in ladders.remarks():
             print(line)
         if config.figure is not None:
+            from lerobot_bimanual.reports.robustness_figures import heat_map
+
             heat_map({"first": ladders.first, "second": ladders.second}).save(config.figure)
         return
     first = _rows(config.first, config.first_policy, "first_policy")
@@ -79,6 +80,8 @@ def results_compare(config: ResultsCompareConfig) -> None:
     for line in _remarks(comparisons):
         print(line)
     if config.figure is not None:
+        from lerobot_bimanual.reports.difference_figure import difference_figure
+
         difference_figure(comparisons).save(config.figure)
 
 

@@ -13,7 +13,6 @@ from made_up_ladders import LADDER
 from made_up_rows import ROW
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.measurements import read_certificate, read_evaluation, read_worlds
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.benchmark.results import ResultRow
@@ -22,6 +21,7 @@ from lerobot_bimanual.json_file import parse_json, read_json
 from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.ladder.result import LadderResult
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
+from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
 from lerobot_bimanual.results.statistics import SuccessRate
 
 pytestmark = pytest.mark.fuzz
@@ -88,7 +88,7 @@ def test_a_leaderboard_is_a_whole_page_or_an_error(data, tmp_path_factory):
     folder = tmp_path_factory.mktemp("rows")
     (folder / ROW.file_name).write_bytes(data.draw(damaged_json(json.loads(ROW.to_json()))))
     try:
-        page = render(folder)
+        page = benchmark_page(read_rows(folder), folder)
     except BimanualError as error:
         check_clear(error, str(folder))
     else:

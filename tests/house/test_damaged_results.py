@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from lerobot_bimanual.commands.results_leaderboard import ResultsLeaderboardConfig, results_leaderboard
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
 
 ROOT = Path(__file__).parents[2]
 SISTER, DAMAGED = (f"handover_item_easy_{policy}_small_seed1000.json" for policy in ("peract2", "peract_lf"))
@@ -113,11 +113,11 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
         "'validation'.*must be on the same seeds from [0-9]+ on",
     ),
     "nothing validated": (setting("validation", value=[]), "'validation'.*must be of every checkpoint"),
-    "another recipe": (setting("recipe", value="paper"), "its row is that of a file named"),
+    "another recipe": (setting("recipe", value="paper"), "a file with this result must be named"),
     "another policy": (setting("policy", value="act"), "policy.type must be 'act'"),
-    "another task": (setting("task", value="lift_ball"), "its row is that of a file named lift_ball"),
+    "another task": (setting("task", value="lift_ball"), "a file with this result must be named lift_ball"),
     "another variation": (setting("variation", value="0"), "'flags'.*dataset.repo_id"),
-    "another training seed": (setting("flags", "seed", value="7"), "its row is that of a file named"),
+    "another training seed": (setting("flags", "seed", value="7"), "a file with this result must be named"),
     "more steps": (setting("flags", "steps", value="1600"), "'validation'.*must be of every checkpoint"),
     "a flag of its own": (setting("flags", "config_path", value="x"), "--train_flags sets --config_path"),
     "a flag of two lines": (setting("flags", "policy.x", value="a\nb"), "must hold flags of one line each"),
@@ -130,7 +130,7 @@ DAMAGES: dict[str, tuple[Callable[[Row], None], str]] = {
     "an expert's episode turned": (lambda row: _turn(row["expert"][0]), "'expert'.*a failure just if"),
     "an unknown policy": (
         lambda row: (row.update(policy="mine"), row["flags"].update({"policy.type": "mine"})),
-        "its row is that of a file named handover_item_easy_mine",
+        "a file with this result must be named handover_item_easy_mine",
     ),
 }
 
@@ -149,7 +149,7 @@ def with_its_rates(row: Row) -> Row:
 
 
 def test_the_rows_are_good_before_they_are_damaged(results, tmp_path):
-    results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
+    results_report(ResultsReportConfig(results=results, output=tmp_path / "page.md"))
     assert "| `handover_item_easy` |" in (tmp_path / "page.md").read_text()
 
 
@@ -161,7 +161,7 @@ def test_a_damage_is_named_with_its_file_and_no_page_is_written(damage, message,
         row = with_its_rates(row)
     (results / DAMAGED).write_text(json.dumps(row))
     with pytest.raises(BimanualError, match=rf"{DAMAGED}: .*{message}") as error:
-        results_leaderboard(ResultsLeaderboardConfig(results=results, output=tmp_path / "page.md"))
+        results_report(ResultsReportConfig(results=results, output=tmp_path / "page.md"))
     assert "\n" not in str(error.value)
     assert not (tmp_path / "page.md").exists()
 
@@ -171,4 +171,4 @@ def test_the_same_training_twice_is_refused(results):
     row["flags"]["seed"] = "7"
     (results / DAMAGED.replace("1000", "7")).write_text(json.dumps(row))
     with pytest.raises(BimanualError, match=r"it has the weights of .*json, so it is no other training"):
-        results_leaderboard(ResultsLeaderboardConfig(results=results))
+        results_report(ResultsReportConfig(results=results))

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.commands.results_robustness import ResultsRobustnessConfig, results_robustness
 from lerobot_bimanual.ladder.result import LadderResult
+from lerobot_bimanual.reports.robustness_page import robustness_page
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.ladder.rungs import perturb_text, rungs_of
 
@@ -17,10 +17,10 @@ LADDERS = {path.stem: LadderResult.read(path) for path in sorted((RESULTS / "lad
 EACH = pytest.mark.parametrize("name", LADDERS)
 
 
-def test_the_page_of_ladders_is_that_of_the_files(tmp_path: Path):
-    page = tmp_path / "ladders.md"
-    results_robustness(ResultsRobustnessConfig(ladders=(RESULTS / "ladders",), output=page))
-    assert (ROOT / "docs" / "ladders.md").read_text() == page.read_text()
+def test_the_page_of_robustness_is_that_of_the_files():
+    results = {path.stem: LADDERS[path.stem] for path in sorted((RESULTS / "ladders").glob("*.json"))}
+    page = robustness_page(results, "robustness_results.png")
+    assert (ROOT / "docs" / "robustness_results.md").read_text() == page
 
 
 @EACH

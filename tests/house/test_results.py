@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lerobot_bimanual.benchmark.leaderboard import render
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.reproduction import (
     INCIDENTAL,
@@ -20,10 +19,10 @@ from lerobot_bimanual.benchmark.reproduction import (
     policy_defaults,
 )
 from lerobot_bimanual.benchmark.results import PLACES, ResultRow
-from lerobot_bimanual.benchmark.success_figure import success_figure
-from lerobot_bimanual.canvas import DESCRIPTION
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
+from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
@@ -53,7 +52,8 @@ CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir
 
 def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
-    page = render(Path("results/leaderboard"), figure="results.png")
+    folder = Path("results/leaderboard")
+    page = benchmark_page(read_rows(folder), folder, figure="results.png")
     assert (ROOT / "docs" / "results.md").read_text() == page
     assert described("results.png") == success_figure([*map(ResultRow.read, ROWS)]).description
 
@@ -71,7 +71,7 @@ def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_peract2():
 def described(picture: str) -> str:
     """What a picture says of itself; its pixels depend on the version of the font."""
     with Image.open(ROOT / "docs" / picture) as image:
-        return image.info[DESCRIPTION]
+        return image.info["Description"]
 
 
 def test_cells_that_were_made_again_are_the_first_ones_to_the_last_bit():

@@ -15,13 +15,6 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
     "certify": lambda place: ["expert", "evaluate", "--task=lift_ball", f"--output={place}"],
     "render": lambda place: ["task", "render", "--task=lift_ball", f"--output={place / 'folder'}"],
     "report": lambda place: ["expert", "report", f"--certificates={CERTIFICATES}", f"--output={place}"],
-    "leaderboard": lambda place: ["results", "leaderboard", f"--results={ROWS}", f"--output={place}"],
-    "leaderboard's figure": lambda place: [
-        "results",
-        "leaderboard",
-        f"--results={ROWS}",
-        f"--figure={place}",
-    ],
     "compare's figure": lambda place: [
         "results",
         "compare",
@@ -43,8 +36,6 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
         "--task=lift_ball",
         f"--output={place / 'folder'}",
     ],
-    "robustness": lambda place: ["results", "robustness", f"--output={place}"],
-    "robustness's figure": lambda place: ["results", "robustness", f"--figure={place}"],
     "report-results": lambda place: ["results", "report", f"--results={ROWS}", f"--output={place}"],
     "benchmark": lambda place: ["policy", "benchmark", f"--output={place / 'folder'}"],
     "inspect": lambda place: [
@@ -64,7 +55,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("lerobot_env_bimanual.workers.WorkerPool.__init__", refuse)
     monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
-    monkeypatch.setattr("lerobot_bimanual.commands.results_leaderboard.render", refuse)
+    monkeypatch.setattr("lerobot_bimanual.reports.benchmark_page.read_rows", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.results_compare.ResultRow.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)

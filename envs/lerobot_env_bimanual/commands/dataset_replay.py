@@ -107,7 +107,7 @@ def _warn_of_other_versions(dataset: RecordedDataset) -> None:
 
 
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
-    from lerobot_bimanual.terminal_table import print_table
+    from lerobot_bimanual.tables import print_table
 
     groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
     for meta, result in played.values():

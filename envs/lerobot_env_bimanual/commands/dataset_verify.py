@@ -132,7 +132,7 @@ class _ViewReport:
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
         from lerobot_bimanual.dataset.content_hash import combined_hash
-        from lerobot_bimanual.terminal_table import print_table
+        from lerobot_bimanual.tables import print_table
 
         results: dict[str, list[tuple[int | None, tuple[Fault, ...]]]] = defaultdict(list)
         for check, episode, faults in self._results():

@@ -59,8 +59,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
-    from lerobot_bimanual.ladder.falls_table import print_falls, remarks
-    from lerobot_bimanual.ladder.ladder_figure import ladder_figure
+    from lerobot_bimanual.reports.drops import print_drops, remarks
+    from lerobot_bimanual.reports.robustness_figures import sweep_figure
 
     climb, console = _climb(config), Console()
     missing = climb.missing()
@@ -85,8 +85,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     result = climb.played()
     assert result is not None  # it has level 0 at least
     figure = climb.output.with_suffix(".png")
-    ladder_figure(result).save(figure)
-    print_falls(result)
+    sweep_figure(result).save(figure)
+    print_drops(result)
     for line in (
         *remarks(result),
         f"result  {climb.output}",

@@ -44,12 +44,10 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     """
     import numpy as np
 
-    from lerobot_bimanual.canvas import check_figure_file
     from lerobot_bimanual.output_file import check_output_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
     from lerobot_env_bimanual.audit.result_names import result_names
-    from lerobot_env_bimanual.pictures.blame_bars import blame_bars
     from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)
@@ -57,7 +55,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     if config.output is not None:
         check_output_file(config.output)
     if config.figure is not None:
-        check_figure_file(config.figure)
+        from lerobot_bimanual.reports.charts import check_chart_file
+
+        check_chart_file(config.figure)
     results = _chosen([Result.read(path) for path in result_files(config.results)], config.policy)
     names = result_names(results)
     found: dict[Path, list[Blame]] = {}
@@ -78,7 +78,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     if config.output is not None:
         _write(results, found, config.output)
     if config.figure is not None:
-        blame_bars(groups).save(config.figure)
+        from lerobot_env_bimanual.reports.failure_figure import failure_figure
+
+        failure_figure(groups).save(config.figure)
     return 0
 
 
@@ -99,7 +101,7 @@ def _chosen(results: list[Result], policy: str | None) -> list[Result]:
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
-    from lerobot_bimanual.terminal_table import print_table
+    from lerobot_bimanual.tables import print_table
 
     headings = ("seed", "class", "last recoverable keypose", "lost by", "fact")
     rows = [
@@ -121,7 +123,7 @@ def _shown(index: int | None) -> str:
 
 
 def _print_sums(groups: dict[str, list[Blame]]) -> None:
-    from lerobot_bimanual.terminal_table import print_table
+    from lerobot_bimanual.tables import print_table
     from lerobot_env_bimanual.audit.blame import Loser
     from lerobot_env_bimanual.audit.failure_class import FailureClass
 

@@ -1,131 +1,125 @@
-"""The verb `report-results`: one page to read, with films of what failed."""
+"""The command `results report`."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
+from urllib.parse import quote
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-    from lerobot_env_bimanual.pictures.episode_film import Film
-    from lerobot_env_bimanual.reports.results_page import Section
-    from lerobot_env_bimanual.workers import WorkerPool
-
-type FilmOrder = tuple[int, str, dict[str, str], PlayedEpisode, str]
-"""Index of the section, task, options, episode and name of the policy."""
+    from lerobot_bimanual.reports.charts import Chart
 
 
 @dataclass
 class ResultsReportConfig:
-    """Options of the verb `report-results`."""
+    """Flags of `results report`."""
 
-    # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
+    # A file, or a folder of files, that `policy benchmark` or `policy robustness` has written; for HTML also records that
+    # `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
-    output: Path = Path("outputs/results.html")  # the page, one file that opens without network
-    # Failed episodes filmed of each result, of different kinds first, and beside them one success; 0 films none.
-    films: int = 3
-    max_mb: float = 10.0  # films that would make the page larger are left out
-    workers: int = 0  # processes; 0 takes one per core
+    # md: a page of tables with a figure beside it; html: one file with figures and videos of failed episodes
+    format: Literal["md", "html"] = "md"
+    # The page; by default Markdown is printed, and HTML goes to outputs/results.html.
+    output: Path | None = None
+    # Folder of expert reports, of whose worlds the results must be; by default `certificates` beside RESULTS, if it exists.
+    expert_reports: Path | None = None
+    max_videos: int = 3  # videos in HTML: failed episodes of each result, of different kinds first
+    # Folder for the same results in the Hub's form, one file for `.eval_results/` of each model's repository.
+    hub_results: Path | None = None
+    benchmark_repo: str | None = None  # dataset repository of the benchmark on the Hub, ORGANISATION/NAME
+    workers: int = 0  # processes for HTML; 0 takes one per core
 
 
 def results_report(config: ResultsReportConfig) -> None:
-    """Write one HTML page of results, with figures and with films of failed episodes beside the expert's.
+    r"""Write a page of results: success of policies side by side, their robustness, or how they failed.
 
-    Of every file: success with its interval, how the checkpoint was trained and chosen, every episode, and of the failed
-    ones why they failed and who lost them, as `blame` finds it. Films are replays from the recorded actions, compared state
-    by state; no weights are needed. The page holds its figures and films itself and loads nothing from elsewhere.
+    As Markdown, results of `policy benchmark` become the table of success of all policies on all tasks, and results of
+    `policy robustness` the tables of what each condition costs each policy. The figure is written beside the page.
+
+    As HTML, results of `policy benchmark` and of `lerobot-eval` become one file that loads nothing from elsewhere, with
+    every episode, why failed ones failed, which arm lost them, and videos of them beside the expert's. Videos are replays
+    from the recorded actions, compared state by state; no weights are needed.
+
+    Every file is checked first, by itself and against the others; nothing is written if one is wrong.
 
     Examples:
         lerobot-bimanual results report --results=results/leaderboard
-        lerobot-bimanual results report --results=outputs/eval/lift_ball_test_record.json --output=lift_ball.html
-        lerobot-bimanual results report --results=results/leaderboard --films=10 --max_mb=50
+        lerobot-bimanual results report --results=results/leaderboard --output=docs/results.md
+        lerobot-bimanual results report --results=results/ladders --output=docs/robustness_results.md
+        lerobot-bimanual results report --results=results/leaderboard --format=html --output=outputs/results.html
+        lerobot-bimanual results report --results=results/leaderboard --hub_results=outputs/eval_results \
+            --benchmark_repo=me/bimanual
     """
+    from lerobot_bimanual.cli import show_next
+    from lerobot_bimanual.output_file import check_output_file, check_output_folder
+
+    check_range("max_videos", config.max_videos, 0)
+    if config.output is not None:
+        check_output_file(config.output)
+    if config.hub_results is not None:
+        if config.benchmark_repo is None or config.benchmark_repo.count("/") != 1:
+            raise InvalidChoice(
+                "benchmark_repo", config.benchmark_repo, "ORGANISATION/NAME, which --hub_results needs"
+            )
+        check_output_folder(config.hub_results)
+    if config.format == "html":
+        _write_html(config)
+    else:
+        _write_markdown(config)
+    if config.hub_results is not None and config.benchmark_repo is not None:
+        from lerobot_bimanual.reports.hub_results import write_hub_results
+
+        for path in write_hub_results(config.results, config.hub_results, config.benchmark_repo):
+            print(path)
+    if config.output is not None or config.format == "html":
+        show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")
+
+
+def _write_markdown(config: ResultsReportConfig) -> None:
+    from lerobot_bimanual.pages import write_page
+
+    figure = None if config.output is None else config.output.with_suffix(".png")
+    page, chart = _markdown(config, None if figure is None else quote(figure.name))
+    write_page(page, config.output)
+    if figure is not None:
+        chart.save(figure)
+        print(f"page   {config.output}\nfigure {figure}")
+
+
+def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart]:
+    """The page, and the figure to which it links."""
+    from lerobot_bimanual.ladder.result import LadderResult, is_ladder
+    from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+    from lerobot_bimanual.reports.robustness_figures import heat_map
+    from lerobot_bimanual.reports.robustness_page import robustness_page
+    from lerobot_bimanual.reports.success_figure import success_figure
+
+    place = config.results
+    paths = sorted(place.glob("*.json")) if place.is_dir() else [place]
+    if paths and is_ladder(paths[0]):
+        results = {path.stem: LadderResult.read(path) for path in paths}
+        return robustness_page(results, link), heat_map(results)
+    rows = read_rows(place)
+    return benchmark_page(rows, place, config.expert_reports, link), success_figure([*rows.values()])
+
+
+def _write_html(config: ResultsReportConfig) -> None:
     from lerobot_bimanual.benchmark.likeness import check_likeness
-    from lerobot_bimanual.output_file import check_output_file, write_file
-    from lerobot_env_bimanual.audit.blaming import blames_of
+    from lerobot_bimanual.output_file import write_file
     from lerobot_env_bimanual.audit.result_files import Result, result_files
-    from lerobot_env_bimanual.reports.results_page import Section, results_page
+    from lerobot_env_bimanual.reports.results_page import results_page, sections_of
     from lerobot_env_bimanual.workers import WorkerPool
 
-    check_range("films", config.films, 0)
-    if not config.max_mb > 0:
-        raise InvalidChoice("max_mb", config.max_mb, "a number of megabytes above 0")
-    check_output_file(config.output)
     results = [Result.read(path) for path in result_files(config.results)]
     for result in results:
         result.check_world()
     check_likeness({result.path: result.row for result in results if result.row is not None})
     with WorkerPool(config.workers) as pool:
-        sections = []
-        for result in results:
-            failed = [episode for episode in result.record.episodes if not episode.success]
-            blames = blames_of(result.record, failed, pool) if failed else []
-            sections.append(Section(result, {blame.seed: blame for blame in blames}))
-        room = config.max_mb * 1e6 - len(results_page(sections).encode())
-        sections = _filmed(sections, config.films, room, pool)
-    page = results_page(sections)
-    write_file(config.output, page)
-    count, left_out = (
-        sum(counts) for counts in zip(*((len(s.films), s.left_out) for s in sections), strict=True)
-    )
-    print(f"{config.output}: {len(results)} results, {count} films, {len(page.encode()) / 1e6:.1f} MB")
-    if left_out:
-        print(f"{left_out} films had no room; a larger --max_mb takes them in")
-
-
-def _filmed(sections: Sequence[Section], films: int, room: float, pool: WorkerPool) -> list[Section]:
-    """The sections with films, as many as there is room for; each section's first ones come first."""
-    from dataclasses import replace
-
-    from lerobot_env_bimanual.reports.results_page import film_size
-
-    orders = [order for _, order in sorted(_orders(sections, films), key=lambda ranked: ranked[0])]
-    taken: list[list[Film]] = [[] for _ in sections]
-    left_out: Counter[int] = Counter()
-    if orders:
-        made = pool.map(
-            _film, orders, "films", "film", name=lambda order: f"{order[1]}, seed {order[3].seed}"
-        )
-        for order, film in zip(orders, made, strict=True):
-            room -= film_size(film)
-            if room < 0:
-                room += film_size(film)
-                left_out[order[0]] += 1
-            else:
-                taken[order[0]].append(film)
-    return [
-        replace(section, films=sorted(taken[index], key=lambda film: film.success), left_out=left_out[index])
-        for index, section in enumerate(sections)
-    ]
-
-
-def _orders(sections: Sequence[Section], films: int) -> Iterator[tuple[tuple[float, int], FilmOrder]]:
-    """Films to make, each with its rank: one failure of every section, then one success, then further failures."""
-    for index, section in enumerate(sections):
-        record = section.result.record
-        solved = [episode for episode in record.episodes if episode.success][: min(1, films)]
-        ranked = [*enumerate(_of_different_kinds(section)[:films]), *((0.5, episode) for episode in solved)]
-        for rank, episode in ranked:
-            yield (rank, index), (index, record.task, record.options, episode, section.who)
-
-
-def _of_different_kinds(section: Section) -> list[PlayedEpisode]:
-    """Failed episodes, in turns of each class of failure."""
-    seen: Counter[str] = Counter()
-    ranked = []
-    for seed, blame in section.blames.items():
-        ranked.append((seen[blame.failure_class], seed))
-        seen[blame.failure_class] += 1
-    return [section.episode(seed) for _, seed in sorted(ranked)]
-
-
-def _film(order: FilmOrder) -> Film:
-    from lerobot_env_bimanual.pictures.episode_film import film_episode
-
-    _, task, options, episode, who = order
-    return film_episode(task, options, episode, who)
+        sections = sections_of(results, config.max_videos, pool)
+    page, output = results_page(sections), config.output or Path("outputs/results.html")
+    write_file(output, page)
+    videos = sum(len(section.films) for section in sections)
+    print(f"{output}: {len(results)} results, {videos} videos, {len(page.encode()) / 1e6:.1f} MB")

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.output_file import write_file
-from lerobot_bimanual.terminal_table import print_table
+from lerobot_bimanual.tables import print_table
 from lerobot_env_bimanual.experts.control_names import EXPERTS
 from lerobot_env_bimanual.experts.criteria import complaints, rates
 from lerobot_env_bimanual.experts.outcome import Outcome

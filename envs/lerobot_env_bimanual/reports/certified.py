@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import shown
-from lerobot_bimanual.markdown_table import MarkdownTable
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.experts.control_names import CONTROLS
 from lerobot_env_bimanual.experts.instruction_scripts import chance
@@ -119,7 +120,7 @@ class Certified:
         return SuccessRate(sum(row["successes"] for row in rows), sum(row["trials"] for row in rows))
 
 
-def success_table(certified: Certified) -> MarkdownTable:
+def success_table(certified: Certified) -> pd.DataFrame:
     """Experts and controls, successes of trials per task."""
     headings = (
         "task",
@@ -134,7 +135,7 @@ def success_table(certified: Certified) -> MarkdownTable:
     for task in certified.tasks:
         cells = [_cell(certified.rate(name, task)) for name in PLAYERS]
         rows.append((f"`{task}`", *cells, _unread(certified, task)))
-    return MarkdownTable(headings, rows)
+    return pd.DataFrame(rows, columns=[*headings])
 
 
 def _unread(certified: Certified, task: str) -> str:
@@ -146,7 +147,7 @@ def _cell(rate: SuccessRate | None) -> str:
     return NOT_MEASURED if rate is None else f"{rate.successes}/{rate.trials}"
 
 
-def evidence_table(certified: Certified) -> MarkdownTable:
+def evidence_table(certified: Certified) -> pd.DataFrame:
     """What else was found out about the exact expert's episodes."""
     headings = (
         "task",
@@ -175,10 +176,10 @@ def evidence_table(certified: Certified) -> MarkdownTable:
                 f"{_acceptance(variations):.0%}",
             )
         )
-    return MarkdownTable(headings, rows)
+    return pd.DataFrame(rows, columns=[*headings])
 
 
-def paper_table(certified: Certified) -> MarkdownTable:
+def paper_table(certified: Certified) -> pd.DataFrame:
     """Variations, items, keyframes, duration and oracle, here and in the paper."""
     headings = ("task", "variations", "items", "keyframes", "duration", "oracle of the original")
     rows = []
@@ -198,10 +199,10 @@ def paper_table(certified: Certified) -> MarkdownTable:
             )
         )
     rows.append(("all", sum(row[1] for row in rows), "", "", "", f"{ORIGINAL_ORACLE_MEAN:.1%}"))
-    return MarkdownTable(headings, rows)
+    return pd.DataFrame(rows, columns=[*headings])
 
 
-def strain_table(certified: Certified) -> MarkdownTable:
+def strain_table(certified: Certified) -> pd.DataFrame:
     """The peaks of the experts' episodes beside their bounds."""
     headings = (
         "task",
@@ -225,7 +226,7 @@ def strain_table(certified: Certified) -> MarkdownTable:
             rows.append(
                 (f"*at most in `{task}`*", *_strain_cells(Strain(**BOUNDS | dict(own), penetrating="")), "")
             )
-    return MarkdownTable(headings, rows)
+    return pd.DataFrame(rows, columns=[*headings])
 
 
 def excess_sentence(certified: Certified) -> str:

@@ -1,4 +1,4 @@
-"""One page of documentation per task: what it is, from the registry, and what was measured of it, from certificates."""
+"""One page of documentation per task: what it is, from the registry, and what was measured of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import importlib
 import inspect
 from functools import cached_property
 
-from lerobot_bimanual.markdown_table import MarkdownTable, markdown_table
+import pandas as pd
+
+from lerobot_bimanual.pages import render
 from lerobot_env_bimanual.reports.certified import (
     Certified,
     evidence_table,
@@ -14,128 +16,60 @@ from lerobot_env_bimanual.reports.certified import (
     strain_table,
     success_table,
 )
-from lerobot_env_bimanual.reports.visibility import Visibility, targets_table
 from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.tasks.registry import get_task, gym_id
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
-PAGE = """\
-# {name}
-
-{summary}
-
-{pictures}
-{facts}
-
-## Instructions
-
-Every episode draws a variation and one of its sentences.
-
-{instructions}
-
-## Success
-
-An episode is solved when all of these have held for half a second.{variation}
-
-{success}
-
-## What it asks for, and where it departs from the paper's
-
-{about}
-
-## Policies
-
-{policies}
-
-## Certificate of the expert and its controls
-
-What each line means stands in [the tasks, measured](../tasks.md).
-
-{certificate}
-
-One arm alone plays as cunningly as we know how: it knows the scene's state and may try its ways in a copy of the episode.
-
-### What else was found out about the expert's episodes
-
-{evidence}
-
-### What is asked of the arms
-
-{strain}
-
-### Beside the paper
-
-In brackets the paper's figures.
-
-{paper}
-
-### What the cameras see
-
-{visibility}
-"""
-
 
 class TaskPages:
-    """The pages of all certified tasks."""
+    """The pages of all certified tasks.
 
-    def __init__(self, certified: Certified, visibility: Visibility):
-        """Keep what is measured.
+    Args:
+        certified: certificates of the experts and baselines.
+    """
 
-        Args:
-            certified: of the experts and controls.
-            visibility: what the cameras see.
-        """
+    def __init__(self, certified: Certified):
         self.tasks = certified.tasks
-        self._certified, self._visibility = certified, visibility
+        self._certified = certified
 
     def page(self, task: str, pictures: str, policies: str) -> str:
         """The page of one task.
 
         Args:
             task: its name.
-            pictures: Markdown of its film and pictures.
+            pictures: Markdown of its video and pictures.
             policies: Markdown about the policies that were scored on it.
         """
-        spec, row = get_task(task).spec, f"`{task}`"
-        summary, about = _about(task)
-        tables = self._tables
-        bounds = ("*at most*", f"*at most in {row}*")
-        return PAGE.format(
-            name=task,
+        spec = get_task(task).spec
+        module = importlib.import_module(type(get_task(task)).__module__)
+        summary, _, about = (inspect.getdoc(module) or "").partition("\n\n")
+        sentences = [(each.index, "; ".join(spec.instructions_for(each))) for each in spec.variations]
+        return render(
+            "lerobot_env_bimanual.reports",
+            "task.md",
+            task=spec,
+            row=f"`{task}`",
             summary=summary,
             about=about,
             pictures=pictures,
             policies=policies,
             facts=_facts(spec),
-            instructions=_instructions(spec),
-            variation=" Those of the first variation:" if len(spec.variations) > 1 else "",
+            instructions=pd.DataFrame(sentences, columns=["variation", "sentences"]),
             success=_success(task),
-            certificate=tables["success"].upright(row),
-            evidence=tables["evidence"].upright(row),
-            strain=tables["strain"].upright(row, *bounds),
-            paper=tables["paper"].upright(row),
-            visibility=tables["visibility"].upright(row),
+            **self._tables,
         )
 
     @cached_property
-    def _tables(self) -> dict[str, MarkdownTable]:
+    def _tables(self) -> dict[str, pd.DataFrame]:
         return {
-            "success": success_table(self._certified),
+            "rates": success_table(self._certified),
             "evidence": evidence_table(self._certified),
-            "strain": strain_table(self._certified),
+            "loads": strain_table(self._certified),
             "paper": paper_table(self._certified),
-            "visibility": targets_table(self._visibility),
         }
 
 
-def _about(task: str) -> tuple[str, str]:
-    """The first sentence of the task's file, and the paragraphs that follow it."""
-    module = importlib.import_module(type(get_task(task)).__module__)
-    summary, _, about = (inspect.getdoc(module) or "").partition("\n\n")
-    return summary, about
-
-
-def _facts(spec: TaskSpec) -> str:
+def _facts(spec: TaskSpec) -> pd.DataFrame:
     facts = {
         "Gymnasium": f"`{gym_id(spec.name)}`",
         "LeRobot": f"`--env.type=bimanual --env.task={spec.name}`",
@@ -144,16 +78,11 @@ def _facts(spec: TaskSpec) -> str:
         "ends after": f"{spec.horizon_ticks} ticks, {spec.horizon_ticks * TICK_S:g} s",
         "one arm alone": "cannot do it, the paper says" if spec.needs_both_arms else "may do it",
     }
-    return markdown_table(("fact", "value"), list(facts.items()), of_words=True)
+    return pd.DataFrame([*facts.items()], columns=["fact", "value"])
 
 
-def _instructions(spec: TaskSpec) -> str:
-    rows = [(variation.index, "; ".join(spec.instructions_for(variation))) for variation in spec.variations]
-    return markdown_table(("variation", "sentences"), rows, of_words=True)
-
-
-def _success(task: str) -> str:
+def _success(task: str) -> pd.DataFrame:
     """Each condition's name, and what its class says of itself."""
     conditions = get_task(task).conditions(get_task(task).spec.variations[0])
     rows = [(f"`{each.name}`", (inspect.getdoc(type(each)) or "").partition("\n")[0]) for each in conditions]
-    return markdown_table(("condition", "holds if"), rows, of_words=True)
+    return pd.DataFrame(rows, columns=["condition", "holds if"])

@@ -1,0 +1,64 @@
+"""Pages that are written from results by templates, and their tables."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lerobot_bimanual.output_file import write_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def render(package: str, template: str, **values: object) -> str:
+    """Fill in a template; data frames become Markdown tables by the filter `table`.
+
+    Args:
+        package: the Python package that holds the folder `templates`.
+        template: name of the file; what is put into one that ends in `.html` is escaped, since names and sentences
+            may come from any file.
+        values: what the template names; a name without a value is an error.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+    environment = Environment(
+        loader=PackageLoader(package),
+        autoescape=select_autoescape(("html",)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"table": markdown_table, "upright": upright}
+    return environment.get_template(template).render(values)
+
+
+def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
+    """A Markdown table; the first column is aligned left, the others right, or left in a table of words."""
+    align = ["left", *["left" if words else "right"] * (len(frame.columns) - 1)]
+    return frame.to_markdown(index=False, disable_numparse=True, colalign=align)
+
+
+def upright(frame: pd.DataFrame, *names: str) -> str:
+    """Some rows of a table as columns of a Markdown table.
+
+    Args:
+        frame: the table.
+        names: first cells of the rows; the first one is the subject of the page, and its column bears no name.
+    """
+    shown = frame.set_index(frame.columns[0]).T[[name for name in names if name in set(frame.iloc[:, 0])]]
+    return markdown_table(shown.rename(columns={names[0]: "value"}).rename_axis("figure").reset_index())
+
+
+def write_page(page: str, output: Path | None) -> None:
+    """Write a page to a file, whose folder is made; print it if there is no file.
+
+    Raises:
+        UnwritableOutput: the file cannot be written.
+    """
+    if output is None:
+        sys.stdout.write(page)
+    else:
+        write_file(output, page)

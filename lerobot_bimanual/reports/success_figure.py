@@ -1,0 +1,125 @@
+"""Chart of many results: success of every policy on every task, beside the expert and the open-loop baseline."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+
+from matplotlib.axes import Axes
+
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.reports.charts import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    Chart,
+    new_figure,
+    styled,
+)
+from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
+
+STYLES = (("o", BLUE), ("s", VERMILION), ("D", GREEN), ("^", PURPLE), ("o", ORANGE))
+"""Markers and colours of policies in the order of their names, in turns; each line also bears its policy's name."""
+BASELINES = (("expert", "expert", "^", INK), ("blind", "open loop", "x", GREY))
+"""Key of the rate, label, marker and colour."""
+LINE_IN = 0.2
+EPISODES = "Line: 95 % Wilson interval, for which episodes were drawn."
+ONE_TRAINING = "Each policy was trained once, which does not say how far another training would be from it."
+TRAININGS = "Hollow: single trainings; filled: their mean. A policy without hollow marks was trained once."
+MAX_COUNTS = 3
+"""Trainings whose successes are written out beside their line."""
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A policy or baseline on one task: its success in each training."""
+
+    label: str
+    rates: tuple[SuccessRate, ...]
+    marker: str
+    color: str
+
+    @property
+    def mean(self) -> float:
+        return sum(rate.rate for rate in self.rates) / len(self.rates)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson interval of the mean, as if one policy of this rate had played the episodes that trainings share."""
+        trials = min(rate.trials for rate in self.rates)
+        return wilson_interval(self.mean * trials, trials)
+
+    @property
+    def counts(self) -> str:
+        trials = self.rates[0].trials
+        if len(self.rates) > MAX_COUNTS:
+            return f"{self.mean:.0%} of {trials}, {len(self.rates)} times"
+        return f"{', '.join(str(rate.successes) for rate in self.rates)} of {trials}"
+
+
+@styled
+def success_figure(rows: Sequence[ResultRow]) -> Chart:
+    """One group of lines per task: its policies, the expert and the open-loop baseline.
+
+    Args:
+        rows: comparable results.
+    """
+    groups = dict(_groups(rows))
+    lines = [line for group in groups.values() for line in group]
+    note = TRAININGS if any(len(line.rates) > 1 for line in lines) else ONE_TRAINING
+    figure = new_figure(
+        LINE_IN * (len(lines) + 1.6 * len(groups) + 4), "Success on unseen episodes", EPISODES, note
+    )
+    panel = figure.subplots()
+    y, labels = 0.0, {}
+    for task, group in groups.items():
+        labels[y] = (task, INK, "bold")
+        for line in group:
+            y += 1
+            labels[y] = (line.label, line.color, "normal")
+            _draw(panel, y, line)
+        y += 1.6
+    panel.set(xlim=(-0.02, 1.02), ylim=(y - 1, -0.6))
+    panel.set_yticks([*labels], [text for text, *_ in labels.values()])
+    for label, (_, color, weight) in zip(panel.get_yticklabels(), labels.values(), strict=True):
+        label.set(color=color, fontweight=weight)
+    panel.xaxis.set_major_formatter("{x:.0%}")
+    panel.grid(axis="x")
+    panel.spines[["left", "bottom"]].set_visible(False)
+    panel.tick_params(length=0)
+    said = ("; ".join(f"{line.label} {line.counts}" for line in group) for group in groups.values())
+    return Chart(
+        figure, "Successes. " + " ".join(f"{task}: {text}." for task, text in zip(groups, said, strict=True))
+    )
+
+
+def _groups(rows: Sequence[ResultRow]) -> Iterator[tuple[str, list[_Line]]]:
+    """Lines by task; trainings of a policy in the order of their seeds."""
+    styles = dict(zip(sorted({row.learner for row in rows}), cycle(STYLES), strict=False))
+    trained: defaultdict[str, defaultdict[str, list[ResultRow]]] = defaultdict(lambda: defaultdict(list))
+    for row in sorted(rows, key=lambda row: (row.place, row.learner, int(row.flags["seed"]))):
+        trained[row.place][row.learner].append(row)
+    for place, policies in trained.items():
+        lines = [
+            _Line(policy, tuple(row.rates["policy"] for row in trainings), *styles[policy])
+            for policy, trainings in policies.items()
+        ]
+        rates = next(iter(policies.values()))[0].rates
+        yield place, lines + [_Line(label, (rates[key],), *style) for key, label, *style in BASELINES]
+
+
+def _draw(panel: Axes, y: float, line: _Line) -> None:
+    low, high = line.interval
+    panel.hlines(y, low, high, line.color, linewidth=1.8)
+    panel.plot(line.mean, y, line.marker, color=line.color, markersize=5, clip_on=False)
+    if len(line.rates) > 1:
+        above = [y - 0.38] * len(line.rates)
+        shares = [rate.rate for rate in line.rates]
+        panel.plot(
+            shares, above, line.marker, color=line.color, fillstyle="none", markersize=3, clip_on=False
+        )
+    panel.text(1.04, y, line.counts, color=line.color, va="center", fontsize=8)

@@ -1,0 +1,108 @@
+"""Charts show the numbers of the results, say them in words, and can be read without colours."""
+
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+from made_up_ladders import LADDER, ladder, rung
+from made_up_rows import played, recorded, row_of
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from lerobot_bimanual.benchmark.pairing import Comparison
+from lerobot_bimanual.benchmark.results import ResultRow
+from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.reports.charts import INK, Chart, check_chart_file
+from lerobot_bimanual.reports.difference_figure import difference_figure
+from lerobot_bimanual.reports.robustness_figures import heat_map, sweep_figure
+from lerobot_bimanual.reports.success_figure import STYLES, success_figure
+from lerobot_bimanual.results.statistics import wilson_interval
+
+
+def trained(policy: str, outcomes: str, seed: int = 1, task: str = "lift_ball") -> ResultRow:
+    row = row_of(policy, task)
+    flags = row.flags | {"seed": str(seed)}
+    count = len(outcomes)
+    beside = {"expert": played("x" * count), "blind": played("x" + "." * (count - 1))}
+    return replace(row, flags=flags, episodes=recorded(outcomes), checkpoint_sha256=f"{seed:064x}", **beside)
+
+
+def points(chart: Chart) -> list[list[float]]:
+    """Horizontal places of all markers of the first panel, line by line."""
+    return [list(map(float, line.get_xdata())) for line in chart.figure.axes[0].get_lines()]
+
+
+def test_the_line_of_a_policy_is_the_interval_of_its_episodes_and_its_marker_the_rate():
+    chart = success_figure([trained("mine", "xx..")])
+    (ends,) = chart.figure.axes[0].collections[0].get_segments()
+    assert ends[:, 0] == pytest.approx(wilson_interval(2, 4))
+    assert points(chart) == [[0.5], [1.0], [0.25]]
+
+
+def test_single_trainings_are_drawn_beside_their_mean():
+    chart = success_figure([trained("mine", "xxxx", 1), trained("mine", "....", 2)])
+    assert points(chart)[:2] == [[0.5], [1.0, 0.0]]
+
+
+def test_policies_differ_in_their_markers_or_in_brightness():
+    brightness = {color: sum(map(float.__mul__, to_rgb(color), (0.299, 0.587, 0.114))) for _, color in STYLES}
+    for (marker, color), (other_marker, other) in combinations(STYLES, 2):
+        assert marker != other_marker or abs(brightness[color] - brightness[other]) > 0.15
+
+
+def test_a_difference_is_drawn_with_its_errors_and_filled_if_it_is_significant():
+    many = {
+        "surely": Comparison((trained("mine", "x" * 20),), (trained("other", "." * 20),)),
+        "perhaps": Comparison((trained("mine", "xxx."),), (trained("other", "x..x"),)),
+    }
+    markers = [
+        line for line in difference_figure(many).figure.axes[0].get_lines() if line.get_marker() == "o"
+    ]
+    assert [line.get_xdata()[0] for line in markers] == [1.0, 0.25]
+    assert [line.get_markerfacecolor() == "white" for line in markers] == [False, True]
+
+
+def test_a_heat_map_shows_the_mean_of_trainings_and_hatches_what_is_not_valid():
+    again = ladder(checkpoint_sha256="1f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:]))
+    panel = heat_map({"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": again}).figure.axes[0]
+    assert [text.get_text() for text in panel.texts] == ["80", "100", "80", "20", "90", "40", "0"]
+    assert len(panel.patches) == 1
+    assert panel.texts[3].get_color() != INK
+
+
+def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
+    harmless = tuple(replace(each, episodes=LADDER.level_0.episodes) for each in LADDER.rungs)
+    marked = [
+        [line.get_xdata()[0] for line in panel.get_lines() if line.get_marker() == "D"]
+        for result in (LADDER, ladder(rungs=harmless))
+        for panel in sweep_figure(result).figure.axes[:2]
+    ]
+    assert marked == [[], [3], [], []]
+    assert sweep_figure(ladder(axes=(), rungs=LADDER.rungs[:1])).png()
+
+
+def test_charts_say_in_words_what_they_show(snapshot):
+    twice = Comparison(
+        (trained("mine", "xxxx", 1), trained("mine", "xx..", 2)),
+        (trained("other", "x...", 1), trained("other", "....", 2)),
+    )
+    charts = {
+        "success": success_figure([trained("mine", "xx..", seed) for seed in range(5)]),
+        "difference": difference_figure({"lift_ball": twice}),
+        "heat map": heat_map({"a": LADDER, "b": ladder(policy="yours", task="push_box")}),
+        "sweep": sweep_figure(LADDER),
+    }
+    assert {name: chart.description for name, chart in charts.items()} == snapshot
+
+
+def test_a_saved_chart_holds_its_description(tmp_path: Path):
+    chart = success_figure([trained("mine", "xx.."), trained("mine", "xx..", task="a" * 50)])
+    chart.save(tmp_path / "chart.png")
+    with Image.open(tmp_path / "chart.png") as image:
+        assert image.info["Description"] == chart.description
+
+
+def test_a_chart_under_the_name_of_another_kind_of_file_is_refused(tmp_path: Path):
+    with pytest.raises(InvalidChoice, match=r"figure is '.*all\.pdf', but must be .*ends in \.png"):
+        check_chart_file(tmp_path / "all.pdf")

@@ -1,0 +1,122 @@
+"""Pages of results: what does not belong together is refused, and the tables are those of the results."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from huggingface_hub import parse_eval_result_entries
+from made_up_ladders import CERTIFICATE, LADDER, ladder, rung
+from made_up_rows import ROW, played, put, recorded, row_of
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
+from lerobot_bimanual.reports.hub_results import write_hub_results
+from lerobot_bimanual.reports.robustness_page import robustness_page
+
+
+@pytest.fixture
+def results(tmp_path: Path, install_recipe) -> Path:
+    """Three of the four results of two policies on two tasks."""
+    folder = tmp_path / "results"
+    folder.mkdir()
+    for policy in ("mine", "other"):
+        install_recipe(policy)
+    for policy, task in (("mine", "lift_ball"), ("other", "lift_ball"), ("mine", "push_box")):
+        put(folder, row_of(policy, task))
+    return folder
+
+
+def another_training(results: Path, **changes) -> Path:
+    row = row_of("mine", "lift_ball")
+    flags = row.flags | {"seed": "7"} | changes.pop("flags", {})
+    return put(results, replace(row, **{"flags": flags, "checkpoint_sha256": "1f" * 32} | changes))
+
+
+def page_of(results: Path, **options) -> str:
+    page = benchmark_page(read_rows(results), results, **options)
+    return page.replace(results.as_posix(), "RESULTS")
+
+
+def test_a_page_of_benchmarks_has_a_line_per_task_and_a_column_per_policy(results: Path, snapshot):
+    another_training(results, episodes=recorded("xxxx"))
+    put(results, row_of("theirs", "lift_ball"))  # which is not installed
+    assert page_of(results, figure="results.png") == snapshot
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"recipe": "paper"}, "recipe"),
+        ({"world": "ba9876543210"}, "world of lift_ball"),
+        ({"expert": played("xxx.")}, "expert on lift_ball"),
+        ({"blind": played("....")}, "blind on lift_ball"),
+    ],
+)
+def test_results_that_are_not_comparable_are_refused(changes, message, results: Path):
+    put(results, row_of("mine", "lift_ball", **changes))
+    with pytest.raises(BimanualError, match=rf"lift_ball_.*json: {message}"):
+        page_of(results)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"flags": {"log_freq": "9"}}, "log_freq"),
+        ({"checkpoint_sha256": ROW.checkpoint_sha256}, "it has the weights of .*seed1000.json"),
+        ({"options": ROW.options | {"max_keyposes": "40"}}, "max_keyposes"),
+    ],
+)
+def test_trainings_that_cannot_share_a_cell_are_refused(changes, message, results: Path):
+    another_training(results, **changes)
+    with pytest.raises(BimanualError, match=rf"lift_ball_mine_small_seed.*json: .*{message}"):
+        page_of(results)
+
+
+def test_a_folder_without_results_and_a_result_under_another_name_are_refused(results: Path, tmp_path: Path):
+    with pytest.raises(BimanualError, match="holds no results; `lerobot-bimanual policy benchmark` writes"):
+        read_rows(tmp_path)
+    (results / "lift_ball_mine_small_seed1000.json").rename(results / "better.json")
+    with pytest.raises(BimanualError, match=r"better\.json: .*must be named lift_ball_mine_small"):
+        read_rows(results)
+
+
+def test_results_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
+    files = write_hub_results(results, tmp_path / "hub", "me/bimanual")
+    assert [file.stem for file in files] == [path.stem for path in sorted(results.glob("*.json"))]
+    (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
+    assert (entry.dataset_id, entry.task_id, entry.value, entry.date) == (
+        "me/bimanual",
+        "lift_ball",
+        50.0,
+        "2026-01-31",
+    )
+    assert "2 of 4 unseen episodes" in (entry.notes or "")
+
+
+def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
+    again = ladder(
+        checkpoint_sha256="1f" * 32,
+        rungs=(LADDER.level_0, rung("camera_moved", 1, "xxxxx....."), *LADDER.rungs[2:]),
+    )
+    worse = ladder(checkpoint_sha256="2f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:]))
+    results = {
+        "lift_ball_mine": LADDER,
+        "lift_ball_mine_seed2000": again,
+        "lift_ball_mine_seed3000": again,  # the same weights are no further training
+        "lift_ball_yours": worse,
+        "lift_ball_yours_seed7": replace(worse, checkpoint_sha256="3f" * 32),
+        "push_box_mine": ladder(task="push_box"),
+    }
+    assert robustness_page(results, "map.png") == snapshot
+
+
+def test_a_page_of_one_robustness_result_has_no_tables_of_several():
+    page = robustness_page({"lift_ball_mine": LADDER})
+    assert "## All tasks" not in page
+    assert "## Trainings" not in page
+
+
+def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):
+    assert expert_robustness_page({"lift_ball": CERTIFICATE}) == snapshot

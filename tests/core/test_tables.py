@@ -1,0 +1,24 @@
+"""Tables in the terminal cut no word, however narrow it is."""
+
+import pytest
+
+from lerobot_bimanual.tables import print_table
+
+HEADINGS = ("task", "first policy", "second policy")
+ROWS = [("take_tray_out_of_oven", "48 of 50 (86% to 99%)", "a reason in many words"), ("lift_ball", 1, "")]
+
+
+@pytest.mark.parametrize("columns", [80, 60, 30])
+def test_a_table_is_as_wide_as_the_terminal_allows(columns, capsys, monkeypatch, snapshot):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_table(HEADINGS, ROWS, "a title of several words")
+    printed = capsys.readouterr().out
+    assert {word for row in ROWS for cell in row for word in str(cell).split()} <= set(printed.split())
+    assert printed == snapshot
+
+
+def test_a_file_has_no_width(capsys, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr("sys.__stdout__", None)
+    print_table(HEADINGS, [("x" * 300, "y" * 300, "z" * 300)])
+    assert len(capsys.readouterr().out.splitlines()) == 2
