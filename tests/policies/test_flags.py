@@ -12,7 +12,7 @@ from lerobot.configs.parser import print_scoped_help
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.policies.factory import get_policy_class
 
-from lerobot_policy_bimanual.nn.attention import Attention, FeedForward
+from lerobot_policy_bimanual.nn.layers import Attention, FeedForward
 
 
 def test_every_flag_of_a_policy_has_a_help_text(policy_type):

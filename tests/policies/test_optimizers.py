@@ -5,8 +5,7 @@ import torch
 from lerobot.optim import OptimizerConfig
 from lerobot.optim.optimizers import AdamWConfig, load_optimizer_state, save_optimizer_state
 
-from lerobot_policy_bimanual.keypose.fused_adamw import FusedAdamWConfig
-from lerobot_policy_bimanual.keypose.lamb import LambConfig
+from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
 
 def written_out_lamb(weight: np.ndarray, gradients: list[np.ndarray], config: LambConfig) -> np.ndarray:

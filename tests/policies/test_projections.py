@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from lerobot_policy_bimanual.peract.projections import ProjectionConv2d
+from lerobot_policy_bimanual.peract.factorised_head import ProjectionConv2d
 
 
 @pytest.mark.parametrize(("dilations", "reach"), [((), 1), ((3,), 4), ((3, 9), 13)])

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from lerobot_policy_bimanual.nn.activation import LEAK
+from lerobot_policy_bimanual.nn.layers import LEAK
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.stem_reading import StemReading
 

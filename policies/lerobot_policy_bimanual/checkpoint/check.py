@@ -1,51 +1,68 @@
-"""Look at a whole checkpoint without running anything that it names."""
+"""Check a checkpoint without running anything that it names.
 
+LeRobot's loader calls whatever class a processor file names. So the files are read as data first: the policy type and
+the processor steps must be registered by LeRobot or by this package, and the weights must be safetensors.
+"""
+
+import importlib
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import Any
 
+import draccus
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.processor import ProcessorStepRegistry
 from torch import Tensor
 
+import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
 from lerobot_bimanual.errors import BimanualError
-from lerobot_policy_bimanual.checkpoint.config_file import read_config
-from lerobot_policy_bimanual.checkpoint.processors import (
-    POSTPROCESSOR,
-    PREPROCESSOR,
-    check_processors,
-    register_steps_of,
-)
+from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.weights import WeightCount, check_weights
+from lerobot_policy_bimanual.keypose.weights import check_weights
 
+MAX_JSON_BYTES = 2**24
+KNOWN_PACKAGES = ("lerobot", "lerobot_policy_bimanual")
 WEIGHTS_FILE = "model.safetensors"
+PROCESSOR_FILES = ("policy_preprocessor.json", "policy_postprocessor.json")
+SUBTASK_STEP = {"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep", "config": {}}
+"""The one step that is allowed by class: registering it would make every plugin discovery import LeRobot's processors."""
 
 
 @dataclass(frozen=True)
 class CheckedCheckpoint:
-    """What a checkpoint holds, found out by reading.
+    """What a checkpoint holds.
 
     Attributes:
-        folder: where it is.
-        config: its config.
-        steps: names of processor steps by file.
-        weights: how many weights, of which kind.
+        config: the policy's config.
+        steps: names of the processor steps by file.
+        parameters: number of the weights.
     """
 
-    folder: Path
     config: PreTrainedConfig
     steps: dict[str, list[str]]
-    weights: WeightCount
+    parameters: int
+
+    def __str__(self) -> str:
+        """Describe the checkpoint in a few lines."""
+        ours = isinstance(self.config, KeyposePolicyConfig)
+        fit = "of the shapes that the config says" if ours else "of shapes that were not checked"
+        lines = {
+            "policy": self.config.type,
+            "weights": f"{self.parameters:,} numbers, finite, {fit}",
+            "inputs": ", ".join(self.config.input_features or ()) or "those of the dataset",
+        }
+        lines |= {file.removesuffix(".json"): ", ".join(steps) for file, steps in self.steps.items()}
+        return "\n".join(f"{what:<22}{text}" for what, text in lines.items())
 
 
 def check_checkpoint(folder: Path) -> CheckedCheckpoint:
-    """Check the config, the processors and the weights of a checkpoint, one of ours or of LeRobot's own policies.
+    """Check the config, the processors and the weights of a checkpoint of this package or of LeRobot.
 
-    For ours the weights must be those of the network that the config describes. For LeRobot's own policies that is not
-    checked, as it would mean to build them.
+    The weights of a policy of this package must fit the network of the config. A policy of LeRobot is not built.
 
     Args:
         folder: a folder `pretrained_model`.
@@ -54,38 +71,97 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
         CheckpointError: something is missing, damaged, unknown or does not fit.
     """
     config = read_config(folder)
-    if isinstance(config, KeyposePolicyConfig):
-        try:
-            expected = _expected_weights(config)
-        except BimanualError as error:
-            raise CheckpointError(f"{folder}: {error}") from error
-        steps = check_processors(folder, _own_steps(config))
-        return CheckedCheckpoint(folder, config, steps, check_weights(folder / WEIGHTS_FILE, expected))
     try:
-        register_steps_of(config)
+        if not isinstance(config, KeyposePolicyConfig):
+            importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
+            steps = {file: _step_names(folder / file) for file in PROCESSOR_FILES}
+            return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE))
+        steps = {file: _step_names(folder / file) for file in PROCESSOR_FILES}
+        for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
+            expected = [step["registry_name"] for step in own.get_config()["steps"]]
+            if names != expected:
+                raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {expected}")
+        return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, _weights_of(config)))
     except ImportError as error:
-        raise CheckpointError(
-            f"LeRobot's policy {config.type} is not installed completely: {error}"
-        ) from error
-    steps = check_processors(folder, None)
-    return CheckedCheckpoint(folder, config, steps, check_weights(folder / WEIGHTS_FILE))
+        raise CheckpointError(f"LeRobot's policy {config.type} is not fully installed: {error}") from error
 
 
-def _expected_weights(config: KeyposePolicyConfig) -> dict[str, Tensor]:
+def read_config(folder: Path) -> PreTrainedConfig:
+    """Read the config of a folder `pretrained_model`; nothing is built from it.
+
+    Raises:
+        CheckpointError: there is no config, its policy is not known, or a field is unknown, of another type or out of
+            its range.
+    """
+    require_checkpoint(folder)
+    file = folder / CONFIG_FILE
+    values = _read_object(file)
+    known = {
+        name: kind
+        for name, kind in PreTrainedConfig.get_known_choices().items()
+        if kind.__module__.partition(".")[0] in KNOWN_PACKAGES
+    }
+    kind = known.get(str(values.pop("type", None)))
+    if kind is None:
+        raise CheckpointError(f"{file} names no known policy type; known are {', '.join(sorted(known))}")
+    try:
+        config = draccus.decode(kind, values)
+        if isinstance(config, KeyposePolicyConfig):
+            config.validate_features()
+    except Exception as error:  # draccus and the configs raise many kinds
+        raise CheckpointError(f"{file}: {' '.join(str(error.__cause__ or error).split())}") from error
+    if config.use_peft:
+        raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
+    return config
+
+
+def _read_object(file: Path) -> dict[str, Any]:
+    if not file.is_file():
+        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
+    if file.stat().st_size > MAX_JSON_BYTES:
+        raise CheckpointError(f"{file} is larger than {MAX_JSON_BYTES >> 20} MB")
+    try:
+        value = json.loads(file.read_bytes())
+    except (ValueError, RecursionError) as error:
+        raise CheckpointError(f"{file} must be JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise CheckpointError(f"{file} holds a {type(value).__name__}, but must hold an object")
+    return value
+
+
+def _step_names(file: Path) -> list[str]:
+    """Names of the steps of a processor file, all of them allowed; the tensors that they name are checked, too."""
+    steps = _read_object(file).get("steps")
+    if not isinstance(steps, list) or not all(isinstance(step, dict) for step in steps):
+        raise CheckpointError(f"{file} has no list of steps")
+    for step in steps:
+        if step == SUBTASK_STEP:
+            continue
+        if "class" in step:
+            raise CheckpointError(
+                f"{file} names the class {step['class']!r}, which LeRobot's loader would call. Do not load this checkpoint"
+            )
+        name, state = str(step.get("registry_name")), step.get("state_file")
+        known = name in ProcessorStepRegistry.list() and ProcessorStepRegistry.get(name).__module__
+        if not known or known.partition(".")[0] != "lerobot":
+            raise CheckpointError(f"{file} names the step {name!r}, which LeRobot does not have")
+        if state is not None:
+            if Path(str(state)).name != state:
+                raise CheckpointError(
+                    f"{file} names the state file {state!r}, which is not in the same folder"
+                )
+            check_weights(file.parent / state)
+    return [step.get("registry_name", "SubtaskStep") for step in steps]
+
+
+def _weights_of(config: KeyposePolicyConfig) -> dict[str, Tensor]:
     """The weights of a policy by name, as tensors without memory."""
-    # A frozen language tower is not among the weights, and is not to be loaded to look at them.
+    # A frozen text tower is not among the weights, and must not be loaded here.
     stand_in = replace(config, language_encoder=LEARNED_LANGUAGE)
-    with torch.device("meta"):
-        weights = get_policy_class(config.type)(stand_in).state_dict()
+    try:
+        with torch.device("meta"):
+            weights = get_policy_class(config.type)(stand_in).state_dict()
+    except BimanualError as error:
+        raise CheckpointError(str(error)) from error
     learned = config.language_encoder == LEARNED_LANGUAGE
     return {name: weight for name, weight in weights.items() if learned or not name.startswith("language.")}
-
-
-def _own_steps(config: KeyposePolicyConfig) -> dict[str, list[dict]]:
-    """The steps that a policy of ours has by itself."""
-    return {
-        file: cast(list[dict], pipeline.get_config()["steps"])
-        for file, pipeline in zip(
-            (PREPROCESSOR, POSTPROCESSOR), make_pre_post_processors(config), strict=True
-        )
-    }

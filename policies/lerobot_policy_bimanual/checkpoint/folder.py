@@ -1,4 +1,4 @@
-"""Where a checkpoint lies, which can be told before LeRobot and torch are imported."""
+"""Find the folder of a checkpoint, without importing LeRobot and torch."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ from lerobot_policy_bimanual.errors import CheckpointError
 
 CONFIG_FILE = "config.json"
 BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
-"""Where the checkpoint lies in folders that are taken for it."""
+"""Paths of a checkpoint below the folders of a training that are given in its place."""
 
 
 def require_checkpoint(folder: Path) -> None:
     """Check that a folder is one that LeRobot saves policies in.
 
     Raises:
-        CheckpointError: it is not; the message names the folder that may be meant.
+        CheckpointError: the folder holds no checkpoint; the message names the folder that may be meant.
     """
     if (folder / CONFIG_FILE).is_file():
         return

@@ -29,8 +29,7 @@ from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, texts, whole
-from lerobot_policy_bimanual.keypose.fused_adamw import FusedAdamWConfig
-from lerobot_policy_bimanual.keypose.lamb import LambConfig
+from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
 DTYPES = ("float32", "bfloat16")
 DECODINGS = ("voxel", "expectation")
@@ -40,7 +39,7 @@ LEARNED_LANGUAGE = "learned"
 CLIP_PREFIX = "clip:"
 
 SCHEDULE_STEPS = 1_000_000
-"""LeRobot shrinks a longer schedule to the length of the training, which is what we want for any length."""
+"""LeRobot shrinks a longer schedule to the length of the training, so this fits any length."""
 
 
 @dataclass
@@ -69,8 +68,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     voxel_size: int = whole(100, 1, 512)
     # Width of the rotation bins in degrees; 5 makes 72 bins per axis.
     rotation_bin_deg: float = real(5.0, 0.5, 180)
-    # Tell the network how many keyposes were executed, as the paper does. Experts take a constant number of them, so it
-    # tells the stage; without, a policy must see it.
+    # Tell the network how many keyposes were executed, as the paper does. Experts take a constant number of keyposes, so
+    # the count tells the stage of the task.
     use_keypose_step: bool = flag(True)
     # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
     # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
@@ -80,14 +79,23 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/pitfalls.md).
     decode: str = choice("voxel", DECODINGS)
 
+    # Channels of the features of a voxel or pixel.
+    channels: int = whole(64, 1, 1024)
+    # Heads of the self-attentions.
+    heads: int = whole(8, 1, 128)
+    # Inner over outer width of the feed-forwards.
+    feedforward_multiplier: int = whole(4, 1, 16)
+    # Dropout of attention weights.
+    attention_dropout: float = real(0.1, 0, 0.9)
+
     # `learned`, trained with the policy, or `clip:<local path or hub id>` for the paper's frozen CLIP tokens.
     language_encoder: str = LEARNED_LANGUAGE
     # Tokens per instruction (CLIP: 77).
     language_tokens: int = whole(77, 1, 1024)
     # Width of a language token (CLIP: 512).
     language_dim: int = whole(512, 1, 8192)
-    # Let the instruction write filters of the first layer, so that a word can look for a colour or a height everywhere; a
-    # dense translation head has none (departure from the paper otherwise).
+    # Add language-conditioned filters to the first layer, which find a colour or a height anywhere (departure from the
+    # paper). A dense translation head has none.
     language_filters: bool = flag(False)
 
     # `bfloat16` runs the network under autocast. Geometry, softmax and losses stay in `float32`.
@@ -127,21 +135,16 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
         Raises:
             BadConfig: a value is of another type or out of its range, or values do not fit together.
-            InvalidChoice: a word is none of the choices.
+            InvalidChoice: a word is not among the choices.
             UnknownCamera: a camera does not exist.
         """
         super().__post_init__()
         check_fields(self)
         encoder = self.language_encoder
-        if not isinstance(encoder, str) or (
-            encoder != LEARNED_LANGUAGE and not encoder.startswith(CLIP_PREFIX)
-        ):
-            raise InvalidChoice(
-                "language_encoder", encoder, (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
-            )
-        if not isinstance(self.cameras, list | tuple) or not all(
-            isinstance(camera, str) for camera in self.cameras
-        ):
+        if encoder != LEARNED_LANGUAGE and not str(encoder).startswith(CLIP_PREFIX):
+            allowed = (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
+            raise InvalidChoice("language_encoder", encoder, allowed)
+        if not isinstance(self.cameras, list | tuple):
             raise BadConfig(f"cameras is {self.cameras!r}, but must be a list of names")
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
@@ -183,16 +186,15 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
     @property
     def vector_keys(self) -> tuple[str, ...]:
-        """Those of them that are no images."""
+        """The keys among `observation_keys` of vectors, not images."""
         step = (KEYPOSE_STEP,) if self.use_keypose_step else ()
         return (CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, *step)
 
     def validate_features(self) -> None:
         """Keep the inputs that the policy reads, and check that none is missing.
 
-        The label `observation.next_keypose` and unused cameras go, so that neither the environment nor a
-        user of the checkpoint is asked for them. `output_features` is left alone and never read: LeRobot fills
-        it with the environment's action, which is a joint action.
+        The label `observation.next_keypose` and unused cameras are removed, so that a checkpoint does not require them.
+        `output_features` is never read: LeRobot fills it with the environment's action, which is a joint action.
 
         Raises:
             SchemaMismatch: if inputs are listed but some are missing.
@@ -208,7 +210,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         self.input_features = {key: self.input_features[key] for key in self.observation_keys}
 
     def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
-        """The `keypose_horizon`, which is set by a dataset if it is not set.
+        """Return `keypose_horizon`, after setting it from a dataset's statistics if it is unset.
 
         The last row of an episode in the view `keyframes` has seen all its keyposes executed, so the largest step of
         the dataset is the number of keyposes of its longest episode.
@@ -217,7 +219,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
             dataset_stats: LeRobot's statistics of the dataset; None where there is none.
 
         Raises:
-            BadConfig: there is neither a horizon nor a dataset that tells one.
+            BadConfig: there is neither a horizon nor a dataset to take it from.
         """
         if self.keypose_horizon is None:
             largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))
@@ -231,17 +233,17 @@ class KeyposePolicyConfig(PreTrainedConfig):
         return self.keypose_horizon
 
     def remember_dataset(self, dataset_meta: Any) -> None:
-        """Keep what a training shows, so that a checkpoint can tell when it is shown something else.
+        """Store the instructions and image sizes of a training, so that a checkpoint can warn of others.
 
         Args:
-            dataset_meta: LeRobot's metadata of a dataset; its instructions and the sizes of its images are kept.
+            dataset_meta: LeRobot's metadata of the dataset.
         """
         tasks = dataset_meta.tasks
         self.trained_instructions = () if tasks is None else tuple(str(text) for text in tasks.index)
         try:
             check_fields(self)
         except BadConfig:
-            self.trained_instructions = ()  # so many, or such long ones, that nothing is unlike them
+            self.trained_instructions = ()  # too many or too long to be worth a warning
         for key, feature in dataset_to_policy_features(dataset_meta.features).items():
             if self.input_features and key in self.input_features:
                 self.input_features[key] = feature

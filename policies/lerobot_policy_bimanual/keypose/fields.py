@@ -1,6 +1,6 @@
-"""Config fields that know which values they may hold, so that a range stands once, beside its number.
+"""Config fields that know which values they may hold, so that a range is written once, beside the default.
 
-The ranges are wide. They keep out what cannot work, and what would fill a machine before anyone sees why.
+The ranges are wide. They exclude what cannot work, and sizes that would fill the memory of a machine.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,56 +12,52 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_policy_bimanual.errors import BadConfig
 
 CHECK = "check"
-"""Under which a field's metadata hold its check, which raises."""
-
-Check = Callable[[str, Any], None]
+"""Key of a field's check in its metadata."""
 
 
 def whole(default: int | None, low: int, high: int) -> Any:
-    """A whole number; None, too, if that is the default."""
-
-    def holds(value: Any) -> bool:
-        return (default is None and value is None) or _is_number(value, Integral, low, high)
-
+    """Make a field for a whole number, or None if that is the default."""
     unset = " or unset" if default is None else ""
-    return _field(default, holds, f"a whole number from {low} to {high}{unset}")
-
-
-def wholes(default: tuple[int, ...], low: int, high: int, most: int) -> Any:
-    """Up to so many whole numbers."""
-
-    def holds(values: Any) -> bool:
-        return _is_list(values, most) and all(_is_number(value, Integral, low, high) for value in values)
-
-    return _field(default, holds, f"a list of up to {most} whole numbers from {low} to {high}")
+    return _field(default, _within(Integral, low, high), f"a whole number from {low} to {high}{unset}")
 
 
 def real(default: float, low: float, high: float) -> Any:
-    """A number."""
-    return _field(default, lambda value: _is_number(value, Real, low, high), f"a number from {low} to {high}")
+    """Make a field for a number."""
+    return _field(default, _within(Real, low, high), f"a number from {low} to {high}")
+
+
+def wholes(default: tuple[int, ...], low: int, high: int, max_length: int) -> Any:
+    """Make a field for a list of whole numbers."""
+    allowed = f"a list of up to {max_length} whole numbers from {low} to {high}"
+    return _field(default, _within(Integral, low, high), allowed, range(max_length + 1))
 
 
 def reals(default: tuple[float, ...], low: float, high: float) -> Any:
-    """As many numbers as the default has."""
+    """Make a field for as many numbers as the default has."""
     count = len(default)
+    return _field(
+        default, _within(Real, low, high), f"{count} numbers from {low} to {high}", range(count, count + 1)
+    )
 
-    def holds(values: Any) -> bool:
-        return (
-            _is_list(values, count)
-            and len(values) == count
-            and all(_is_number(value, Real, low, high) for value in values)
-        )
 
-    return _field(default, holds, f"{count} numbers from {low} to {high}")
+def texts(max_length: int, max_characters: int) -> Any:
+    """Make a field for a list of texts, empty by default."""
+    allowed = f"a list of up to {max_length} texts of up to {max_characters} characters"
+    return _field(
+        (),
+        lambda text: isinstance(text, str) and len(text) <= max_characters,
+        allowed,
+        range(max_length + 1),
+    )
 
 
 def flag(default: bool) -> Any:
-    """True or false."""
+    """Make a field for true or false."""
     return _field(default, lambda value: isinstance(value, bool), "true or false")
 
 
 def choice(default: str, choices: Sequence[str]) -> Any:
-    """One of a few words."""
+    """Make a field for one of a few words."""
 
     def check(name: str, value: Any) -> None:
         if value not in choices:
@@ -70,23 +66,12 @@ def choice(default: str, choices: Sequence[str]) -> Any:
     return field(default=default, metadata={CHECK: check})
 
 
-def texts(most: int, longest: int) -> Any:
-    """Up to so many texts, none by default."""
-
-    def holds(values: Any) -> bool:
-        return _is_list(values, most) and all(
-            isinstance(value, str) and len(value) <= longest for value in values
-        )
-
-    return _field((), holds, f"a list of up to {most} texts of up to {longest} characters")
-
-
 def check_fields(config: Any) -> None:
     """Check every field that was made here.
 
     Raises:
-        BadConfig: a value is of another type, or out of its range.
-        InvalidChoice: a word is none of the choices.
+        BadConfig: a value has another type, or is out of its range.
+        InvalidChoice: a word is not among the choices.
     """
     for each in fields(config):
         if check := each.metadata.get(CHECK):
@@ -97,24 +82,26 @@ def require_multiple(config: Any, name: str, divisor: int, why: str) -> None:
     """Check that a field is a multiple.
 
     Raises:
-        BadConfig: it is not.
+        BadConfig: the field is not a multiple of the divisor.
     """
     value = getattr(config, name)
     if value < divisor or value % divisor:
         raise BadConfig(f"{name}={value} must be a multiple of {divisor}: {why}")
 
 
-def _field(default: Any, holds: Callable[[Any], bool], allowed: str) -> Any:
+def _field(
+    default: Any, holds: Callable[[Any], bool], allowed: str, lengths: Sequence[int] | None = None
+) -> Any:
+    """Make a field for one value, or for a list with one of `lengths`, of which `holds` is true."""
+
     def check(name: str, value: Any) -> None:
-        if not holds(value):
+        values = [value] if lengths is None else value
+        listed = isinstance(values, tuple | list) and (lengths is None or len(values) in lengths)
+        if not (value is default is None or (listed and all(map(holds, values)))):
             raise BadConfig(f"{name} is {value!r}, but must be {allowed}")
 
     return field(default=default, metadata={CHECK: check})
 
 
-def _is_number(value: Any, kind: type, low: float, high: float) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high
-
-
-def _is_list(values: Any, most: int) -> bool:
-    return isinstance(values, tuple | list) and len(values) <= most
+def _within(kind: type, low: float, high: float) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high

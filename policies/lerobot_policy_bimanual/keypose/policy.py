@@ -201,7 +201,7 @@ class KeyposePolicy(PreTrainedPolicy):
             batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
         if not self.training:
-            self._check_observation.look_at_points(observation.points, self.config.workspace)
+            self._check_observation.warn_if_empty(observation.points, self.config.workspace)
         return observation
 
     def target_bins(self, keyposes: Tensor) -> KeyposeBins:

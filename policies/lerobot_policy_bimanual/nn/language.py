@@ -6,7 +6,7 @@ import zlib
 import torch
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.attention import Attention, FeedForward
+from lerobot_policy_bimanual.nn.layers import Attention, FeedForward
 
 BUCKETS = 2048
 """Word slots. All instructions of the benchmark use about a hundred words, so few of them share a slot."""

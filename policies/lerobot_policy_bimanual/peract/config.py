@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.fields import choice, flag, real, require_multiple, whole, wholes
+from lerobot_policy_bimanual.keypose.fields import choice, flag, require_multiple, whole, wholes
 
 TRANSLATION_HEADS = ("dense", "factorised")
 PATCH = 5
@@ -18,8 +18,6 @@ class PerActConfig(KeyposePolicyConfig):
     `docs/policies.md` has the flags of a small one that trains in minutes on a laptop's CPU.
     """
 
-    # Voxel feature channels.
-    channels: int = whole(64, 1, 1024)
     # Width of the Perceiver's input tokens, half voxels and half proprioception.
     token_dim: int = whole(128, 2, 8192)
     # Perceiver latents per network, shared evenly by the arms that it predicts.
@@ -28,24 +26,17 @@ class PerActConfig(KeyposePolicyConfig):
     latent_dim: int = whole(512, 1, 8192)
     # Self-attention blocks per arm.
     depth: int = whole(6, 1, 64)
-    # Heads of the self-attentions.
-    heads: int = whole(8, 1, 128)
-    # Inner over outer width of the feed-forwards.
-    feedforward_multiplier: int = whole(4, 1, 16)
-    # Dropout of attention weights.
-    attention_dropout: float = real(0.1, 0, 0.9)
     # `dense`, the paper's softmax over all voxels, or `factorised`, the same distribution as patch times voxel in patch,
     # several times cheaper.
     translation_head: str = choice("dense", TRANSLATION_HEADS)
-    # With the factorised head, cells into which each axis of a voxel is cut, so that `decode=expectation` answers finer
-    # than a voxel; 0 for none (departure from the paper otherwise).
+    # With the factorised head, sub-voxel bins per axis, so that `decode=expectation` is finer than a voxel; 0 for none
+    # (departure from the paper).
     voxel_cells: int = whole(0, 0, 100)
-    # With the factorised head, dilations of further convolutions over what lies in line with a voxel along each axis, so
-    # that it sees that many voxels further to every side. Places in the air, far from all things, want [3,9] at 25
-    # voxels; none for one voxel (departure from the paper otherwise).
-    projection_dilations: tuple[int, ...] = wholes((), 1, 512, most=16)
-    # Show the network the squares of colours and places, too, so that one filter can be largest in the middle: at purple,
-    # between red and blue, or at the drawer between two others (departure from the paper otherwise).
+    # With the factorised head, dilations of further convolutions over the projections of the voxel features, which see as
+    # many voxels further to every side: [3,9] for targets in free space at 25 voxels (departure from the paper).
+    projection_dilations: tuple[int, ...] = wholes((), 1, 512, max_length=16)
+    # Append the squares of colours and voxel indices to the grid, so that one filter can peak inside a range: at purple,
+    # between red and blue, or at the middle drawer (departure from the paper).
     quadratic_features: bool = flag(False)
     activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
 

@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.activation import activate, init_activated
+from lerobot_policy_bimanual.nn.layers import activate, init_activated
 from lerobot_policy_bimanual.peract.config import PATCH
 
 

@@ -7,7 +7,7 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
-from lerobot_policy_bimanual.nn.activation import activate, init_activated
+from lerobot_policy_bimanual.nn.layers import activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract.config import PerActConfig

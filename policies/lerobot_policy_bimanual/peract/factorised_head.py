@@ -17,13 +17,12 @@ import torch.nn.functional as F  # noqa: N812
 from einops import rearrange
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.activation import activate
+from lerobot_policy_bimanual.nn.layers import LEAK, activate
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
-from lerobot_policy_bimanual.peract.projections import ProjectionConv2d
 from lerobot_policy_bimanual.peract.stem_reading import StemReading
 
 BEAM = 8
@@ -114,6 +113,32 @@ def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
         (outer[..., 0] * patches + outer[..., 1]) * patches + outer[..., 2],
         (inner[..., 0] * PATCH + inner[..., 1]) * PATCH + inner[..., 2],
     )
+
+
+class ProjectionConv2d(nn.Conv2d):
+    """A 3 x 3 convolution, and dilated ones that add what lies further away.
+
+    Every layer reaches as many voxels further as its dilation. With 3 and 9 after the first one any place up to 13
+    voxels away on either side is reached, each in one way: half of a grid of 25.
+
+    Args:
+        channels: channels of the projections.
+        width: channels of what is made of them.
+        dilations: of the layers after the first; none for the 3 x 3 convolution alone.
+    """
+
+    def __init__(self, channels: int, width: int, dilations: Sequence[int]):
+        super().__init__(channels, width, 3, padding=1)
+        self.far = nn.ModuleList(
+            nn.Conv2d(width, width, 3, padding=dilation, dilation=dilation) for dilation in dilations
+        )
+
+    def forward(self, input: Tensor) -> Tensor:
+        """(b, channels, v, v) to (b, width, v, v)."""
+        features = super().forward(input)
+        for layer in self.far:
+            features = features + layer(F.leaky_relu(features, LEAK))
+        return features
 
 
 class VoxelInPatch(nn.Module):

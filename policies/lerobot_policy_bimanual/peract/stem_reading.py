@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-from lerobot_policy_bimanual.nn.activation import LEAK, activate
+from lerobot_policy_bimanual.nn.layers import LEAK, activate
 from lerobot_policy_bimanual.peract.config import PATCH
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.activation import LEAK, activate, init_activated
+from lerobot_policy_bimanual.nn.layers import LEAK, activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.peract.config import PATCH
 

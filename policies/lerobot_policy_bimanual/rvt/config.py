@@ -20,20 +20,12 @@ class RVTConfig(KeyposePolicyConfig):
     patch: int = whole(11, 1, 99)
     # Radius of a rendered point in units of the workspace's half edge.
     point_radius: float = real(0.012, 0, 0.2)
-    # Pixel feature channels.
-    channels: int = whole(64, 1, 1024)
     # Width of the image tokens outside the attention, half pixels and half proprioception.
     token_dim: int = whole(128, 8, 8192)
     # Width of the tokens within it.
     attention_dim: int = whole(512, 1, 8192)
     # Attention blocks; the first half within each view, the second half over all of them.
     depth: int = whole(8, 2, 64)
-    # Heads of the attentions.
-    heads: int = whole(8, 1, 128)
-    # Inner over outer width of the feed-forwards.
-    feedforward_multiplier: int = whole(4, 1, 16)
-    # Dropout of attention weights.
-    attention_dropout: float = real(0.1, 0, 0.9)
     heatmap_sigma_px: float = real(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
 
     def __post_init__(self):

@@ -6,7 +6,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
-from lerobot_policy_bimanual.nn.activation import activate, init_activated, init_linear
+from lerobot_policy_bimanual.nn.layers import activate, init_activated, init_linear
 
 NORM_GROUPS = 4
 """Groups of every group norm (RVT code)."""

@@ -4,9 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_policy_bimanual.nn.activation import activate, init_linear
-from lerobot_policy_bimanual.nn.attention import Block
-from lerobot_policy_bimanual.nn.language_filters import LanguageFilters
+from lerobot_policy_bimanual.nn.layers import Block, LanguageFilters, activate, init_linear
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.rvt.config import RVTConfig

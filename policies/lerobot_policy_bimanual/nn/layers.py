@@ -1,7 +1,27 @@
-"""Pre-norm attention and feed-forward, as PerAct and RVT both use them."""
+"""Layers of PerAct and RVT: their LeakyReLU, attention and feed-forward, and filters that depend on the instruction."""
 
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
+
+LEAK = 0.02
+"""Slope of every LeakyReLU (PerAct2 code; not PyTorch's 0.01)."""
+
+
+def activate(x: Tensor) -> Tensor:
+    """LeakyReLU of the PerAct family, in place: callers hand over a fresh tensor."""
+    return F.leaky_relu(x, LEAK, inplace=True)
+
+
+def init_activated(layer: nn.Conv2d | nn.Conv3d | nn.Linear) -> None:
+    """Set Kaiming-uniform weights and zero bias, for layers followed by `activate`."""
+    nn.init.kaiming_uniform_(layer.weight, a=LEAK, nonlinearity="leaky_relu")
+    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+
+
+def init_linear(layer: nn.Conv2d | nn.Conv3d | nn.Linear) -> None:
+    """Set Xavier-uniform weights and zero bias, for layers without activation."""
+    nn.init.xavier_uniform_(layer.weight)
+    nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
 
 
 class Attention(nn.Module):
@@ -73,3 +93,26 @@ class Block(nn.Module):
         """(b, n, dim) -> (b, n, dim)."""
         x = x + self.attention(x)
         return x + self.feed_forward(x)
+
+
+class LanguageFilters(nn.Linear):
+    """Language-conditioned filters: what an instruction adds to the weights and biases of a pointwise layer.
+
+    A dynamic filter network (De Brabandere et al., arXiv 1605.09673): "the red item" becomes a detector of red at every
+    voxel or pixel. From a hundred demonstrations a small network does not learn that through attention alone
+    (docs/learning.md).
+
+    Args:
+        language_dim: width of the language tokens.
+        inputs: channels that the layer reads.
+        outputs: channels that it writes.
+    """
+
+    def __init__(self, language_dim: int, inputs: int, outputs: int):
+        super().__init__(language_dim, outputs * (inputs + 1))
+        self.shape = (outputs, inputs + 1)
+        init_linear(self)
+
+    def forward(self, input: Tensor) -> Tensor:
+        """Language tokens (b, tokens, dim) to filters (b, outputs, inputs + 1), the bias last."""
+        return super().forward(input.mean(dim=1)).unflatten(1, self.shape)

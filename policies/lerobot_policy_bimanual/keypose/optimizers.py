@@ -1,4 +1,4 @@
-"""LAMB as PerAct2's reference uses it."""
+"""Optimizers of keypose policies: LAMB as PerAct2's reference uses it, and AdamW in one pass per parameter."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 from lerobot.optim import OptimizerConfig
+from lerobot.optim.optimizers import AdamWConfig
 from torch import Tensor
 
 MAX_WEIGHT_NORM = 10.0
@@ -81,3 +82,15 @@ class LambConfig(OptimizerConfig):
         options = asdict(self)
         options.pop("grad_clip_norm")
         return Lamb(params, **options)
+
+
+@OptimizerConfig.register_subclass("fused_adamw")
+@dataclass
+class FusedAdamWConfig(AdamWConfig):
+    """LeRobot's AdamW with PyTorch's fused kernel: the same update in a third of the time for small parameters."""
+
+    def build(self, params: Any) -> torch.optim.Optimizer:
+        """The optimizer of parameters or groups of parameters."""
+        options = asdict(self)
+        options.pop("grad_clip_norm")  # LeRobot's training loop clips
+        return torch.optim.AdamW(params, fused=True, **options)
