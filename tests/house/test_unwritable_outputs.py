@@ -42,7 +42,7 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
         "policy",
         "inspect",
         f"--checkpoint={ROWS.parent / 'checkpoints/peract2_on_all'}",
-        "--dataset=any",
+        "--root=any",
         f"--output={place}",
     ],
 }
@@ -60,7 +60,6 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)
     monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
-    monkeypatch.setattr("lerobot_policy_bimanual.inspection.row.require_row", lambda *_: None)
     monkeypatch.setattr("lerobot_policy_bimanual.inspection.loading.load_policy", refuse)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.training.dataset_check import check_inputs, load_datasets
+from lerobot_policy_bimanual.training.train import check_inputs, load_datasets
 
 WITHOUT_LEROBOT = """
 import sys
@@ -23,10 +23,10 @@ print("code", code, "loaded", sorted(loaded))
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("policy", "inspect", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
-        (("policy", "accuracy", "--checkpoint=nowhere", "--dataset=none"), "no checkpoint at nowhere"),
-        (("policy", "inspect", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
-        (("policy", "accuracy", "--checkpoint=there", "--dataset=none"), "no dataset at none"),
+        (("policy", "inspect", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
+        (("policy", "accuracy", "--checkpoint=nowhere", "--root=none"), "no checkpoint at nowhere"),
+        (("policy", "inspect", "--checkpoint=there", "--root=none"), "no dataset at none"),
+        (("policy", "accuracy", "--checkpoint=there", "--root=none"), "no dataset at none"),
         (("policy", "check", "--checkpoint=nowhere"), "no checkpoint at nowhere"),
     ],
 )

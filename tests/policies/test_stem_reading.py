@@ -5,6 +5,7 @@ import torch
 
 from lerobot_policy_bimanual.nn.layers import LEAK
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
+from lerobot_policy_bimanual.peract.factorised_head import ProjectionConv2d
 from lerobot_policy_bimanual.peract.stem_reading import StemReading
 
 WIDTH = 15
@@ -86,3 +87,13 @@ def test_of_equal_voxels_the_first_one_of_a_line_gets_the_gradient(layers, dtype
         plane = StemReading(grid, stem, patchify).planes[0]
     plane[0, :, 3, 2].sum().backward()
     assert (stem.conv.weight.grad.flatten(1)[:, 1] / stem.conv.weight.grad.flatten(1)[:, 0] == 5).all()
+
+
+@pytest.mark.parametrize(("dilations", "reach"), [((), 1), ((3,), 4), ((3, 9), 13)])
+def test_a_projection_sees_every_place_as_far_as_its_dilations_add_up_to(dilations, reach):
+    layer = ProjectionConv2d(1, 8, dilations).double()
+    plane = torch.randn(1, 1, 31, 31, dtype=torch.float64, requires_grad=True)
+    layer(plane)[0, :, 15, 15].sum().backward()
+    away = (torch.arange(31) - 15).abs()
+    seen = torch.maximum(away[:, None], away[None]) <= reach
+    assert (plane.grad[0, 0] != 0).equal(seen)

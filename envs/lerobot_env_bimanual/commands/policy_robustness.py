@@ -46,7 +46,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     counted nowhere. Prints for each rung the success, the paired difference to level 0 and McNemar's exact p-value,
     corrected by Holm over the axes with a certified rung of that level; writes a JSON file, a figure, and one record per
     rung that `verify-results` plays again. The loader builds what the checkpoint names, as `lerobot-eval` does: look at one
-    of a stranger with `check-checkpoint` first.
+    of a stranger with `policy check` first.
 
     Every rung is kept when it is played: the same command goes on where it was interrupted, and with other axes or levels
     the same file grows.

@@ -33,7 +33,7 @@ def task_view(config: TaskViewConfig) -> None:
     Where there is none, or with `--film`, a film and a contact sheet are written instead.
 
     A policy is shown what the options say, so give those it was trained with, as to `lerobot-eval`. LeRobot calls
-    whatever a checkpoint's files name: look at a stranger's with `check-checkpoint` first.
+    whatever a checkpoint's files name: look at a stranger's with `policy check` first.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball

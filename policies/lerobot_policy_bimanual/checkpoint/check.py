@@ -53,7 +53,7 @@ class CheckedCheckpoint:
         lines = {
             "policy": self.config.type,
             "weights": f"{self.parameters:,} numbers, finite, {fit}",
-            "inputs": ", ".join(self.config.input_features or ()) or "those of the dataset",
+            "images": ", ".join(key.rpartition(".")[2] for key in self.config.image_features) or "none",
         }
         lines |= {file.removesuffix(".json"): ", ".join(steps) for file, steps in self.steps.items()}
         return "\n".join(f"{what:<22}{text}" for what, text in lines.items())
@@ -74,9 +74,9 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
     try:
         if not isinstance(config, KeyposePolicyConfig):
             importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
-            steps = {file: _step_names(folder / file) for file in PROCESSOR_FILES}
+            steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
             return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE))
-        steps = {file: _step_names(folder / file) for file in PROCESSOR_FILES}
+        steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
         for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
             expected = [step["registry_name"] for step in own.get_config()["steps"]]
             if names != expected:
@@ -129,8 +129,12 @@ def _read_object(file: Path) -> dict[str, Any]:
     return value
 
 
-def _step_names(file: Path) -> list[str]:
-    """Names of the steps of a processor file, all of them allowed; the tensors that they name are checked, too."""
+def step_names(file: Path) -> list[str]:
+    """Read the names of the steps of a processor file, and check the tensors that the steps name.
+
+    Raises:
+        CheckpointError: the file is missing or malformed, or names a class or a step from elsewhere.
+    """
     steps = _read_object(file).get("steps")
     if not isinstance(steps, list) or not all(isinstance(step, dict) for step in steps):
         raise CheckpointError(f"{file} has no list of steps")

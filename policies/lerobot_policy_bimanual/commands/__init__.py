@@ -1,1 +1,1 @@
-"""Verbs of `lerobot-bimanual` that need the policies."""
+"""Commands of `lerobot-bimanual` that need the policies."""

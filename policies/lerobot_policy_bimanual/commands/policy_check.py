@@ -1,4 +1,4 @@
-"""The verb `check-checkpoint`: what a checkpoint is, and whether it may be loaded."""
+"""The command `policy check`: what a checkpoint holds, and whether it may be loaded."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 
 @dataclass
 class PolicyCheckConfig:
-    """Options of the verb `check-checkpoint`."""
+    """Options of the command `policy check`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained policy
 
 
 def policy_check(config: PolicyCheckConfig) -> None:
-    """Look at a checkpoint before anything loads it.
+    """Check a checkpoint before anything loads it.
 
-    LeRobot's loader calls whatever class the processor files of a checkpoint name. This verb only reads: the config and
-    the ranges of its values, the names of the processor steps, and the weights, which must be those of the network that
-    the config describes, all of them finite. It prints what the checkpoint is, or says what is wrong and exits with 1.
-    Checkpoints of LeRobot's own policies are checked as far as that goes without building them.
+    LeRobot's loader calls whatever class the processor files of a checkpoint name. This command only reads: the config
+    and the ranges of its values, the names of the processor steps, and the weights, which must be finite and, for
+    policies of this package, those of the network that the config describes. It prints what the checkpoint is, or says
+    what is wrong and exits with 1.
 
     Examples:
         lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
@@ -28,7 +28,7 @@ def policy_check(config: PolicyCheckConfig) -> None:
 
     require_checkpoint(config.checkpoint)
 
-    from lerobot_policy_bimanual.checkpoint.check import policy_check as check
-    from lerobot_policy_bimanual.checkpoint.summary import summary
+    from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 
-    print(summary(check(config.checkpoint)))
+    print(check_checkpoint(config.checkpoint))
+    print(f"next: lerobot-eval --policy.path={config.checkpoint} --env.type=bimanual --env.task=lift_ball")

@@ -1,4 +1,4 @@
-"""The verb `inspect`: one prediction of a trained policy beside the truth."""
+"""The command `policy inspect`: one prediction of a trained policy beside the truth."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from pathlib import Path
 
 @dataclass
 class PolicyInspectConfig:
-    """Options of the verb `inspect`."""
+    """Options of the command `policy inspect`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
-    dataset: Path = field(kw_only=True)  # folder of a dataset that `generate` made, either view
+    root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made, either view
     index: int = 0  # row of the dataset
-    rerun: bool = False  # also write a file for the viewer rerun; needs `pip install 'lerobot[viz]'`
-    output: Path = Path("outputs/inspect")  # folder of the files
+    output: Path = Path("outputs/inspect")  # folder of the picture
 
 
 def policy_inspect(config: PolicyInspectConfig) -> None:
@@ -24,35 +23,35 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     and the predicted hands beside the true ones; below, errors and probabilities per arm.
 
     Examples:
-        lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --dataset=data/lift_ball
+        lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/lift_ball
         lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
-            --dataset=data/lift_ball/keyframes --index=7 --rerun
+            --root=data/lift_ball/keyframes --index=7
     """
     from io import BytesIO
 
-    from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_bimanual.dataset.reader import find_view, read_info
+    from lerobot_bimanual.errors import DatasetError
     from lerobot_bimanual.output_file import check_output_file, write_file
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
-    from lerobot_policy_bimanual.inspection.row import require_row
 
     require_checkpoint(config.checkpoint)
-    require_row(find_view(config.dataset, ("keyframes", "frames")), config.index)
     path = config.output / f"row_{config.index:05d}.png"
     check_output_file(path)
+    root = find_view(config.root, ("keyframes", "frames"))
+    rows = read_info(root).get("total_frames")
+    if not isinstance(rows, int) or not 0 <= config.index < rows:
+        raise DatasetError(
+            f"{root} has {rows} rows, counted from 0, so --index={config.index} is not among them"
+        )
 
     from lerobot_policy_bimanual.inspection.inspection import look
-    from lerobot_policy_bimanual.inspection.loading import load_policy, load_row
-    from lerobot_policy_bimanual.inspection.rerun_file import require_rerun, write_rerun
+    from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
     from lerobot_policy_bimanual.inspection.sheet import draw_sheet
 
-    if config.rerun:
-        require_rerun()
     policy, preprocess = load_policy(config.checkpoint)
-    inspection = look(policy, preprocess(load_row(config.dataset, config.index, policy.config)))
-    drawn = BytesIO()
-    draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.dataset}").save(drawn, "PNG")
-    write_file(path, drawn.getvalue())
+    inspection = look(policy, preprocess(batch_of(open_dataset(root, policy.config), [config.index])))
+    picture = BytesIO()
+    draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
+    write_file(path, picture.getvalue())
     print(path)
-    if config.rerun:
-        write_rerun(inspection, path.with_suffix(".rrd"))
-        print(path.with_suffix(".rrd"))
+    print(f"next: lerobot-bimanual policy accuracy --checkpoint={config.checkpoint} --root={config.root}")

@@ -1,4 +1,4 @@
-"""A trained policy and a dataset that it can read, both as LeRobot loads them."""
+"""Load a trained policy, and a dataset that it can read, both as LeRobot loads them."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -12,10 +12,8 @@ from lerobot.utils.collate import lerobot_collate_fn
 
 from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
 from lerobot_bimanual.errors import SchemaMismatch
-from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
-from lerobot_policy_bimanual.checkpoint.config_file import read_config
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint, read_config
 from lerobot_policy_bimanual.errors import CheckpointError
-from lerobot_policy_bimanual.inspection.row import require_row
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
@@ -41,26 +39,13 @@ def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batc
     config = replace(config, compile=False, device=str(config.device).partition(":")[0])
     policy = cast(KeyposePolicy, get_policy_class(config.type).from_pretrained(checkpoint, config=config))
     try:
+        overrides = {"device_processor": {"device": config.device}}
         preprocess, _ = make_pre_post_processors(
-            config,
-            pretrained_path=str(checkpoint),
-            preprocessor_overrides={"device_processor": {"device": config.device}},
+            config, pretrained_path=str(checkpoint), preprocessor_overrides=overrides
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise CheckpointError(f"{checkpoint}: {error}") from error
     return policy, preprocess
-
-
-def load_row(dataset: Path, index: int, config: KeyposePolicyConfig) -> Batch:
-    """One row, counted over all episodes, as a batch of one.
-
-    Raises:
-        DatasetError: there is no such row, or as in `open_dataset`.
-        SchemaMismatch: as in `open_dataset`.
-    """
-    opened = open_dataset(dataset, config)
-    require_row(opened.root, index)
-    return batch_of(opened, [index])
 
 
 def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:

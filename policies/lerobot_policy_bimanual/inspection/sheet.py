@@ -1,127 +1,215 @@
-"""The whole picture of an inspection: three views, and what the numbers say."""
+"""Draw an inspection: three views of the scene with heat maps and hands, and a table per arm."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.rotations import quat_wxyz_to_euler_xyz
 from lerobot_bimanual.keypose import Keypose
-from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection
-from lerobot_policy_bimanual.inspection.projection import VIEW_DIRECTIONS
-from lerobot_policy_bimanual.inspection.scene_picture import ARM_COLORS, AXIS_COLORS, INK, PAPER, draw_scene
+from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection, Voxels
 
-Color = tuple[int, int, int]
+Array = NDArray[np.float64]
 
-VIEW_WIDTH, VIEW_HEIGHT = 600, 540
-GAP = 28
-HEADER_HEIGHT = 118
-LABEL_HEIGHT = 30
-CARD_HEIGHT = 262
-LEGEND_HEIGHT = 46
-TITLE_SIZE, TEXT_SIZE, SMALL_SIZE = 38, 20, 17
-LINE_HEIGHT = 33
-COLUMNS = (22, 190, 490, 740)
-"""Left edges of a card's columns: what, predicted, true, verdict."""
+INK, GREY, GREEN, RED = "#202228", "#70747e", "#16803c", "#c42622"
+ARM_COLORS = {Arm.LEFT: "#1260d6", Arm.RIGHT: "#e25400"}
+"""Blue and orange, which red-green colour-blind readers can tell apart."""
 
-GREY = (112, 116, 126)
-RULE = (218, 220, 226)
-GREEN = (22, 128, 60)
-RED = (196, 38, 34)
+AXIS_COLORS = ("#d62828", "#1e963c", "#5a3cdc")
+"""x, y and z axis of a hand."""
+
+SCENE_SHARE = 0.65
+"""Share of their colour that voxels of the scene keep, the rest being white, so that predictions stand out."""
+
+FACE_LIGHT = (0.72, 0.86, 1.0)
+"""Brightness of faces whose normal is along x, y or z."""
+
+MIN_OPACITY, MAX_OPACITY = 0.15, 0.88
+"""Opacity of the coldest and the hottest voxel."""
+
+FINGER_M, STEM_M, AXIS_M = 0.06, 0.06, 0.07
+"""Lengths in the drawing of a hand."""
+
+OPEN_M, CLOSED_M = 0.04, 0.01
+"""Half the distance of the fingers in the drawing of a hand."""
 
 GOOD_CM, GOOD_DEG = 2.0, 10.0
 """Errors up to these are printed green: two voxels and two bins of the paper's grid."""
 
 
-def draw_sheet(inspection: Inspection, origin: str) -> Image.Image:
-    """Three views side by side above one card per arm.
+@dataclass(frozen=True)
+class ViewDirection:
+    """A parallel projection. The arms face each other: the left one is at low x, the right one at high x.
+
+    Attributes:
+        name: title of the view.
+        azimuth_deg: bearing of the viewer as seen from the workspace, from +x towards +y.
+        elevation_deg: height of the viewer, 90 for straight above.
+    """
+
+    name: str
+    azimuth_deg: float
+    elevation_deg: float
+
+    @property
+    def axes(self) -> Array:
+        """World directions (3, 3), by row: right and up in the picture, and towards the viewer."""
+        azimuth, elevation = np.deg2rad([self.azimuth_deg, self.elevation_deg])
+        level = np.cos(elevation)
+        towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
+        return np.stack([right, np.cross(towards, right), towards])
+
+    def project(self, points_m: ArrayLike) -> Array:
+        """Coordinates (..., 2) in metres, right and up in the picture, of world points (..., 3)."""
+        return np.asarray(points_m) @ self.axes[:2].T
+
+
+VIEW_DIRECTIONS = (
+    ViewDirection("over the left arm's shoulder", 205, 35),
+    ViewDirection("over the right arm's shoulder", 25, 20),
+    ViewDirection("from above, the left arm at the bottom, the right one at the top", 180, 90),
+)
+
+
+def draw_sheet(inspection: Inspection, origin: str) -> Figure:
+    """Draw three views side by side above one table per arm.
 
     Args:
         inspection: what to draw.
-        origin: which policy and which sample, for the line below the title.
+        origin: the policy and the sample, for the subtitle.
     """
-    width = GAP + len(VIEW_DIRECTIONS) * (VIEW_WIDTH + GAP)
-    cards_top = HEADER_HEIGHT + LABEL_HEIGHT + VIEW_HEIGHT + GAP
-    sheet = Image.new("RGB", (width, cards_top + CARD_HEIGHT + LEGEND_HEIGHT + GAP), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    draw.text((GAP, GAP), f"“{inspection.instruction}”", fill=INK, font=_font(TITLE_SIZE))
-    subtitle = f"keypose step {inspection.keypose_step}   ·   {origin}"
-    draw.text((GAP, GAP + TITLE_SIZE + 16), subtitle, fill=GREY, font=_font(TEXT_SIZE))
-    for column, direction in enumerate(VIEW_DIRECTIONS):
-        left = GAP + column * (VIEW_WIDTH + GAP)
-        draw.text((left, HEADER_HEIGHT), direction.name, fill=GREY, font=_font(SMALL_SIZE))
-        view = draw_scene(inspection, direction, VIEW_WIDTH, VIEW_HEIGHT)
-        sheet.paste(view, (left, HEADER_HEIGHT + LABEL_HEIGHT))
-    card_width = (width - 3 * GAP) // 2
+    figure = Figure(figsize=(19, 10), layout="constrained")
+    figure.suptitle(f"“{inspection.instruction}”\n{origin}, keypose step {inspection.keypose_step}")
+    grid = figure.add_gridspec(2, 6, height_ratios=(3, 1))
+    for number, direction in enumerate(VIEW_DIRECTIONS):
+        draw_scene(figure.add_subplot(grid[0, 2 * number : 2 * number + 2]), inspection, direction)
     for arm in inspection.arms:
-        _draw_card(draw, arm, GAP + arm.arm.ordinal * (card_width + GAP), cards_top, card_width)
-    _draw_legend(draw, GAP, cards_top + CARD_HEIGHT + LEGEND_HEIGHT // 2 + 4)
-    return sheet
+        _draw_table(figure.add_subplot(grid[1, 3 * arm.arm.ordinal : 3 * arm.arm.ordinal + 3]), arm)
+    labels = {f"{arm} arm: heat and predicted hand": color for arm, color in ARM_COLORS.items()}
+    labels |= {"true hand": INK} | dict(
+        zip(("hand x", "hand y (fingers)", "hand z"), AXIS_COLORS, strict=True)
+    )
+    handles = [Line2D([], [], color=color, label=label, linewidth=4) for label, color in labels.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    return figure
 
 
-def _draw_card(draw: ImageDraw.ImageDraw, arm: ArmInspection, left: int, top: int, width: int) -> None:
-    draw.rounded_rectangle((left, top, left + width, top + CARD_HEIGHT), radius=10, outline=RULE, width=2)
-    draw.rounded_rectangle((left, top, left + 10, top + CARD_HEIGHT), radius=5, fill=ARM_COLORS[arm.arm])
+def draw_scene(axes: Axes, inspection: Inspection, direction: ViewDirection) -> None:
+    """Draw one view. Nothing hides the heat maps and the hands; a voxel is the more opaque the more probable it is."""
+    scene = inspection.scene
+    pale = 1 - SCENE_SHARE * (1 - inspection.rgb / 255)
+    axes.add_collection(_cubes(direction, scene, pale, np.argsort(scene.center_m @ direction.axes[2])))
+    for arm in inspection.arms:
+        # The square root shows second-best voxels, too.
+        opacity = MIN_OPACITY + (MAX_OPACITY - MIN_OPACITY) * np.sqrt(arm.heat / arm.heat[-1])
+        heat = _cubes(direction, arm.hot, np.ones((len(arm.hot), 3)), np.arange(len(arm.hot)), cull=False)
+        heat.set(
+            facecolor=ARM_COLORS[arm.arm], alpha=np.repeat(opacity, len(heat.get_paths()) // len(opacity))
+        )
+        axes.add_collection(heat)
+    for arm in inspection.arms:
+        # The true hand is wider, so that it shows on both sides of a prediction that is right.
+        _draw_hand(axes, direction, arm.true, INK, width=6)
+        _draw_hand(axes, direction, arm.predicted, ARM_COLORS[arm.arm], width=3)
+    axes.set(title=direction.name, aspect="equal")
+    axes.autoscale()
+    axes.axis("off")
+
+
+def _cubes(
+    direction: ViewDirection, voxels: Voxels, rgb: Array, order: NDArray[np.int64], *, cull: bool = True
+) -> PolyCollection:
+    """The faces of cubes that are turned to the viewer, cube by cube in an order, without those inside if they are culled."""
+    occupied = set(map(tuple, voxels.index.tolist())) if cull else set()
+    faces = list(_faces(direction, voxels))
+    corners, colors = [], []
+    for cube in order.tolist():
+        for axis, step, face in faces:
+            if tuple((voxels.index[cube] + step).tolist()) not in occupied:
+                corners.append(face[cube])
+                colors.append(FACE_LIGHT[axis] * rgb[cube])
+    return PolyCollection(corners, facecolors=colors, edgecolors="none")
+
+
+def _faces(direction: ViewDirection, voxels: Voxels) -> Iterator[tuple[int, NDArray[np.int64], Array]]:
+    """For each axis: the step to the neighbour behind the face that the viewer sees, and its corners (n, 4, 2)."""
+    for axis, towards in enumerate(direction.axes[2]):
+        if abs(towards) < 1e-6:
+            continue
+        step = np.zeros(3, dtype=np.int64)
+        step[axis] = np.sign(towards)
+        corners = np.tile(step.astype(float), (4, 1))
+        corners[:, (axis + 1) % 3] = (-1, 1, 1, -1)
+        corners[:, (axis + 2) % 3] = (-1, -1, 1, 1)
+        yield axis, step, direction.project(voxels.center_m[:, None] + corners * voxels.size_m / 2)
+
+
+def _draw_hand(axes: Axes, direction: ViewDirection, hand: Keypose, color: str, width: int) -> None:
+    """Draw a fork whose tips are the fingertips, as far apart as the gripper is open, and the three axes."""
+
+    def line(points: Sequence, **style: object) -> None:
+        world = hand.pose.position + np.asarray(points, dtype=float) @ hand.pose.rotation.T
+        axes.plot(*direction.project(world).T, **style)
+
+    half = OPEN_M if hand.gripper_open else CLOSED_M
+    for linewidth, fill in ((width + 2, "white"), (width, color)):
+        style = {"color": fill, "linewidth": linewidth}
+        line([(0, -half, 0), (0, -half, -FINGER_M), (0, half, -FINGER_M), (0, half, 0)], **style)
+        line([(0, 0, -FINGER_M), (0, 0, -FINGER_M - STEM_M)], **style)
+    for axis, axis_color in zip(np.eye(3), AXIS_COLORS, strict=True):
+        line([np.zeros(3), AXIS_M * axis], color=axis_color, linewidth=2)
+    line([np.zeros(3)], color=color, marker="o", markersize=2 * width, markeredgecolor="white")
+
+
+def _draw_table(axes: Axes, arm: ArmInspection) -> None:
+    gripper, collisions = ("closed", "open"), ("avoided", "ignored")
+    predicted, true = arm.predicted, arm.true
+    right = predicted.gripper_open == true.gripper_open
+    ignores = predicted.ignore_collisions == true.ignore_collisions
     rows = [
-        (f"{arm.arm} arm", "predicted", "true", "", GREY),
-        (
-            "position [m]",
-            _position(arm.predicted),
-            _position(arm.true),
-            *_error(arm.position_error_cm, " cm", GOOD_CM),
-        ),
-        (
-            "angles xyz [°]",
-            _angles(arm.predicted),
-            _angles(arm.true),
-            *_error(arm.rotation_error_deg, "°", GOOD_DEG),
-        ),
+        ("position [m]", _position(predicted), _position(true), f"{arm.position_error_cm:.1f} cm off"),
+        ("angles xyz [°]", _angles(predicted), _angles(true), f"{arm.rotation_error_deg:.1f}° off"),
         (
             "gripper",
-            *_flags(arm.predicted.gripper_open, arm.true.gripper_open, ("closed", "open")),
-            *_verdict(arm.predicted.gripper_open == arm.true.gripper_open, arm.gripper_probability),
+            gripper[predicted.gripper_open],
+            gripper[true.gripper_open],
+            _verdict(right, arm.gripper_probability),
         ),
         (
             "collisions",
-            *_flags(arm.predicted.ignore_collisions, arm.true.ignore_collisions, ("avoided", "ignored")),
-            *_verdict(
-                arm.predicted.ignore_collisions == arm.true.ignore_collisions, arm.collision_probability
-            ),
+            collisions[predicted.ignore_collisions],
+            collisions[true.ignore_collisions],
+            _verdict(ignores, arm.collision_probability),
+        ),
+        (
+            "probability",
+            "voxels " + ", ".join(_percent(heat) for heat in arm.heat[:-4:-1]),
+            f"voxel {_percent(arm.true_voxel_probability)}",
+            "angles " + " / ".join(_percent(probability) for probability in arm.rotation_probabilities),
         ),
     ]
-    for number, (*cells, color) in enumerate(rows):
-        middle = top + 24 + number * LINE_HEIGHT
-        for column, text in zip(COLUMNS, cells, strict=True):
-            last, heading = column == COLUMNS[-1], number == 0 and column == COLUMNS[0]
-            fill = ARM_COLORS[arm.arm] if heading else GREY if number == 0 or column == COLUMNS[0] else INK
-            size = TEXT_SIZE + 3 if heading else TEXT_SIZE
-            draw.text(
-                (left + column, middle), text, fill=color if last else fill, font=_font(size), anchor="lm"
-            )
-    line = top + 24 + len(rows) * LINE_HEIGHT
-    draw.line((left + COLUMNS[0], line - 14, left + width - COLUMNS[0], line - 14), fill=RULE, width=2)
-    rotation = " / ".join(_percent(probability) for probability in arm.rotation_probabilities)
-    top_three = ",  ".join(_percent(heat) for heat in arm.heat[:-4:-1])
-    for number, (what, text) in enumerate(
-        (
-            ("voxels", f"most probable {top_three};   true voxel {_percent(arm.true_voxel_probability)}"),
-            ("angle bins", f"chosen, about x / y / z: {rotation}"),
-        )
-    ):
-        middle = line + 8 + number * (LINE_HEIGHT - 3)
-        draw.text((left + COLUMNS[0], middle), what, fill=GREY, font=_font(TEXT_SIZE), anchor="lm")
-        draw.text((left + COLUMNS[1], middle), text, fill=INK, font=_font(TEXT_SIZE), anchor="lm")
-
-
-def _draw_legend(draw: ImageDraw.ImageDraw, left: int, middle: int) -> None:
-    entries = [
-        *((f"{arm} arm: heat and predicted hand", color) for arm, color in ARM_COLORS.items()),
-        ("true hand", INK),
-        *zip(("hand x", "hand y (fingers open)", "hand z (out of the palm)"), AXIS_COLORS, strict=True),
-    ]
-    font = _font(SMALL_SIZE)
-    for text, color in entries:
-        draw.rounded_rectangle((left, middle - 7, left + 22, middle + 7), radius=4, fill=color)
-        draw.text((left + 30, middle), text, fill=GREY, font=font, anchor="lm")
-        left += 30 + round(draw.textlength(text, font=font)) + 34
+    good = (arm.position_error_cm <= GOOD_CM, arm.rotation_error_deg <= GOOD_DEG, right, ignores)
+    table = axes.table(
+        cellText=rows,
+        colLabels=(f"{arm.arm} arm", "predicted", "true", ""),
+        colWidths=(0.14, 0.3, 0.3, 0.26),
+        cellLoc="left",
+        edges="horizontal",
+        bbox=(0, 0, 1, 1),
+    )
+    table.auto_set_font_size(False)
+    table.set_fontsize(12)
+    table[0, 0].get_text().set(color=ARM_COLORS[arm.arm], weight="bold")
+    for row, is_good in enumerate(good, start=1):
+        table[row, 3].get_text().set_color(GREEN if is_good else RED)
+    axes.axis("off")
 
 
 def _position(keypose: Keypose) -> str:
@@ -133,21 +221,9 @@ def _angles(keypose: Keypose) -> str:
     return "   ".join(f"{value:+d}" for value in angles_deg)
 
 
-def _flags(predicted: bool, true: bool, words: tuple[str, str]) -> tuple[str, str]:
-    return words[predicted], words[true]
-
-
-def _error(value: float, unit: str, good: float) -> tuple[str, Color]:
-    return f"{value:.1f}{unit} off", GREEN if value <= good else RED
-
-
-def _verdict(right: bool, probability: float) -> tuple[str, Color]:
-    return f"{'right' if right else 'wrong'} ({_percent(probability)})", GREEN if right else RED
+def _verdict(right: bool, probability: float) -> str:
+    return f"{'right' if right else 'wrong'} ({_percent(probability)})"
 
 
 def _percent(probability: float) -> str:
     return f"{100 * probability:.3g} %" if probability > 1e-4 else "< 0.01 %"
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)

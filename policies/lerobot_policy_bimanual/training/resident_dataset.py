@@ -1,8 +1,13 @@
-"""A dataset that is decoded once and then stays in memory, the main one or a GPU's."""
+"""A dataset that is decoded once and then stays in memory, of the host or of a GPU."""
 
+import copy
 from collections.abc import Collection, Iterator
+from pathlib import Path
 from typing import Any
 
+import cv2
+import datasets
+import numpy as np
 import psutil
 import torch
 from lerobot.datasets.language import LANGUAGE_COLUMNS
@@ -12,13 +17,12 @@ from torch.utils.data import Dataset
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.training.stored_rows import StoredRows
 
 MAX_SHARE = 0.7
-"""Of the free memory, that may be taken."""
+"""Share of the free memory that a dataset may take."""
 
 MAX_DEPTH_MM = 2**16 - 1
-"""What 16 bits hold; what is farther away is taken for as far."""
+"""Largest depth that 16 bits hold; larger depths are clipped."""
 
 type Row = dict[str, Any]
 
@@ -26,13 +30,13 @@ type Row = dict[str, Any]
 class ResidentDataset(Dataset):
     """The rows of a `LeRobotDataset` in memory, colours in 8 and depth in 16 bits, as they were recorded.
 
-    Training then moves no image: an item is a number and what is text, and `batch` looks up the rest on the device, with
-    the rows before and after it that the dataset's `delta_timestamps` ask for. Every row is kept once, however many others
-    are learnt together with it. Attributes that are not found here are the dataset's.
+    Training then moves no image: an item is a row number and texts, and `batch` looks up the other columns on the device,
+    with the rows before and after that the dataset's `delta_timestamps` name. Attributes that are not found here are the
+    dataset's.
 
     Args:
-        dataset: what is read, once; so nothing random may be done to its rows.
-        device: where the rows are kept.
+        dataset: the dataset, which is read once; so its rows must not be transformed at random.
+        device: device that holds the rows.
         row_key: key of an item's number, different for datasets of one training.
         images: keys of the images that are decoded and kept; by default all. Batches hold no others.
 
@@ -81,23 +85,23 @@ class ResidentDataset(Dataset):
         return {self.row_key: index} | self._texts[index]
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else the dataset has, such as `meta`."""
-        if name == "_dataset":  # as long as __init__ has not set it
+        """Get an attribute of the dataset, such as `meta`."""
+        if name == "_dataset":  # before __init__ has set it
             raise AttributeError(name)
         return getattr(self._dataset, name)
 
     def batch(self, items: Row) -> Row:
-        """What LeRobot's training loop makes of these rows: float tensors of colours in [0, 1], and all else.
+        """Make the batch that LeRobot's loader makes of these rows, with colours as floats in [0, 1].
 
-        Columns that the dataset has `delta_timestamps` for are (batch, offsets, ...); beyond the ends of an episode its
-        first or last row stands in, which `<column>_is_pad`, (batch, offsets), says. LeRobot's language columns are lists.
+        Columns with `delta_timestamps` are (batch, offsets, ...). Beyond the ends of an episode its first or last row is
+        repeated, and `<column>_is_pad` (batch, offsets) is true. LeRobot's language columns are lists.
 
         Args:
             items: items, collated.
         """
         texts = {key: value for key, value in items.items() if key != self.row_key}
         rows = items[self.row_key]
-        # LeRobot drops them when it collates, although its processors know them.
+        # LeRobot's collation drops the language columns, although its processors use them.
         language = {
             key: [self._texts[row][key] for row in rows.tolist()]
             for key in LANGUAGE_COLUMNS
@@ -106,7 +110,7 @@ class ResidentDataset(Dataset):
         return dict(self._looked_up(rows.to(self._first.device))) | texts | language
 
     def _looked_up(self, rows: Tensor) -> Iterator[tuple[str, Tensor]]:
-        """Columns of rows (batch,), and what is padding in them."""
+        """Yield the columns of rows (batch,), and their padding masks."""
         first, last = self._first[rows, None], self._last[rows, None]
         for key, column in self._columns.items():
             if (offsets := self._offsets.get(key)) is None:
@@ -136,7 +140,7 @@ class ResidentDataset(Dataset):
 
 
 def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
-    """Empty columns for rows like this one."""
+    """Allocate columns for rows like this one."""
     needed = rows * sum(value.nbytes for value in row.values())
     free = torch.cuda.mem_get_info(device)[0] if device.type == "cuda" else psutil.virtual_memory().available
     if needed > MAX_SHARE * free:
@@ -148,3 +152,92 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
     return {
         key: torch.empty((rows, *value.shape), dtype=value.dtype, device=device) for key, value in row.items()
     }
+
+
+class StoredRows:
+    """The rows of a `LeRobotDataset` in order, each without rows before and after it, each image decoded once.
+
+    LeRobot seeks to the key frame before every row of a video. Here a video is decoded from the start of an episode to its
+    end, by the same decoder, so that the frames are bit-identical.
+
+    Args:
+        dataset: the dataset.
+        images: keys of the images that are read; the others are left out of the rows.
+    """
+
+    def __init__(self, dataset: LeRobotDataset, images: Collection[str]):
+        self._images = set(images)
+        self._all_images = set(dataset.meta.camera_keys)
+        self._video_keys = [key for key in dataset.meta.video_keys if key in self._images]
+        self._tables = _with_videos(dataset, ())
+        self._videos = _with_videos(dataset, self._video_keys)
+        _leave_encoded(self._tables, self._images.intersection(dataset.meta.image_keys))
+        of_row = dataset.hf_dataset.data.column("episode_index").to_numpy()
+        self._starts = np.flatnonzero(np.diff(of_row, prepend=-1))
+        self._lengths = np.diff(self._starts, append=len(of_row))
+
+    @property
+    def bounds(self) -> tuple[Tensor, Tensor]:
+        """First and last row of the episode of every row, (rows,) int64 each."""
+        first = torch.from_numpy(np.repeat(self._starts, self._lengths))
+        last = torch.from_numpy(np.repeat(self._starts + self._lengths - 1, self._lengths))
+        return first, last
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield every row: tensors, texts, and images as tensors (channels, height, width).
+
+        Raises:
+            DatasetError: an image cannot be decoded.
+        """
+        for start, length in zip(self._starts.tolist(), self._lengths.tolist(), strict=True):
+            frames = self._frames(start, length) if self._video_keys else {}
+            for offset in range(length):
+                row: Any = self._tables[start + offset]  # pyright: ignore[reportArgumentType]
+                yield {
+                    key: _decoded(value) if isinstance(value, dict) else value
+                    for key, value in row.items()
+                    if key not in self._all_images or key in self._images
+                } | {key: images[offset] for key, images in frames.items()}
+
+    def _frames(self, start: int, length: int) -> dict[str, Tensor]:
+        """The frames of an episode by their key, (length, channels, height, width)."""
+        self._videos.reader.delta_indices = {key: list(range(length)) for key in self._video_keys}
+        episode = self._videos.reader.get_item(start)
+        # LeRobot leaves out the axis of time where there is one frame only.
+        return {key: episode[key] if length > 1 else episode[key][None] for key in self._video_keys}
+
+
+def _with_videos(dataset: LeRobotDataset, keys: Collection[str]) -> LeRobotDataset:
+    """Copy a dataset without its other videos and without `delta_timestamps`."""
+    part = copy.copy(dataset)
+    part.reader = copy.copy(dataset.reader)
+    part.reader.delta_indices = None
+    meta = copy.copy(dataset.meta)
+    meta.info = copy.copy(meta.info)
+    left_out = set(meta.video_keys).difference(keys)
+    meta.info.features = {key: value for key, value in meta.features.items() if key not in left_out}
+    part.meta = part.reader._meta = meta
+    return part
+
+
+def _leave_encoded(dataset: LeRobotDataset, images: Collection[str]) -> None:
+    """Have rows hold the encoded bytes of images in tables, which OpenCV decodes three times as fast as LeRobot does.
+
+    Depth that LeRobot converts to another unit is left to LeRobot.
+    """
+    for key in images:
+        unit = dataset.meta.features[key].get("info", {}).get("depth_unit", dataset.depth_output_unit)
+        if unit == dataset.depth_output_unit:
+            dataset.reader.hf_dataset = dataset.hf_dataset.cast_column(key, datasets.Image(decode=False))
+
+
+def _decoded(image: dict[str, Any]) -> Tensor:
+    """Colours (channels, height, width) uint8, or depth (1, height, width) as int16, of an encoded image."""
+    content = image["bytes"] or Path(image["path"]).read_bytes()
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise DatasetError(f"an image of {len(content)} bytes cannot be decoded")
+    if pixels.ndim == 2:  # depth, or one colour
+        return torch.from_numpy(pixels.view(np.int16) if pixels.dtype == np.uint16 else pixels)[None]
+    to_rgb = cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB
+    return torch.from_numpy(cv2.cvtColor(pixels, to_rgb)).permute(2, 0, 1)

@@ -1,14 +1,16 @@
 """`lerobot-bimanual-train`: LeRobot's own training on a dataset that is held in memory.
 
 `lerobot-train` decodes every image again at every step, in loader processes that each take a core of a laptop and
-cannot keep up with a GPU. This program takes the same flags and calls the same function; it only decodes the dataset
-once, before the first step, into the memory of the policy's device. Loaders then bring row numbers, and the rows are
-looked up where they are needed. Logs, checkpoints and how to resume are LeRobot's.
+cannot keep up with a GPU. This program takes the same flags and calls the same function, but decodes the dataset once,
+before the first step, into the memory of the policy's device. Loaders then give row numbers, and rows are looked up on
+the device. Logs, checkpoints and how to resume are LeRobot's.
 """
 
+import json
 import logging
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -17,20 +19,24 @@ from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
+from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.dataset.schema import STATE
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.training.dataset_check import check_inputs, load_datasets
-from lerobot_policy_bimanual.training.memory import keep_freed_memory
+from lerobot_policy_bimanual.training.program import keep_freed_memory
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 ROW_KEYS = ("row", "held_out_row")
-"""Of the dataset that is trained on, and of the one that `--dataset.eval_split` holds out."""
+"""Keys of a row number: of the training set, and of the one that `--dataset.eval_split` holds out."""
+
+RGB_ONLY = ("act", "diffusion", "vqbet", "tdmpc")
+"""LeRobot's policies that take every image for RGB, and fail with an error about channels if one is depth."""
 
 
 class LookUpRows:
-    """A preprocessor behind the look-up of rows; its other attributes are the preprocessor's.
+    """A preprocessor that first looks up rows; its other attributes are the wrapped preprocessor's.
 
-    Batches that hold rows of no dataset, such as observations of an environment, go straight to the preprocessor.
+    Batches without row numbers, such as observations of an environment, go straight to the preprocessor.
     """
 
     def __init__(self, datasets: Sequence[ResidentDataset], preprocessor: Any):
@@ -38,14 +44,14 @@ class LookUpRows:
         self._preprocessor = preprocessor
 
     def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
-        """The batch for the policy."""
+        """Make the batch for the policy."""
         for key in self._datasets.keys() & batch.keys():
             batch = self._datasets[key].batch(batch)
         return self._preprocessor(batch)
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else the preprocessor has, such as how it is saved."""
-        if name == "_preprocessor":  # as long as __init__ has not set it
+        """Get an attribute of the preprocessor, such as `save_pretrained`."""
+        if name == "_preprocessor":  # before __init__ has set it
             raise AttributeError(name)
         return getattr(self._preprocessor, name)
 
@@ -113,6 +119,63 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     )
 
 
+def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConfig], T]) -> T:
+    """Load the datasets of a training, as LeRobot does.
+
+    Args:
+        cfg: of the training.
+        load: LeRobot's function. Where there is no dataset, it looks for one on the Hub.
+
+    Raises:
+        DatasetError: the folder is the one above a dataset, or there is none, neither here nor on the Hub.
+    """
+    root, repo_id = cfg.dataset.root, cfg.dataset.repo_id
+    if root is None or (Path(root) / INFO_FILE).is_file():
+        return load(cfg)
+    if views := views_below(Path(root)):
+        raise DatasetError(
+            f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
+            f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
+            "policies of joint actions from `frames`"
+        )
+    try:
+        return load(cfg)
+    except Exception as error:  # whatever keeps it from the Hub: a name, the network, rights
+        raise DatasetError(
+            f"--dataset.root={root} is no dataset ({Path(root) / INFO_FILE} does not exist), and {repo_id} could not "
+            f"be downloaded to it: {' '.join(str(error).split())}"
+        ) from error
+
+
+def check_inputs(cfg: TrainPipelineConfig, meta: Any) -> None:
+    """Check that a policy for RGB is not given depth.
+
+    Args:
+        cfg: of the training.
+        meta: LeRobot's metadata of the dataset.
+
+    Raises:
+        DatasetError: the dataset has depth; the message holds the flag that names the policy's inputs.
+    """
+    policy = cfg.policy
+    if policy is None or policy.type not in RGB_ONLY or policy.input_features or not meta.depth_keys:
+        return
+    cameras = [key for key in meta.camera_keys if key not in meta.depth_keys]
+    shapes = {key: ("VISUAL", _channels_first(meta.features[key]["shape"])) for key in cameras}
+    if STATE in meta.features:
+        shapes[STATE] = ("STATE", list(meta.features[STATE]["shape"]))
+    features = {key: {"type": kind, "shape": shape} for key, (kind, shape) in shapes.items()}
+    raise DatasetError(
+        f"{policy.type} takes every image for RGB, and this dataset has depth, too: name its inputs, as in "
+        f"--policy.input_features='{json.dumps(features)}'"
+    )
+
+
+def _channels_first(shape: tuple[int, int, int]) -> list[int]:
+    height, width, channels = shape
+    return [channels, height, width]
+
+
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
     """Keys of the images that the policy reads: those among the inputs that it names, or all if it names none.
 
@@ -125,10 +188,10 @@ def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
 
 
 def take_back_a_draw(*args: Any, **kwargs: Any) -> dict[str, int]:
-    """Where in the data a training is resumed, as LeRobot computes it; has its random numbers go on exactly, too.
+    """Return where in the data a training is resumed, as LeRobot computes it, and keep the random numbers in step.
 
     A loader draws a number whenever it starts. A training that is resumed within an epoch starts it once more than the
-    uninterrupted one did, after LeRobot has restored the random numbers.
+    uninterrupted one did, after LeRobot has restored the random state; that draw is taken back.
     """
     state = _compute_sampler_state(*args, **kwargs)
     if state["start_index"]:
