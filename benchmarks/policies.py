@@ -33,7 +33,7 @@ from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
-from lerobot_policy_bimanual.training.memory import keep_freed_memory
+from lerobot_policy_bimanual.training.program import keep_freed_memory
 
 type Job = Callable[[], object]
 POLICIES = ("peract2", "peract_lf", "peract_independent", "rvt_lf")
