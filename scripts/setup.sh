@@ -27,3 +27,4 @@ export VIRTUAL_ENV="$PWD/.venv"
     --editable . --editable envs --editable policies --editable robots
 echo "$state" >"$stamp"
 echo "Ready: $PWD/.venv"
+echo "Next: source .venv/bin/activate && lerobot-bimanual doctor"

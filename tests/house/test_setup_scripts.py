@@ -1,4 +1,4 @@
-"""The set-up scripts, run in a scratch folder with a uv and a python3 that only pretend."""
+"""The set-up scripts, run in a scratch folder with a fake uv and a fake python3."""
 
 import os
 import shutil
@@ -68,17 +68,11 @@ def checkout(tmp_path: Path) -> Checkout:
     return Checkout(tmp_path)
 
 
-def test_a_dead_uv_on_the_path_is_passed_over_for_one_that_works(checkout: Checkout) -> None:
-    found = checkout.run("scripts/find_uv.sh")
-    assert found.returncode == 0
-    assert found.stdout.strip() == str(checkout.home / ".local/bin/uv")
-
-
-def test_without_any_uv_one_is_installed_into_a_private_environment(checkout: Checkout) -> None:
+def test_without_a_working_uv_one_is_installed_into_a_private_environment(checkout: Checkout) -> None:
+    assert checkout.run("scripts/find_uv.sh").stdout.strip() == str(checkout.home / ".local/bin/uv")
     (checkout.home / ".local/bin/uv").unlink()
     write_script(checkout.bin / "python3", FAKE_PYTHON3)
-    found = checkout.run("scripts/find_uv.sh")
-    assert found.stdout.strip() == ".uv/bin/uv"
+    assert checkout.run("scripts/find_uv.sh").stdout.strip() == ".uv/bin/uv"
     assert (checkout.home / "pip.log").read_text().startswith("-m pip install")
 
 
@@ -91,7 +85,9 @@ def test_a_python_without_venv_is_answered_with_the_line_that_installs_it(checko
     assert not (checkout.repo / ".uv").exists()
 
 
-def test_set_up_makes_the_environment_once_and_then_does_nothing(checkout: Checkout) -> None:
+def test_set_up_makes_the_environment_once_and_installs_again_when_the_lock_changes(
+    checkout: Checkout,
+) -> None:
     assert checkout.run("scripts/setup.sh").returncode == 0
     calls = checkout.uv_calls()
     assert [call.split()[0] for call in calls] == ["venv", "pip", "pip"]
@@ -99,11 +95,6 @@ def test_set_up_makes_the_environment_once_and_then_does_nothing(checkout: Check
     assert calls[2].endswith("--editable . --editable envs --editable policies --editable robots")
     assert checkout.run("scripts/setup.sh").returncode == 0
     assert checkout.uv_calls() == calls
-
-
-def test_set_up_installs_again_when_the_lock_changes_but_keeps_the_environment(checkout: Checkout) -> None:
-    checkout.run("scripts/setup.sh")
-    calls = checkout.uv_calls()
     (checkout.repo / "requirements.lock").write_text("numpy==2.2.6\n")
     checkout.run("scripts/setup.sh")
     assert checkout.uv_calls() == [*calls, *calls[1:]]

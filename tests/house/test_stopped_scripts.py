@@ -1,4 +1,4 @@
-"""Scripts of many commands end when one of them was stopped, and go on when one has failed."""
+"""Scripts of many commands end when one of them was interrupted, and continue when one has failed."""
 
 import shutil
 import subprocess
