@@ -27,9 +27,8 @@ def dataset_push(config: DatasetPushConfig) -> None:
         hf auth login
         lerobot-bimanual dataset push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
     """
-    from lerobot_bimanual.dataset.hub import pushable_folder, upload_dataset
-    from lerobot_bimanual.hub import open_repository
+    from lerobot_bimanual.dataset.hub import open_repository, pushable_folder, upload_dataset
 
     root = pushable_folder(config.root)
-    open_repository(config.repo_id, repo_type="dataset", private=config.private)
+    open_repository(config.repo_id, private=config.private)
     print(upload_dataset(root, config.repo_id, branch=config.branch, tags=config.tags))

@@ -7,19 +7,27 @@ always validated at huggingface.co, so its push to another Hub ends after the up
 """
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from http import HTTPStatus
 from pathlib import Path
 
-from huggingface_hub import HfApi, constants
-from huggingface_hub.errors import RevisionNotFoundError
+from huggingface_hub import HfApi, constants, get_token
+from huggingface_hub.errors import (
+    HfHubHTTPError,
+    HFValidationError,
+    OfflineModeIsEnabled,
+    RevisionNotFoundError,
+)
+from huggingface_hub.utils import validate_repo_id
 
 from lerobot_bimanual.dataset.card import CARD_FILE, write_card
 from lerobot_bimanual.dataset.picture import PICTURE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
 from lerobot_bimanual.dataset.seal import seal_problems, write_seal
-from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.hub import plain_errors
+from lerobot_bimanual.errors import BimanualError, DatasetError
 
+TransportError: type[Exception] = HfHubHTTPError.__bases__[0]
+"""Base of the errors of the HTTP library that this version of huggingface-hub uses."""
 DATASET_FILES = ("data/*", "meta/*", "videos/*")
 """Everything that a LeRobotDataset consists of; the Hub's patterns cross folders."""
 
@@ -49,6 +57,37 @@ def pushable_folder(root: Path) -> Path:
     return root
 
 
+def check_repo_id(repo_id: str) -> None:
+    """Refuse a name that no repository of the Hub can have.
+
+    Raises:
+        BimanualError: the name is malformed, or names no owner.
+    """
+    try:
+        validate_repo_id(repo_id)
+    except HFValidationError as error:
+        raise BimanualError(f"repo_id is {repo_id!r}, which no repository can have: {error}") from error
+    if "/" not in repo_id:
+        raise BimanualError(f"repo_id is {repo_id!r}, but must be USER/NAME or ORGANISATION/NAME")
+
+
+def open_repository(repo_id: str, *, private: bool = False) -> None:
+    """Make a dataset repository unless it exists.
+
+    Args:
+        repo_id: USER/NAME or ORGANISATION/NAME.
+        private: hide a new repository from others; an existing one stays as it is.
+
+    Raises:
+        BimanualError: the name is malformed, no user is logged in, or the Hub refuses or cannot be reached.
+    """
+    check_repo_id(repo_id)
+    if get_token() is None:
+        raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
+    with _plain_errors(repo_id):
+        HfApi().create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
+
+
 def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags: Sequence[str] = ()) -> str:
     """Make an existing repository hold exactly this dataset, with its card, in one commit.
 
@@ -70,7 +109,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
     write_card(root, repo_id, tags)
     write_seal(root)
     hub = HfApi()
-    with plain_errors(repo_id):
+    with _plain_errors(repo_id):
         if branch is not None:
             hub.create_branch(repo_id, branch=branch, repo_type="dataset", exist_ok=True)
         hub.upload_folder(
@@ -88,3 +127,23 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
                 hub.delete_tag(repo_id, tag=version, repo_type="dataset")
             hub.create_tag(repo_id, tag=version, repo_type="dataset")
     return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
+
+
+@contextlib.contextmanager
+def _plain_errors(repo_id: str) -> Iterator[None]:
+    """Turn every refusal of the Hub and of the network into one clear message."""
+    try:
+        yield
+    except OfflineModeIsEnabled as error:
+        raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
+    except HfHubHTTPError as error:
+        status = error.response.status_code
+        if status == HTTPStatus.UNAUTHORIZED:
+            reason = "it does not accept the token; run `hf auth login`"
+        elif status == HTTPStatus.FORBIDDEN:
+            reason = "the token may not write there; check its rights, and the owner in the name"
+        else:
+            reason = f"{error.server_message or error}"
+        raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
+    except TransportError as error:
+        raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error

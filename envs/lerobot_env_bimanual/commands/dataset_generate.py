@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import InvalidChoice
 
@@ -100,12 +101,15 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     Raises:
         BimanualError: an option is outside its choices; the message lists them.
     """
+    from lerobot_bimanual.dataset.hub import check_repo_id
     from lerobot_env_bimanual.generation.settings import GenerationSettings
     from lerobot_env_bimanual.options import EnvOptions
     from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
     if config.view not in (*VIEWS, BOTH_VIEWS):
         raise InvalidChoice("view", config.view, (*VIEWS, BOTH_VIEWS))
+    if config.repo_id is not None:
+        check_repo_id(config.repo_id)
     options = EnvOptions(
         cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
     )
@@ -177,7 +181,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
     )
     for seed in skipped:
         print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
-    print(f"next: lerobot-bimanual dataset verify --root={root}")
+    show_next("lerobot-bimanual", "dataset", "verify", f"--root={root}")
 
 
 def _fraction(text: str) -> float:
