@@ -22,5 +22,5 @@ lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --output="$OUT/
 lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
     echo "the blind control scores more than it should; on few episodes that happens"
 
-# The first of them as a film and in pictures, the policy beside the expert.
-lerobot-bimanual task view --task="$TASK" --seed="$SEED" --image_size=128 --checkpoint="$POLICY" --film --output="$OUT/view"
+# The first of them as a video and in pictures, the policy beside the expert.
+lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --image_size=128 --checkpoint="$POLICY" --video --output="$OUT/view"

@@ -1,314 +1,112 @@
-import os
-import subprocess
-import sys
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+"""How pictures are laid out, where they are taken from, and what the sheet of perturbations shows."""
 
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.cameras import CAMERA_NAMES, project, unproject
-from lerobot_bimanual.errors import InvalidChoice, MissingGL, UnknownCamera
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.ball import Ball
+from lerobot_env_bimanual.commands.task_perturbations import TaskPerturbationsConfig, task_perturbations
+from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.world.cameras import calibration
-from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.props.box import Box
+from lerobot_env_bimanual.rendering.axes_sheet import Row, axes_sheet, draw_row
+from lerobot_env_bimanual.rendering.layout import (
+    CAPTION_HEIGHT,
+    GAP,
+    GREEN,
+    PANEL_WIDTH,
+    SEAM,
+    Panel,
+    contact_sheet,
+    gallery,
+)
+from lerobot_env_bimanual.rendering.viewpoint import ZOOM, clearest_camera, close_up
+from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.scene import Scene
 
-SIZE = 128
-FIXED = ("front", "left_shoulder", "right_shoulder")
+RED_RGB = (200, 10, 10)
+PITCH = np.array([300 + CAPTION_HEIGHT, PANEL_WIDTH]) + GAP
+"""Rows and columns from one panel of 3:4 to the next."""
 
 
-def make_scene() -> Scene:
-    scene = Scene([Block(), Ball()])
-    scene.place("item", Pose.upright((0.10, 0.20, 0.79)))
-    scene.place("ball", Pose.upright((0.35, -0.20, 0.90)))
-    scene.settle(2)
-    return scene
+def red(**options) -> Panel:
+    return Panel(np.full((30, 40, 3), RED_RGB, dtype=np.uint8), "caption", **options)
+
+
+def first_red(image) -> tuple[int, int]:
+    is_red = (np.asarray(image) == RED_RGB).all(axis=-1)
+    return int(np.nonzero(is_red.any(axis=1))[0][0]), int(np.nonzero(is_red.any(axis=0))[0][0])
+
+
+def test_a_gallery_centres_its_last_row_and_a_contact_sheet_has_room_for_its_title() -> None:
+    panels = [red() for _ in range(4)]
+    image = gallery(panels, columns=3)
+    assert (image.height, image.width) == tuple(PITCH * (2, 3) + GAP)
+    assert first_red(image.crop((0, PITCH[0], *image.size)))[1] == GAP + PITCH[1]
+    sheet = contact_sheet("title", ["line", "line"], panels, columns=3)
+    header = sheet.height - image.height
+    assert first_red(sheet) == (header + GAP, GAP)
+    assert first_red(sheet.crop((0, header + PITCH[0], *sheet.size)))[1] == GAP
+
+
+def test_a_second_picture_has_the_height_of_the_first_and_a_colour_frames_both() -> None:
+    green = np.full((20, 20, 3), GREEN, dtype=np.uint8)
+    plain, framed = (np.asarray(gallery([panel])) for panel in (red(beside=green), red(color=GREEN)))
+    assert plain.shape[1] == 2 * GAP + PANEL_WIDTH + SEAM + 300
+    assert (plain[GAP : GAP + 300, GAP : GAP + PANEL_WIDTH] == RED_RGB).all()
+    assert (plain[GAP : GAP + 300, GAP + PANEL_WIDTH + SEAM : -GAP] == GREEN).all()
+    assert tuple(framed[GAP, GAP]) == GREEN
+    assert tuple(framed[GAP + 150, GAP + PANEL_WIDTH // 2]) == RED_RGB
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return make_scene()
+    return Scene([Block(), Box()])
 
 
-@pytest.fixture(scope="module")
-def images(scene):
-    with Renderer(scene, height=SIZE, width=SIZE) as renderer:
-        return renderer.render()
+@pytest.mark.parametrize("camera", FIXED_CAMERAS, ids=lambda camera: camera.name)
+def test_the_clearest_camera_is_one_that_the_moved_thing_is_not_hidden_from(scene, camera):
+    block_m = np.array([0.27, 0.05, 0.80])
+    wall_m = block_m + 0.3 * (np.array(camera.position) - block_m) / np.linalg.norm(camera.position - block_m)
+    states = []
+    for move_m in (-0.03, 0.03):
+        scene.reset()
+        scene.place("box", Pose.upright(wall_m, np.arctan2(*(wall_m - block_m)[:2])))
+        scene.place("item", Pose.upright(block_m + np.array([move_m, 0, 0])))
+        states.append(scene.save_state())
+    assert clearest_camera(scene, states) != camera.name
 
 
-def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
-    extrinsics, intrinsics = calibration(scene, height, width)
-    return (
-        dict(zip(CAMERA_NAMES, extrinsics.reshape(5, 4, 4), strict=True)),
-        dict(zip(CAMERA_NAMES, intrinsics.reshape(5, 3, 3), strict=True)),
-    )
+def test_a_close_up_shows_the_place_between_the_hands(scene) -> None:
+    scene.reset()
+    rows, columns = np.mgrid[:240, :320].astype(np.uint16)
+    crop = np.stack([rows, columns, rows], axis=-1)[close_up(scene, "left_shoulder", *rows.shape)]
+    assert crop.shape == (round(240 / ZOOM), round(320 / ZOOM), 3)
+    # The hands are at home, high above the table: the close-up is the picture's upper part.
+    assert crop[..., 0].min() == 0
+    assert 0 < crop[..., 1].min() < crop[..., 1].max() < 319
 
 
-def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=env | variables
-    )
+def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
+    task_perturbations(TaskPerturbationsConfig())
+    listed = capsys.readouterr().out
+    assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(list_axes())
+    task_perturbations(TaskPerturbationsConfig(group="words"))
+    listed = capsys.readouterr().out
+    assert listed.startswith("instruction  (words)")
+    assert "levels 1 to 3: 1, 2, 3 steps" in listed
 
 
-def test_every_camera_gives_color_and_depth(images):
-    assert tuple(images) == CAMERA_NAMES
-    for rgb, depth in images.values():
-        assert (rgb.shape, rgb.dtype) == ((SIZE, SIZE, 3), np.uint8)
-        assert (depth.shape, depth.dtype) == ((SIZE, SIZE), np.float32)
-        assert rgb.std() > 10
-        assert depth.min() > 0.05
-        assert depth.max() <= 10.001
+def test_a_row_of_the_sheet_shows_every_level_and_an_axis_that_changes_no_image_has_none():
+    row = Row("fewer_cameras", "push_box", seed=0)
+    panels = draw_row(row)
+    black = [np.mean(panel.rgb.max(axis=-1) == 0) for panel in panels]
+    assert black == pytest.approx([0, 1 / 8, 2 / 8, 3 / 8], abs=0.02)
+    assert [panel.caption for panel in panels][-1] == f"level 3: {get_axis('fewer_cameras').levels[2]}"
+    assert min(axes_sheet(row, panels).size) > 100
+    assert draw_row(Row("arm_late", "push_box", seed=0)) == []
 
 
-def test_arrays_are_never_reused(scene):
-    with Renderer(scene, ("front",), 64, 64) as renderer:
-        first = renderer.render()["front"]
-        copies = [array.copy() for array in first]
-        scene.set_color("item", (0, 1, 0, 1))
-        second = renderer.render()["front"]
-        scene.set_color("item", (1, 0, 0, 1))
-    for array, copy, later in zip(first, copies, second, strict=True):
-        assert np.array_equal(array, copy)
-        assert not np.shares_memory(array, later)
-    assert not np.array_equal(first[0], second[0])
-
-
-@pytest.mark.parametrize("camera", FIXED)
-def test_depth_puts_the_table_where_it_is(scene, images, camera):
-    extrinsics, intrinsics = cameras_of(scene)
-    points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera]).reshape(-1, 3)
-    free = (np.abs(points[:, 0] - 0.2) < 0.25) & (np.abs(points[:, 1]) < 0.5) & (points[:, 2] < 0.76)
-    assert free.sum() > 300
-    assert np.median(np.abs(points[free, 2] - 0.75)) < 5e-5
-    assert np.quantile(np.abs(points[free, 2] - 0.75), 0.95) < 2e-4
-
-
-@pytest.mark.parametrize("camera", CAMERA_NAMES)
-def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera):
-    extrinsics, intrinsics = cameras_of(scene)
-    points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera])
-    origin = extrinsics[camera][:3, 3].astype(np.float64)
-    rng = np.random.default_rng(0)
-    errors = []
-    for row, column in rng.integers(0, SIZE, (60, 2)):
-        ray = points[row, column] - origin
-        length = np.linalg.norm(ray)
-        hit = mujoco.mj_ray(scene.model, scene.data, origin, ray / length, None, 1, -1, np.zeros(1, np.int32))
-        if hit > 0:
-            errors.append(abs(hit - length))
-    assert len(errors) > 20
-    assert np.median(errors) < 2e-4  # silhouettes of faceted round shapes may differ more
-
-
-@pytest.mark.parametrize("camera", FIXED)
-def test_a_prop_appears_where_the_calibration_projects_it(scene, images, camera):
-    extrinsics, intrinsics = cameras_of(scene)
-    red, green, blue = images[camera][0].astype(int).transpose(2, 0, 1)
-    rows, columns = np.nonzero((red > 90) & (green < 30) & (blue < 30))
-    u, v, _ = project(scene.pose("item").position, intrinsics[camera], extrinsics[camera])
-    assert len(rows) > 8
-    assert np.hypot(columns.mean() + 0.5 - u, rows.mean() + 0.5 - v) < 1.5
-
-
-def test_the_cameras_see_the_whole_placement_area(scene):
-    extrinsics, intrinsics = cameras_of(scene)
-    axes = (np.linspace(-0.05, 0.55, 7), np.linspace(-0.45, 0.40, 9), np.linspace(0.76, 1.10, 5))
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    inside = {}
-    for camera in FIXED:
-        pixels = project(grid, intrinsics[camera], extrinsics[camera])
-        inside[camera] = np.all((pixels[:, :2] > 0) & (pixels[:, :2] < SIZE), axis=1) & (pixels[:, 2] > 0)
-        span = np.ptp(pixels[:, :2], axis=0) / SIZE
-        assert np.all(span > 0.5), f"{camera} wastes its image: the area spans {span} of it"
-    assert inside["front"].all()
-    assert (inside["left_shoulder"] | inside["right_shoulder"]).all()
-
-
-@pytest.mark.parametrize("camera", FIXED)
-def test_at_home_both_hands_are_wholly_in_every_fixed_view(scene, camera):
-    extrinsics, intrinsics = cameras_of(scene)
-    for arm in Arm:
-        hand_m = [scene.data.geom(geom).xpos for geom in (f"{arm}_pad1", f"{arm}_pad2")]
-        hand_m.append(scene.data.body(f"{arm}_hand").xpos)
-        pixels = project(hand_m, intrinsics[camera], extrinsics[camera])
-        assert np.all((pixels[:, :2] > 0) & (pixels[:, :2] < SIZE))
-
-
-def test_at_home_each_hand_s_camera_sees_the_table_and_its_own_fingertips(scene, images):
-    extrinsics, intrinsics = cameras_of(scene)
-    for arm in Arm:
-        camera = f"{arm.value}_wrist"
-        for pad in (f"{arm}_pad1", f"{arm}_pad2"):
-            u, v, depth = project(scene.data.geom(pad).xpos, intrinsics[camera], extrinsics[camera])
-            assert 0 < u < SIZE
-            assert SIZE / 2 < v < SIZE
-            assert 0 < depth < 0.2
-        assert np.mean((images[camera][1] > 0.3) & (images[camera][1] < 1.2)) > 0.5
-
-
-def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
-    scene = make_scene()
-    camera_in_hand = []
-    for _ in range(2):
-        extrinsics, _ = cameras_of(scene)
-        camera_in_hand.append(scene.tcp(Arm.LEFT).inverse().matrix @ extrinsics["left_wrist"])
-        action = scene.commanded
-        action[0] += 0.2
-        for _ in range(4):
-            scene.tick(action)
-    assert camera_in_hand[0] == pytest.approx(camera_in_hand[1], abs=1e-5)
-    moved, _ = cameras_of(scene)
-    assert np.linalg.norm(moved["left_wrist"][:3, 3] - extrinsics["left_wrist"][:3, 3]) > 0.05
-    assert moved["front"] == pytest.approx(extrinsics["front"])
-
-
-def test_calibration_is_flat_float32_and_scales_with_the_image(scene):
-    extrinsics, intrinsics = calibration(scene, 128, 256)
-    assert (extrinsics.shape, extrinsics.dtype) == ((80,), np.float32)
-    assert (intrinsics.shape, intrinsics.dtype) == ((45,), np.float32)
-    fx, _, cx, _, fy, cy, *_ = intrinsics[:9]
-    assert fx == fy
-    assert (cx, cy) == (128, 64)
-    for matrix in extrinsics.reshape(5, 4, 4):
-        assert matrix[:3, :3] @ matrix[:3, :3].T == pytest.approx(np.eye(3), abs=1e-6)
-        assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    "cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))]
-)
-def test_an_image_does_not_depend_on_which_other_cameras_are_rendered(scene, images, cameras):
-    with Renderer(scene, cameras, SIZE, SIZE) as renderer:
-        for camera, (rgb, depth) in renderer.render().items():
-            assert np.array_equal(rgb, images[camera][0])
-            assert np.array_equal(depth, images[camera][1])
-
-
-def test_rendering_leaves_the_state_alone(scene):
-    before = scene.state_hash()
-    with Renderer(scene, height=64, width=64) as renderer:
-        renderer.render()
-    assert scene.state_hash() == before
-
-
-def test_renderers_of_different_sizes_and_qualities_work_side_by_side(scene, images):
-    kept = (scene.model.vis.quality.offsamples, scene.model.vis.quality.numslices)
-    with (
-        Renderer(scene, height=SIZE, width=SIZE) as small,
-        Renderer(scene, ("front",), 96, 160, "high") as fine,
-    ):
-        for _ in range(2):
-            rgb, depth = fine.render()["front"]
-            assert rgb.shape == (96, 160, 3)
-            assert depth.shape == (96, 160)
-            for camera, (rgb, depth) in small.render().items():
-                assert np.array_equal(rgb, images[camera][0])
-                assert np.array_equal(depth, images[camera][1])
-    assert (scene.model.vis.quality.offsamples, scene.model.vis.quality.numslices) == kept
-
-
-def test_high_quality_has_shadows_and_smooth_edges(scene, images):
-    with Renderer(scene, ("front",), SIZE, SIZE, "high") as renderer:
-        fine = renderer.render()["front"][0].astype(float)
-    plain = images["front"][0].astype(float)
-    darker = np.mean(fine.mean(axis=-1) < plain.mean(axis=-1) - 30)
-    assert darker > 0.01
-    assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(np.unique(plain.reshape(-1, 3), axis=0))
-
-
-def test_a_closed_renderer_opens_again(scene, images):
-    renderer = Renderer(scene, ("front",), SIZE, SIZE)
-    renderer.render()
-    renderer.close()
-    renderer.close()
-    assert np.array_equal(renderer.render()["front"][0], images["front"][0])
-    renderer.close()
-
-
-def test_unknown_names_are_refused_with_the_valid_ones(scene):
-    with pytest.raises(UnknownCamera, match="left_wrist"):
-        Renderer(scene, ("overhead",))
-    with pytest.raises(InvalidChoice, match="observation"):
-        Renderer(scene, quality="best")
-
-
-def test_without_a_driver_physics_runs_and_rendering_names_the_packages():
-    program = (
-        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
-        "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
-    )
-    result = without_gl(program, MUJOCO_GL="disable")
-    assert "physics runs" in result.stdout
-    assert result.returncode != 0
-    assert MissingGL.__name__ in result.stderr
-    assert "apt-get install" in result.stderr
-    assert "libegl1" in result.stderr
-
-
-def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respected():
-    program = (
-        "import os, lerobot_env_bimanual.gl; print(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])"
-    )
-    assert without_gl(program).stdout.split() == ["egl", "0"]
-    chosen = without_gl(program, MUJOCO_GL="disable", LP_NUM_THREADS="2")
-    assert chosen.stdout.split() == ["disable", "2"]
-
-
-def in_a_thread[Result](function: Callable[[], Result]) -> Result:
-    with ThreadPoolExecutor(1) as pool:
-        return pool.submit(function).result()
-
-
-def test_a_renderer_may_be_used_in_one_thread_and_closed_in_another(scene):
-    renderer = Renderer(scene, ("front",), 24, 32)
-    there = in_a_thread(renderer.render)["front"]
-    here = renderer.render()["front"]
-    assert all(np.array_equal(a, b) for a, b in zip(there, here, strict=True))
-    in_a_thread(renderer.close)
-    again = in_a_thread(renderer.render)["front"]
-    renderer.close()
-    assert all(np.array_equal(a, b) for a, b in zip(there, again, strict=True))
-
-
-def test_environments_play_and_render_in_several_threads_at_once():
-    def play(seed: int) -> list[np.ndarray]:
-        env = BimanualEnv("lift_ball", image_size=24, cameras="front")
-        envs.append(env)
-        images = [env.reset(seed=seed)[0]["pixels"]["front"]]
-        for _ in range(5):
-            images.append(env.step(env.scene.commanded)[0]["pixels"]["front"])
-            images.append(env.render())
-        return images
-
-    envs: list[BimanualEnv] = []
-    with ThreadPoolExecutor(2) as pool:
-        at_once = list(pool.map(play, (0, 1)))
-    one_after_the_other = [play(seed) for seed in (0, 1)]
-    for env in envs:
-        env.close()
-    for images, expected in zip(at_once, one_after_the_other, strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(images, expected, strict=True))
-
-
-LEAVE_OPEN = """
-import weakref
-class Early: pass
-early = Early()
-weakref.finalize(early, int)  # now finalizers run after whatever a driver does at exit
-from lerobot_env_bimanual.env import BimanualEnv
-BimanualEnv("lift_ball", image_size=16).reset(seed=0)
-env = BimanualEnv("lift_ball", image_size=16)
-env.reset(seed=0)
-"""
-
-
-def test_a_program_that_closes_nothing_ends_without_a_word():
-    ended = subprocess.run([sys.executable, "-c", LEAVE_OPEN], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (0, "")
+def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path):
+    with pytest.raises(InvalidChoice, match=r"\.jpg"):
+        task_perturbations(TaskPerturbationsConfig(picture=tmp_path / "axes.bmp"))

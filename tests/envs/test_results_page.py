@@ -17,7 +17,7 @@ from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
 from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
 from lerobot_env_bimanual.experts.world_version import world_version
-from lerobot_env_bimanual.pictures.episode_film import EVERY, Film, film_episode
+from lerobot_env_bimanual.rendering.failure_video import EVERY, FailureVideo, failure_video
 from lerobot_env_bimanual.reports.results_page import Section, results_page
 
 ROWS = sorted((Path(__file__).parents[2] / "results" / "leaderboard").glob("*.json"))
@@ -59,8 +59,8 @@ def section_of(path: Path, fact: str = "it fell") -> Section:
 def test_a_page_of_all_committed_results_holds_every_result_and_episode():
     sections = [section_of(path) for path in ROWS]
     shown = next(index for index, section in enumerate(sections) if section.blames)
-    film = Film(next(iter(sections[shown].blames)), False, "front", 1.0, b"m" * 1000, b"j")
-    sections[shown] = replace(sections[shown], films=[film])
+    video = FailureVideo(next(iter(sections[shown].blames)), "front", 1.0, b"m" * 1000, b"j")
+    sections[shown] = replace(sections[shown], videos=[video])
     page = results_page(sections)
     reader = Reader(page)
     assert "content=\"default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'\"" in page
@@ -111,9 +111,9 @@ def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(t
     assert f"{output}: 1 results, 1 videos, " in capsys.readouterr().out
     assert Reader(output.read_text()).tags["video"] == 1
 
-    film = film_episode(TASK, OPTIONS, failed, "policy")
-    with av.open(BytesIO(film.mp4)) as container:
+    video = failure_video(TASK, OPTIONS, failed, "policy")
+    with av.open(BytesIO(video.mp4)) as container:
         frames = sum(1 for _ in container.decode(video=0))
     assert frames == -(-failed.ticks // EVERY) + 1
     with pytest.raises(BimanualError, match=f"seed {SEED} does not come out as recorded"):
-        film_episode(TASK, OPTIONS, replace(failed, end="0" * 64), "policy")
+        failure_video(TASK, OPTIONS, replace(failed, end="0" * 64), "policy")

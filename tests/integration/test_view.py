@@ -1,4 +1,4 @@
-"""The verb `view` where there is no display: a film and a sheet of an expert, or of a policy beside it."""
+"""The command `task view` without a display: a video and a sheet of an expert, or of a policy beside it."""
 
 import shutil
 import subprocess
@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from lerobot_bimanual.cli import main
-from lerobot_env_bimanual.pictures import beside
-from lerobot_env_bimanual.pictures.layout import GAP, PANEL_WIDTH
+from lerobot_env_bimanual.rendering import side_by_side
+from lerobot_env_bimanual.rendering.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.viewer import Performance
 
 CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
@@ -22,7 +22,7 @@ CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 def a_desk_without_a_screen(monkeypatch, tmp_path) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(beside, "SIZE", (48, 64))
+    monkeypatch.setattr(side_by_side, "SIZE", (48, 64))
     monkeypatch.chdir(tmp_path)
 
 
@@ -32,21 +32,21 @@ def frames(film: Path) -> list[np.ndarray]:
 
 
 @pytest.mark.sim
-def test_without_a_display_one_line_says_so_and_a_film_is_written(capsys) -> None:
-    assert main(["task", "view", "--task=lift_ball", "--seed=3", "--output=films"]) == 0
+def test_without_a_display_one_line_says_so_and_a_video_is_written(capsys) -> None:
+    assert main(["task", "view", "--task=lift_ball", "--first_seed=3", "--output=films"]) == 0
     first, second, *files = capsys.readouterr().out.splitlines()
-    assert first == "there is no display, so it is filmed"
+    assert first == "there is no display, so a video of expert is written"
     assert second.startswith("expert: solved after ")
     film, sheet = map(Path, files)
     assert film == Path("films/lift_ball_v0_test_seed3_expert.mp4")
     pictures = frames(film)
     assert len(pictures) > 50
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
-    assert Image.open(sheet).width == beside.MOMENTS * (PANEL_WIDTH + GAP) + GAP
+    assert Image.open(sheet).width == side_by_side.N_MOMENTS * (PANEL_WIDTH + GAP) + GAP
 
 
 @pytest.mark.sim
-def test_a_film_shows_another_world_and_says_which(capsys) -> None:
+def test_a_video_shows_another_world_and_says_which(capsys) -> None:
     flags = ("--task=lift_ball", "--output=films")
     for perturb in ("", "light:3,arm_late:1"):
         assert main(["task", "view", *flags, f"--perturb={perturb}"]) == 0
@@ -61,10 +61,10 @@ def test_a_film_shows_another_world_and_says_which(capsys) -> None:
 
 @pytest.mark.slow
 def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
-    flags = ("--task=handover_item_easy", "--seed=1", "--image_size=128", "--output=films")
+    flags = ("--task=handover_item_easy", "--first_seed=1", "--image_size=128", "--output=films")
     assert main(["task", "view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
     told = capsys.readouterr().out
-    assert "there is no display, so expert and policy are filmed" in told
+    assert "there is no display, so a video of expert and policy is written" in told
     assert "expert: solved after " in told
     (film,) = Path("films").glob("*_expert_and_policy.mp4")
     assert frames(film)[0].shape[1] == 2 * (PANEL_WIDTH + GAP) + GAP
@@ -73,7 +73,7 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     assert row.width > row.height > 2 * 300  # two rows of panels
 
 
-def test_with_a_display_the_window_opens_unless_a_film_is_wished(monkeypatch, capsys) -> None:
+def test_with_a_display_the_window_opens_unless_a_video_is_requested(monkeypatch, capsys) -> None:
     played: list[str] = []
     monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
@@ -112,11 +112,11 @@ raise SystemExit(main(["task", "view", "--task=lift_ball"]))
     [
         ("--task=lift_bal", "Did you mean 'lift_ball'?"),
         ("--variation=7", "has no variation 7"),
-        ("--seed=-1", "seed is -1"),
+        ("--first_seed=-1", "first_seed is -1"),
         ("--checkpoint=nowhere", "no checkpoint at nowhere"),
         ("--perturb=fog:1", "fog"),
         ("--perturb=grip_force:9", "with levels 0 to 3"),
-        ("--video_dir=films", "--output says where its film goes"),
+        ("--video_dir=films", "--output says where its video goes"),
         ("--output=/proc/films", "cannot write /proc/films"),
     ],
 )

@@ -121,5 +121,5 @@ def _write_html(config: ResultsReportConfig) -> None:
         sections = sections_of(results, config.max_videos, pool)
     page, output = results_page(sections), config.output or Path("outputs/results.html")
     write_file(output, page)
-    videos = sum(len(section.films) for section in sections)
+    videos = sum(len(section.videos) for section in sections)
     print(f"{output}: {len(results)} results, {videos} videos, {len(page.encode()) / 1e6:.1f} MB")

@@ -1,4 +1,4 @@
-"""The verb `view`: an episode before one's eyes, in MuJoCo's viewer or as a film."""
+"""The command `task view`."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from lerobot_env_bimanual.options import EnvOptions
 
 @dataclass
 class TaskViewConfig(EnvOptions):
-    """Flags of the verb `view`, and all options of the environment."""
+    """Flags of `task view`, and all options of the environment."""
 
     task: str = "lift_ball"  # name of one task
-    seed: int = 0  # of the episode
-    # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a film the expert and the policy
-    # beside each other, in the same episode.
+    first_seed: int = 0  # seed of the first episode
+    episodes: int = 1  # episodes of which there are videos
+    # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a video the expert and the policy
+    # side by side in the same episode.
     checkpoint: Path | None = None
-    film: bool = False  # write a film although there is a display
-    output: Path = Path("outputs/view")  # folder of the film and of its contact sheet
+    video: bool = False  # write a video although there is a display
+    output: Path = Path("outputs/view")  # folder of the videos and their contact sheets
 
 
 def task_view(config: TaskViewConfig) -> None:
@@ -30,48 +31,44 @@ def task_view(config: TaskViewConfig) -> None:
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
     before, up and down another variation; space pauses, backspace plays again. Closing the window ends the command.
 
-    Where there is none, or with `--film`, a film and a contact sheet are written instead.
+    Where there is none, or with `--video`, a video and a contact sheet are written instead.
 
     A policy is shown what the options say, so give those it was trained with, as to `lerobot-eval`. LeRobot calls
     whatever a checkpoint's files name: look at a stranger's with `policy check` first.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
-        lerobot-bimanual task view --task=handover_item --seed=3 --variation=2 --film
-        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --film
-        lerobot-bimanual task view --task=handover_item_easy --image_size=128 --film \
+        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --video
+        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --video
+        lerobot-bimanual task view --task=handover_item_easy --image_size=128 --video \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     from lerobot_bimanual.output_file import check_output_folder
     from lerobot_env_bimanual.viewer import no_window
 
-    _check(config)
-    reason = "--film was given" if config.film else no_window()
+    check_range("first_seed", config.first_seed, 0)
+    check_range("episodes", config.episodes, 1)
+    if config.video_dir is not None or config.results_dir is not None:
+        raise BimanualError(
+            "task view keeps no videos and records of the environment: --output says where its video goes"
+        )
+    reason = "--video was given" if config.video else no_window()
     if reason:
-        os.environ.setdefault(
-            "MUJOCO_GL", "egl"
-        )  # before MuJoCo is loaded; a display may be there that does not open
+        # Before MuJoCo is loaded; a display may be there that does not open.
+        os.environ.setdefault("MUJOCO_GL", "egl")
         check_output_folder(config.output)
-        _film(config, reason)
+        _write_videos(config, reason)
     else:
         _perform(config)
 
 
-def _check(config: TaskViewConfig) -> None:
-    check_range("seed", config.seed, 0)
-    if config.video_dir is not None or config.results_dir is not None:
-        raise BimanualError(
-            "view keeps no films and records of the environment: --output says where its film goes"
-        )
-
-
-def _film(config: TaskViewConfig, reason: str) -> None:
+def _write_videos(config: TaskViewConfig, reason: str) -> None:
     from tqdm import tqdm
 
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.pictures.beside import show_beside
-    from lerobot_env_bimanual.pictures.take import take
+    from lerobot_env_bimanual.rendering.rollout import rollout
+    from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
@@ -79,21 +76,17 @@ def _film(config: TaskViewConfig, reason: str) -> None:
 
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_shown(config))
-    print(
-        f"{reason}, so {' and '.join(players)} are filmed"
-        if len(players) > 1
-        else f"{reason}, so it is filmed"
-    )
-    takes = {name: take(env, config.seed, player) for name, player in players.items()}
-    with tqdm(total=max(len(one.states) for one in takes.values()), desc="film", unit="picture") as bar:
-        files = show_beside(env, takes, config.output, bar.update)
+    print(f"{reason}, so a video of {' and '.join(players)} is written")
+    for seed in range(config.first_seed, config.first_seed + config.episodes):
+        rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
+        n_frames = max(len(each.states) for each in rollouts.values())
+        with tqdm(total=n_frames, desc="video", unit="frame") as bar:
+            files = write_side_by_side(env, rollouts, config.output, bar.update)
+        for name, each in rollouts.items():
+            verdict = "solved" if each.outcome.success else f"not solved: {each.outcome.failure}"
+            print(f"{name}: {verdict} after {each.duration_s:.1f} s")
+        print("\n".join(map(str, files)))
     env.close()
-    for name, one in takes.items():
-        outcome = one.outcome
-        print(
-            f"{name}: {'solved' if outcome.success else f'not solved: {outcome.failure}'} after {one.duration_s:.1f} s"
-        )
-    print("\n".join(map(str, files)))
 
 
 def _perform(config: TaskViewConfig) -> None:
@@ -107,7 +100,7 @@ def _perform(config: TaskViewConfig) -> None:
         name, player = "policy", policy_player(config.checkpoint)
     print(KEYS)
     env = BimanualEnv(config.task, options=_shown(config))
-    Performance(env, player, name, ShownEpisode(config.seed), mujoco_window).run()
+    Performance(env, player, name, ShownEpisode(config.first_seed), mujoco_window).run()
     env.close()
 
 

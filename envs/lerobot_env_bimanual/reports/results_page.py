@@ -20,7 +20,7 @@ from lerobot_env_bimanual.audit.blaming import blames_of
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
 from lerobot_env_bimanual.audit.result_names import result_names
-from lerobot_env_bimanual.pictures.episode_film import Film, film_episode
+from lerobot_env_bimanual.rendering.failure_video import FailureVideo, failure_video
 from lerobot_env_bimanual.reports.failure_figure import failure_figure
 from lerobot_env_bimanual.workers import WorkerPool
 
@@ -32,12 +32,12 @@ class Section:
     Attributes:
         result: the file.
         blames: why its failed episodes failed, by seed.
-        films: videos of some of its failed episodes.
+        videos: videos of some of its failed episodes.
     """
 
     result: Result
     blames: Mapping[int, Blame]
-    films: Sequence[Film] = ()
+    videos: Sequence[FailureVideo] = ()
 
     @property
     def who(self) -> str:
@@ -110,10 +110,10 @@ def sections_of(results: Sequence[Result], max_videos: int, pool: WorkerPool) ->
             (record.task, record.options, episode, section.who)
             for episode in _of_different_classes(section)[:max_videos]
         ]
-        films = pool.map(
-            _film, jobs, f"{record.task}: videos", "video", name=lambda job: f"{job[0]}, seed {job[2].seed}"
+        videos = pool.map(
+            _video, jobs, f"{record.task}: videos", "video", name=lambda job: f"{job[0]}, seed {job[2].seed}"
         )
-        sections.append(Section(result, section.blames, [*films]))
+        sections.append(Section(result, section.blames, [*videos]))
     return sections
 
 
@@ -128,8 +128,8 @@ def _of_different_classes(section: Section) -> list[PlayedEpisode]:
     return sorted(failed, key=lambda episode: rank[episode.seed])
 
 
-def _film(job: tuple[str, dict[str, str], PlayedEpisode, str]) -> Film:
-    return film_episode(*job)
+def _video(job: tuple[str, dict[str, str], PlayedEpisode, str]) -> FailureVideo:
+    return failure_video(*job)
 
 
 def results_page(sections: Sequence[Section]) -> str:

@@ -1,4 +1,4 @@
-"""What the axes do to what is seen: a contact sheet with a row per axis, and its levels side by side."""
+"""Contact sheet of perturbations: a row per axis, with its levels side by side."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.perturbations.registry import get_axis
-from lerobot_env_bimanual.pictures.layout import Panel, contact_sheet
+from lerobot_env_bimanual.rendering.layout import Panel, contact_sheet
 
 SIDE_PIXELS = 256
-FURTHEST_MM = 2500
+MAX_DEPTH_MM = 2500
 """White in pictures of depth."""
 HOLE = (190, 40, 120)
 """Colour of pixels without depth."""
@@ -42,9 +42,9 @@ class Row:
 
 
 def draw_row(row: Row) -> list[Panel]:
-    """All five cameras at the start of the episode, at levels 0 to 3; depth where colours are as they were.
+    """All five cameras at the start of the episode, at levels 0 to 3; depth images if colours do not change.
 
-    None if no image changes.
+    No panels if no image changes.
 
     Raises:
         InvalidChoice: the axis finds nothing to change in the task.
@@ -65,7 +65,7 @@ def axes_sheet(row: Row, panels: Sequence[Panel]) -> Image.Image:
     """One sheet of the panels of many rows; all show the same episode as `row`."""
     lines = (
         f"{row.task}, val seed {row.seed}: front camera large, the others beside it",
-        "a row per axis, its levels from left to right; depth in grey, in pink where none was measured",
+        "a row per axis, its levels from left to right; depth in grey, pink if it was not measured",
     )
     sheet = contact_sheet("axes and levels", lines, panels, MAX_LEVEL + 1)
     return sheet.reduce(SHRINK)
@@ -83,7 +83,7 @@ def _views(row: Row, level: int) -> dict[str, NDArray[np.uint8]]:
 
 def _depth_picture(observation: dict[str, Any], camera: str) -> NDArray[np.uint8]:
     depth_mm = observation[env_key(schema.depth_key(camera))][0]
-    grey = (255 * np.clip(depth_mm / FURTHEST_MM, 0, 1)).astype(np.uint8)
+    grey = (255 * np.clip(depth_mm / MAX_DEPTH_MM, 0, 1)).astype(np.uint8)
     return np.where(depth_mm[..., None] > schema.UNMEASURED_MM, grey[..., None], np.array(HOLE, np.uint8))
 
 

@@ -13,9 +13,7 @@ PANEL_WIDTH = 400
 CAPTION_HEIGHT = 34
 GAP = 16
 SEAM = 4
-TITLE_SIZE = 34
-TEXT_SIZE = 21
-CAPTION_SIZE = 19
+TITLE_SIZE, TEXT_SIZE, CAPTION_SIZE = 34, 21, 19
 
 PAPER = (255, 255, 255)
 INK = (32, 34, 40)
@@ -30,10 +28,10 @@ class Panel:
 
     Attributes:
         rgb: (height, width, 3) uint8; all panels of a sheet have the same shape.
-        caption: the line, from the left.
-        note: a remark at the line's right end.
-        color: RGB of both texts; coloured ones get a frame of the same colour.
-        beside: (height, width, 3) uint8, the second picture; it is brought to the height of the first.
+        caption: text at the left end of the line.
+        note: text at its right end.
+        color: RGB of both texts; a colour other than `INK` also frames the picture.
+        beside: (height, width, 3) uint8, the second picture; it is scaled to the height of the first.
     """
 
     rgb: NDArray[np.uint8]
@@ -45,22 +43,16 @@ class Panel:
 
 def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], columns: int = 4) -> Image.Image:
     """Panels in rows under a title and lines of text."""
-    grid = _grid(panels, columns, centred=False)
-    heights = [TITLE_SIZE, *[TEXT_SIZE] * len(lines)]
-    header = GAP + sum(height + GAP // 2 for height in heights)
+    grid = gallery(panels, columns, centred=False)
+    texts = [(title, TITLE_SIZE, INK), *((line, TEXT_SIZE, GREY) for line in lines)]
+    header = GAP + sum(size + GAP // 2 for _, size, _ in texts)
     sheet = Image.new("RGB", (grid.width, header + grid.height), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    top = GAP
-    for text, height, color in zip((title, *lines), heights, (INK, INK, *[GREY] * len(lines)), strict=False):
-        draw.text((GAP, top), text, fill=color, font=ImageFont.load_default(height))
-        top += height + GAP // 2
+    draw, top = ImageDraw.Draw(sheet), GAP
+    for text, size, color in texts:
+        draw.text((GAP, top), text, fill=color, font=ImageFont.load_default(size))
+        top += size + GAP // 2
     sheet.paste(grid, (0, header))
     return sheet
-
-
-def gallery(panels: Sequence[Panel], columns: int = 3) -> Image.Image:
-    """Panels in rows; a last row that is not full stands in the middle."""
-    return _grid(panels, columns, centred=True)
 
 
 def moving_gallery(strips: Mapping[str, Sequence[NDArray[np.uint8]]], columns: int = 5) -> list[Image.Image]:
@@ -68,19 +60,27 @@ def moving_gallery(strips: Mapping[str, Sequence[NDArray[np.uint8]]], columns: i
 
     Args:
         strips: name of each episode -> its pictures, (height, width, 3) uint8, equally many of one shape.
-        columns: of episodes.
+        columns: number of columns.
 
     Returns:
         One picture per moment.
     """
     moments = zip(*strips.values(), strict=True)
     panels = [[Panel(rgb, name) for name, rgb in zip(strips, moment, strict=True)] for moment in moments]
-    return [_grid(moment, columns, centred=True, panel_width=moment[0].rgb.shape[1]) for moment in panels]
+    return [gallery(moment, columns, panel_width=moment[0].rgb.shape[1]) for moment in panels]
 
 
-def _grid(
-    panels: Sequence[Panel], columns: int, centred: bool, panel_width: int = PANEL_WIDTH
+def gallery(
+    panels: Sequence[Panel], columns: int = 3, centred: bool = True, panel_width: int = PANEL_WIDTH
 ) -> Image.Image:
+    """Panels in rows.
+
+    Args:
+        panels: at least one.
+        columns: number of columns.
+        centred: whether a last row that is not full is in the middle, not at the left.
+        panel_width: width to which pictures are scaled, pixels.
+    """
     pictures = [_draw_panel(panel, panel_width) for panel in panels]
     width, height = (side + GAP for side in pictures[0].size)
     columns = min(columns, len(pictures))
@@ -94,23 +94,28 @@ def _grid(
     return sheet
 
 
+def scaled(rgb: NDArray[np.uint8], width: int) -> Image.Image:
+    """A picture brought to a width in pixels."""
+    height = round(width * rgb.shape[0] / rgb.shape[1])
+    return Image.fromarray(rgb).resize((width, height), Image.Resampling.LANCZOS)
+
+
 def _draw_panel(panel: Panel, panel_width: int) -> Image.Image:
-    first = Image.fromarray(panel.rgb)
-    height = round(panel_width * first.height / first.width)
-    pictures = [first.resize((panel_width, height), Image.Resampling.LANCZOS)]
+    pictures = [scaled(panel.rgb, panel_width)]
+    height = pictures[0].height
     if panel.beside is not None:
-        second = Image.fromarray(panel.beside)
-        width = round(height * second.width / second.height)
-        pictures.append(second.resize((width, height), Image.Resampling.LANCZOS))
+        pictures.append(scaled(panel.beside, round(height * panel.beside.shape[1] / panel.beside.shape[0])))
     width = sum(picture.width for picture in pictures) + SEAM * (len(pictures) - 1)
     framed = Image.new("RGB", (width, height + CAPTION_HEIGHT), PAPER)
     framed.paste(pictures[0])
     framed.paste(pictures[-1], (width - pictures[-1].width, 0))
     draw, font = ImageDraw.Draw(framed), ImageFont.load_default(CAPTION_SIZE)
-    if panel.color != INK:
+    is_plain = panel.color == INK
+    if not is_plain:
         draw.rectangle((0, 0, width - 1, height - 1), outline=panel.color, width=4)
     baseline = height + CAPTION_HEIGHT - 9
     draw.text((2, baseline), panel.caption, fill=panel.color, font=font, anchor="ls")
-    note_color = GREY if panel.color == INK else panel.color
-    draw.text((width - 2, baseline), panel.note, fill=note_color, font=font, anchor="rs")
+    draw.text(
+        (width - 2, baseline), panel.note, fill=GREY if is_plain else panel.color, font=font, anchor="rs"
+    )
     return framed

@@ -1,0 +1,88 @@
+"""Video of a policy's episode, replayed from its recorded actions, beside the expert's of the same seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env
+from lerobot_env_bimanual.experts.replanning import expert_of
+from lerobot_env_bimanual.rendering.rollout import recorded, rollout
+from lerobot_env_bimanual.rendering.side_by_side import frames
+from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.servo_commands import TICK_S
+from lerobot_env_bimanual.world.video import VideoWriter
+
+SIZE = (240, 320)
+"""Height and width of each of the two pictures, in quality `observation`."""
+EVERY = 2
+"""Ticks from one frame to the next."""
+CRF = "30"
+"""About 8 kB per second of video."""
+
+
+@dataclass(frozen=True)
+class FailureVideo:
+    """Video of one episode.
+
+    Attributes:
+        seed: seed of the episode.
+        camera: name of the camera.
+        seconds: length.
+        mp4: the video, H.264.
+        poster: its last frame, JPEG.
+    """
+
+    seed: int
+    camera: str
+    seconds: float
+    mp4: bytes
+    poster: bytes
+
+
+def failure_video(task: str, options: Mapping[str, str], played: PlayedEpisode, policy: str) -> FailureVideo:
+    """Replay an episode, every state as recorded, then play the expert's, and show both side by side.
+
+    Args:
+        task: name of the task.
+        options: options of the evaluation, by name.
+        played: the episode.
+        policy: name of the policy.
+
+    Raises:
+        BimanualError: the episode does not come out as recorded.
+    """
+    auditor, env = EpisodeAuditor(task, options), expert_env(task, options)
+    try:
+        with recorded(auditor.env) as recording:
+            audit = auditor.audit(played)
+        if audit.problems:
+            raise BimanualError(
+                f"seed {played.seed} does not come out as recorded ({audit.problems[0]}); `results verify` says more"
+            )
+        expert = rollout(env, played.seed, expert_of(env), played.variation)
+        ends = [index for index, (one, next_) in enumerate(pairwise(expert.keyposes)) if one != next_]
+        camera = clearest_camera(env.scene, [expert.states[index] for index in (0, *ends, -1)])
+        players = {policy: (recording, played.success), "expert": (expert, expert.outcome.success)}
+        with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
+            writer = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF)
+            for frame in frames(env, renderer, players, EVERY, SIZE[1]):
+                writer.add(frame)
+            path, poster = writer.close("complete"), BytesIO()
+            assert path is not None  # an episode has at least one state
+            Image.fromarray(frame).save(poster, "jpeg", quality=75)
+            seconds = writer.frames * EVERY * TICK_S
+            return FailureVideo(played.seed, camera, seconds, path.read_bytes(), poster.getvalue())
+    finally:
+        auditor.close()
+        env.close()

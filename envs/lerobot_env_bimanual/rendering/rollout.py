@@ -1,0 +1,77 @@
+"""One played episode, kept as states, so that any moment of it can be rendered afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.outcome import Outcome
+from lerobot_env_bimanual.experts.runner import Move, Player, run_episode
+from lerobot_env_bimanual.world.scene import SceneState
+from lerobot_env_bimanual.world.servo_commands import TICK_S
+
+
+@dataclass
+class Recording:
+    """States of an episode while it is played.
+
+    Attributes:
+        states: states before every tick, and the last one.
+        keyposes: number of keyposes completed in each of these states.
+    """
+
+    states: list[SceneState] = field(default_factory=list)
+    keyposes: list[int] = field(default_factory=list)
+
+    def note(self, env: BimanualEnv) -> None:
+        """Append the state at hand."""
+        self.states.append(env.scene.save_state())
+        self.keyposes.append(env.progress.keyposes)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the episode."""
+        return (len(self.states) - 1) * TICK_S
+
+
+@dataclass
+class Rollout(Recording):
+    """An episode of a player.
+
+    Attributes:
+        outcome: result of the episode.
+        moves: name of each move, and the tick at which it starts.
+    """
+
+    outcome: Outcome = field(kw_only=True)
+    moves: Sequence[tuple[str, int]] = field(kw_only=True)
+
+
+@contextmanager
+def recorded(env: BimanualEnv) -> Iterator[Recording]:
+    """Record every state of the episode that is played inside the context."""
+    recording = Recording()
+    with env.observed_by(lambda env, _: recording.note(env)):
+        yield recording
+    recording.note(env)
+
+
+def rollout(env: BimanualEnv, seed: int, player: Player, variation: int | None = None) -> Rollout:
+    """Play an episode, and keep every state of it.
+
+    Args:
+        env: environment whose control mode takes the player's actions.
+        seed: seed of the reset.
+        player: expert or policy.
+        variation: index; None leaves it to the environment's options.
+    """
+    moves: list[tuple[str, int]] = []
+    with recorded(env) as recording:
+
+        def start_move(move: Move) -> None:
+            moves.append((move.name, len(recording.states)))
+
+        outcome = run_episode(env, seed, player, start_move, variation)
+    return Rollout(recording.states, recording.keyposes, outcome=outcome, moves=moves)
