@@ -27,6 +27,8 @@ VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.m
 """Where LeRobot's tools store tables and videos; other places, which could lie anywhere, are not read."""
 
 IMAGE_TYPES = ("video", "image")
+MAX_HINTS = 3
+"""Datasets that an error message names."""
 
 TIMESTAMP, FRAME_INDEX, EPISODE_INDEX, INDEX, TASK_INDEX = (
     "timestamp",
@@ -221,13 +223,17 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     Raises:
         DatasetError: there is none.
     """
-    candidates = [Path(root), *(Path(root, view) for view in preferred)]
-    for candidate in candidates:
+    for candidate in (Path(root), *(Path(root, view) for view in preferred)):
         if (candidate / INFO_FILE).is_file():
             return candidate
-    raise DatasetError(
-        f"no dataset at {root}: none of {', '.join(str(candidate / INFO_FILE) for candidate in candidates)} exists"
-    )
+    below = datasets_below(Path(root))
+    hint = f". Did you mean --root={' or --root='.join(map(str, below[:MAX_HINTS]))}?" if below else ""
+    raise DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")
+
+
+def datasets_below(root: Path) -> list[Path]:
+    """Folders of datasets one or two levels below a folder."""
+    return [path.parents[1] for depth in ("*", "*/*") for path in sorted(root.glob(f"{depth}/{INFO_FILE}"))]
 
 
 def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:

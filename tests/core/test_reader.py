@@ -79,8 +79,14 @@ def test_damaged_images_are_an_error_that_names_the_file(datasets, tmp_path) -> 
 def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
     with pytest.raises(DatasetError, match="no LeRobot dataset"):
         RecordedDataset(tmp_path)
-    with pytest.raises(DatasetError, match="no dataset at"):
+    with pytest.raises(DatasetError, match=r"no dataset at .*info\.json does not exist$"):
         find_view(tmp_path)
+    below = tmp_path / "one/level"
+    (below / "meta").mkdir(parents=True)
+    (below / "meta/info.json").touch()
+    for above in (tmp_path, tmp_path / "one"):
+        with pytest.raises(DatasetError, match=rf"no dataset at .* Did you mean --root={below}\?"):
+            find_view(above)
 
 
 def test_places_of_files_are_lerobots() -> None:

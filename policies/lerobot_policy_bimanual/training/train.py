@@ -19,7 +19,7 @@ from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
-from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, datasets_below, views_below
 from lerobot_bimanual.dataset.schema import STATE
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.errors import BadConfig
@@ -137,6 +137,11 @@ def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConf
             f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
             f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
             "policies of joint actions from `frames`"
+        )
+    if below := datasets_below(Path(root)):
+        raise DatasetError(
+            f"--dataset.root={root} is not a dataset ({Path(root) / INFO_FILE} does not exist). Did you mean "
+            f"{' or '.join(f'--dataset.root={path}' for path in below[:3])}?"
         )
     try:
         return load(cfg)
