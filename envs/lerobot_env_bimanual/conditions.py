@@ -1,4 +1,4 @@
-"""Truths about a scene, as small values with a name.
+"""Conditions of success: named predicates of a scene.
 
 A task succeeds when all its conditions hold for half a second; their names are what `info["conditions"]`,
 failure reports and tests print. All positions are in metres, world frame.
@@ -22,9 +22,9 @@ REST_SPEED_M_S = 0.02
 
 @dataclass(frozen=True)
 class Condition(ABC):
-    """Something that is either true or false of a scene; unique within a task by its name."""
+    """A predicate of a scene; its name is unique within a task."""
 
-    @functools.cached_property  # asked for at every tick
+    @functools.cached_property  # read at every tick
     def name(self) -> str:
         """The class and the fields that its `repr` shows, e.g. `above(ball, 0.95)`."""
         values = (getattr(self, field.name) for field in fields(self) if field.repr)
@@ -38,7 +38,7 @@ class Condition(ABC):
 
 
 def check_until_unmet(conditions: Iterable[Condition], view: SceneView) -> dict[str, bool]:
-    """Each condition's name and whether it is met now, as far as the first that is not: enough for a verdict."""
+    """Each condition's name and whether it is met now, up to the first unmet one, which is enough for a verdict."""
     met: dict[str, bool] = {}
     for condition in conditions:
         met[condition.name] = condition(view)
@@ -48,7 +48,7 @@ def check_until_unmet(conditions: Iterable[Condition], view: SceneView) -> dict[
 
 
 def check(conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool]) -> dict[str, bool]:
-    """Each condition's name and whether it is met now; what is known already is not looked at again."""
+    """Each condition's name and whether it is met now; known ones are not evaluated again."""
     return {
         condition.name: known[condition.name] if condition.name in known else condition(view)
         for condition in conditions

@@ -35,9 +35,9 @@ SIMULATION_UNSTABLE = "simulation_unstable"
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
-"""Sees the environment and the joint action (16,) before every control tick."""
+"""Called with the environment and the joint action (16,) before every control tick."""
 type StepObserver = Callable[[], None]
-"""Looks at the scene after every step of physics."""
+"""Called after every step of physics."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +56,16 @@ class BimanualEnv(gym.Env):
     An action of 16 numbers is one control tick of 50 ms towards absolute joint targets (per arm, left first,
     seven joints in rad and the gripper from 0 closed to 1 open). An action of 18 numbers is a keypose (per arm
     position in m, quaternion wxyz, gripper_open, ignore_collisions) which is planned and executed to its end
-    within one step. A NaN, or whatever else cannot be executed, raises `InvalidAction` and leaves the episode as it was;
-    `lerobot_env_bimanual.episode.actions` says what counts as bad.
+    within one step. An action that cannot be executed, such as a NaN, raises `InvalidAction` and leaves the episode as it was;
+    `lerobot_env_bimanual.episode.actions` says which are invalid.
 
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
     joint-space motions because an arm could not follow them), and the episode's `seed` and `instruction`.
 
-    An episode is determined by task, split, seed, variation and perturbations, bit for bit. Building the environment is cheap:
-    the world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
-    A copy or a pickle is another environment in the same state, without observers and films.
+    An episode is determined by task, split, seed, variation and perturbations, bit for bit. Construction is cheap: the
+    world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
+    A copy or a pickle is another environment in the same state, without observers and videos.
 
     Args:
         task: registered task name.
@@ -75,7 +75,7 @@ class BimanualEnv(gym.Env):
 
     Attributes:
         options: what was chosen.
-        perturbations: what is different from the world as it is.
+        perturbations: the differences from the nominal world.
         last_action: the action of the last step as float32, also if it was refused; empty if it could not be read.
         tick_observers: called in turn before every control tick.
         step_observers: called in turn after every step of physics of the episode.

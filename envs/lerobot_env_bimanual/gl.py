@@ -1,4 +1,4 @@
-"""The one door to MuJoCo: picks an OpenGL backend before `mujoco` is imported, and takes over its warnings.
+"""The only import of MuJoCo: picks an OpenGL backend before `mujoco` is imported, and takes over its warnings.
 
 Every module of this distribution imports MuJoCo with `from lerobot_env_bimanual.gl import mujoco`, because
 MuJoCo reads `MUJOCO_GL` once, at import, and without it fails on a machine that has no display although an
@@ -41,14 +41,14 @@ try:
     import mujoco
 except AttributeError:
     # What a missing driver library becomes inside PyOpenGL. Physics needs no driver: import without rendering,
-    # and let a `Renderer` raise `MissingGL` when one is asked for.
+    # and let a `Renderer` raise `MissingGL` when one is made.
     wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco
 
     os.environ["MUJOCO_GL"] = wanted
 
-# Its bindings give MuJoCo a clock, which is read thirty times a step for timers that nobody here looks at. As their
+# Its bindings give MuJoCo a clock, which is read thirty times a step for timers that are not used here. As their
 # setter puts it back in place of None, the pointer is cleared itself, where the loader finds it.
 with contextlib.suppress(OSError, ValueError):
     ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time").value = None

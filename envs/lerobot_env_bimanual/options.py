@@ -1,4 +1,4 @@
-"""The environment's options: one dataclass for Gymnasium's keywords, LeRobot's command lines and our own verbs."""
+"""The environment's options: one dataclass for Gymnasium's keywords, LeRobot's command lines and our commands."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
 MIN_IMAGE_SIDE, MAX_IMAGE_SIDE = 8, 4096
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 
 
 @dataclass
@@ -54,7 +54,7 @@ class EnvOptions:
     # actions and keyposes alike, told apart by their length: LeRobot sizes a policy's output by the declared action,
     # and this way ACT and keypose policies run with the same command.
     control_mode: str = "auto"
-    # What is different from the world as it is, as `AXIS:LEVEL` with levels 1 to 3, several separated by commas. The seed
+    # Perturbations of the nominal world, as `AXIS:LEVEL` with levels 1 to 3, several separated by commas. The seed
     # means the same episode at every level; docs/robustness.md lists the axes.
     perturb: str = ""
     # Folder for a film of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
@@ -71,7 +71,7 @@ class EnvOptions:
     render_quality: str = "observation"
 
     def __post_init__(self) -> None:
-        """Bring every option into its one form, and refuse what is outside its choices."""
+        """Bring every option into its canonical form, and refuse values outside its choices."""
         check_variation(self.variation)
         self.cameras = ",".join(_camera_names(self.cameras))
         self.perturb = checked_perturbation(self.perturb)
@@ -121,7 +121,7 @@ class EnvOptions:
 
 
 def check_variation(variation: object) -> None:
-    """Refuse what cannot be a variation of any task, such as an array."""
+    """Refuse values that cannot be a variation of any task, such as an array."""
     if not isinstance(variation, int | float | str | np.integer | None):
         raise InvalidChoice("variation", variation, ["'any'", "an index"])
 
@@ -143,7 +143,7 @@ def _image_size(image_size: object) -> tuple[int, int]:
     if isinstance(image_size, str):
         sides = [
             # Python refuses to read thousands of digits.
-            int(side) if side.isascii() and side.isdecimal() and len(side) <= MOST_DIGITS else side
+            int(side) if side.isascii() and side.isdecimal() and len(side) <= MAX_DIGITS else side
             for side in sides[:3]
         ]
     if isinstance(sides, int):
@@ -158,7 +158,7 @@ def _image_size(image_size: object) -> tuple[int, int]:
 
 
 def _writable_folder(option: str, path: object) -> str:
-    """A path at which there is a folder that can be written, or at which one can be made."""
+    """The path of a folder that can be written or made."""
     if not isinstance(path, str | Path):
         raise InvalidChoice(option, path, "the path of a folder")
     try:

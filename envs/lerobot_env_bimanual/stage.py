@@ -1,4 +1,4 @@
-"""What an expert does next: a movement of both arms, and then the grippers."""
+"""A stage of an expert's script: a movement of both arms, and then the grippers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a task is: a row of data, a way to place its props, and a script that solves it. It keeps no state."""
+"""Tasks: data, a placement of props, and a script that solves the task; they keep no state."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class TaskSpec:
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
-        strain_bounds: bounds of its own on what the expert asks of the arms, by name, where those of all tasks
+        strain_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.strain`) are too low for it; the task's file says why.
         random_rate: share of episodes that random keyposes may solve; beyond 0 the task's file says how.
     """
@@ -166,8 +166,7 @@ class Task(ABC):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """The expert: a generator that reads the scene and yields the next stage.
 
-        It is resumed after the stage before has been executed, or rehearsed, so it may read where things
-        have come to lie.
+        It is resumed after the previous stage has been executed or rehearsed, so it may read where things are then.
         """
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:

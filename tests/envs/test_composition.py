@@ -13,7 +13,7 @@ from lerobot_env_bimanual.gl import mujoco, release_gl
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import DrawerCabinet
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.world.backdrop import Backdrop
+from lerobot_env_bimanual.world.composition import Backdrop
 from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
 from lerobot_env_bimanual.world.rendering import QUALITIES, Renderer
 from lerobot_env_bimanual.world.scene import Scene

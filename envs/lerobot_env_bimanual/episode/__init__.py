@@ -1,1 +1,1 @@
-"""What an episode is made of: reset, actions, observations, progress."""
+"""Parts of an episode: reset, actions, observations, progress."""

@@ -1,4 +1,4 @@
-"""The two kinds of action, and what is done about bad ones.
+"""The two kinds of action, and how invalid ones are handled.
 
 | action | `joint`, `keypose` (strict) | `auto` (learned values) |
 |---|---|---|

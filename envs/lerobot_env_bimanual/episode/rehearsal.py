@@ -1,4 +1,4 @@
-"""Going through a whole script without physics, to find out whether both arms can do it from here.
+"""Rehearses a whole script without physics, to find out whether both arms can do it in a scene.
 
 Scripts read the scene while they run, so a rehearsal hands them a `RehearsalView`: a view with its own state, in which
 arms are moved by kinematics and grasped props move rigidly with the hand.
@@ -31,8 +31,8 @@ type Steps = Generator[list[LineRequest], list[Array | None], str | None]
 MIN_MARGIN = 0.04
 """Least distance of a joint to its limits at the end of a stage, as a fraction of its range."""
 MIN_MARGIN_ROUNDED = 0.03
-ON_THE_WAY = (0.25, 0.5, 0.75)
-"""Where along straight lines arms are looked at, too."""
+CHECKED_SHARES = (0.25, 0.5, 0.75)
+"""Shares of straight lines at which collisions are checked, too."""
 
 
 class Rehearsal:
@@ -179,7 +179,7 @@ class _ScriptRun:
                 return f"{arm} arm cannot follow its line"
             paths[arm] = line
         self._checker.look()
-        for share in ON_THE_WAY:
+        for share in CHECKED_SHARES:
             both = self._joints | {arm: path[round(share * (len(path) - 1))] for arm, path in paths.items()}
             if obstacle := self._checker.obstacle(
                 self._checker.contact_rules, both[Arm.LEFT], both[Arm.RIGHT]

@@ -1,4 +1,4 @@
-"""How an episode starts: props are drawn, and redrawn until both arms can do the task there."""
+"""Starts episodes: placements are drawn until both arms can do the task."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class EpisodeStart:
         task: its task.
         scene: its world.
         progress: the episode itself.
-        is_feasible: rehearses the task's script in the scene as it stands now, and says whether both arms can do it.
+        is_feasible: rehearses the task's script in the present scene, and says whether both arms can do it.
     """
 
     task: Task
@@ -44,7 +44,7 @@ class EpisodeReset:
         task: whose props are placed, and whose script is rehearsed.
         scene: its world.
         perturb: changes an episode that can be done as it is, before things come to rest.
-        is_patched: whether the model of `scene` is not quite the task's: placements are then drawn in one that is.
+        is_patched: whether the model of `scene` differs from the task's; placements are then drawn in one that does not.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class EpisodeReset:
         )
 
     def _place(self, variation: Variation, rng: np.random.Generator) -> str | None:
-        """Draw one placement; returns why it will not do, or None."""
+        """Draw one placement; returns why it cannot be used, or None."""
         if not self._task.place(self._drawn_in, variation, rng):
             return "illegal placement"
         return self._first_rehearsal.infeasibility(lambda view: self._task.script(view, variation))

@@ -1,4 +1,4 @@
-"""What may be given to `reset`."""
+"""Checks of the arguments of `reset`."""
 
 from __future__ import annotations
 

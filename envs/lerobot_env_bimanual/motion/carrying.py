@@ -1,4 +1,4 @@
-"""Props that move rigidly with a hand, wherever motions are computed without physics."""
+"""Props that move rigidly with a hand, for motions that are computed without physics."""
 
 import numpy as np
 

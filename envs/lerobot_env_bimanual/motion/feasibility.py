@@ -1,4 +1,4 @@
-"""Which keyposes an arm can go to, and in which posture it ends there: joint solutions of a pose, best first.
+"""Goal postures of keyposes: joint solutions of a pose, best first, and which are free of collisions.
 
 The planner and the rehearsal ask the same questions here, so an arm goes to the posture from which the rest of the
 script was found feasible.

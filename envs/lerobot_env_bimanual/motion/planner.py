@@ -1,4 +1,4 @@
-"""From a keypose to the joint actions that execute it."""
+"""Plans the joint actions that execute a keypose."""
 
 from dataclasses import dataclass, field
 
@@ -14,12 +14,10 @@ from lerobot_bimanual.keyframes import GRIPPER_FRAMES
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.motion.carrying import props_in_hands
 from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRules
-from lerobot_env_bimanual.motion.corners import rounded
 from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
-from lerobot_env_bimanual.motion.joint_path import JointPath
+from lerobot_env_bimanual.motion.joint_path import JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace
-from lerobot_env_bimanual.motion.pushing import is_beside_heavy
+from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace, is_beside_heavy
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
 from lerobot_env_bimanual.motion.time_law import tick_fractions
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
@@ -28,16 +26,16 @@ from lerobot_env_bimanual.world.scene import Scene
 Array = NDArray[np.floating]
 
 REST_TICKS = 2
-"""Standing still at the end of each motion, 0.1 s."""
+"""Ticks of rest at the end of each motion, 0.1 s."""
 GRIPPER_TICKS = GRIPPER_FRAMES
-"""Waiting after a gripper command."""
+"""Ticks of waiting after a gripper command."""
 PATH_CHECK_RAD = 0.02
 """Joint travel between two collision checks along a path."""
 MAX_GOALS = 4
 """Combinations of goal postures that are tried."""
 RRT_ITERATIONS = 1500
-SWEEP = np.linspace(0.0, 1.0, 5)
-"""Where along its own motion the other arm is looked at, when only one arm searches a way around obstacles."""
+SWEPT_SHARES = np.linspace(0.0, 1.0, 5)
+"""Shares of the other arm's own motion at which it is checked, when only one arm searches a way around obstacles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +55,7 @@ class Plan:
 
 @dataclass(eq=False)
 class _Motion:
-    """Both arms' way to a keypose while it is being planned."""
+    """Both arms' motion to a keypose while it is being planned."""
 
     start: dict[Arm, Array]
     paths: dict[Arm, JointPath] = field(default_factory=dict)
@@ -149,9 +147,9 @@ class KeyposePlanner:
                     motion.add(arm, path, FREE)
                 motion.used_rrt = True
                 return
-        blamed = next(iter(targets)) if len(targets) == 1 else "both"
+        failed = next(iter(targets)) if len(targets) == 1 else "both"
         raise KeyposeFailure(
-            blamed,
+            failed,
             f"no collision-free path in {RRT_ITERATIONS} iterations for each of {len(goals)} goal postures"
             if goals
             else f"the goal is not free of collisions: {obstacle}",
@@ -170,7 +168,7 @@ class KeyposePlanner:
     def _free_goals(
         self, motion: _Motion, rules: CollisionRules, candidates: dict[Arm, list[Array]]
     ) -> tuple[list[dict[Arm, Array]], str | None]:
-        """The first few collision-free combinations of goal postures, and what stands in the way of others."""
+        """The first few collision-free combinations of goal postures, and the first obstacle of others."""
         goals: list[dict[Arm, Array]] = []
         first_obstacle = None
         ends = {arm: path.knots[-1] for arm, path in motion.paths.items()}
@@ -194,7 +192,8 @@ class KeyposePlanner:
     ) -> dict[Arm, JointPath] | None:
         """Paths around obstacles for the arms in `goal`, in step: what was checked for both must be done by both."""
         others = {
-            arm: path.knots[:1] if path.is_still else path.at(SWEEP) for arm, path in motion.paths.items()
+            arm: path.knots[:1] if path.is_still else path.at(SWEPT_SHARES)
+            for arm, path in motion.paths.items()
         }
 
         def is_free(joints: Array) -> bool:

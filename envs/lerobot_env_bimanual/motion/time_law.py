@@ -1,4 +1,4 @@
-"""How fast the arms travel their paths: as fast as joints and hands may, together, without a jolt.
+"""Time laws of paths: both arms together, as fast as the limits of joints and hands allow, without a jolt.
 
 Along the path the fastest speed is found that keeps the limits of velocity and acceleration: one pass forward for
 speeding up, one backward for braking (Bobrow et al., "Time-Optimal Control of Robotic Manipulators Along Specified
@@ -159,7 +159,7 @@ def _at_nodes(segments: Array) -> Array:
 
 
 def _excess(joints: Array, limit: MotionLimits) -> float:
-    """By how much slower a motion has to be, so that the commands at its ticks keep all limits.
+    """Factor by which a motion has to be slower, so that the commands at its ticks keep all limits.
 
     Args:
         joints: (ticks + 1, 7) rad, from the start.

@@ -1,1 +1,1 @@
-"""What can be made different about a world, one dial at a time: axes, each with three levels."""
+"""Perturbations of a world: axes with three levels each, as data and functions."""

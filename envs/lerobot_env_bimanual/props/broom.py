@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY, TABLE_ONLY
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)

@@ -16,7 +16,7 @@ CAP_RADIUS_M = 0.028
 CAP_HEIGHT_M = 0.014
 CAP_MASS_KG = 0.0685
 STROKE_M = CAP_HEIGHT_M
-"""Until the cap is level with the base, which then stops the finger."""
+"""Travel until the cap is level with the base, which then stops the finger."""
 PLAY_M = 0.0005
 STIFFNESS_N_M = 250.0
 DAMPING_N_S_M = 6.25

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.contact_layers import COMMON_LAYER, DIRT_ONLY
+from lerobot_env_bimanual.props.prop import COMMON_LAYER, DIRT_ONLY
 
 EARTH = (0.26, 0.16, 0.08, 1.0)
 

@@ -30,7 +30,7 @@ SIDE_M = 0.375
 LEG_HEIGHT_M = 0.092
 WALL_HALF_M = 0.00375
 LEG_RADIUS_M = (0.019, 0.011)
-"""At its top and at the table."""
+"""Heights of its top and of the table."""
 LEG_INSET_M = 0.024
 
 # Half sizes of a drawer's parts; x is its width, +y its way out.

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.contact_layers import DIRT_ONLY, TABLE_ONLY
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
 DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
@@ -27,7 +26,7 @@ HANDLE_RADIUS_M = 0.0105
 HANDLE_BOTTOM_M = 0.020
 RIBS = 5
 GAP_M = 0.002
-"""Of everything but the gliders above the table."""
+"""Height of everything but the gliders above the table."""
 GLIDER_RADIUS_M = 0.002
 GLIDER_FRICTION = 0.1
 """Sliding on the table: that of hard, smooth plastic. It takes 0.08 N to move the pan."""
@@ -92,7 +91,7 @@ class Dustpan:
         )
 
     def _add_gliders(self, body) -> None:
-        """Round feet under the floor: four points of contact, which are computed quickly."""
+        """Add round feet under the floor: four points of contact, which are computed quickly."""
         for side_x in (-1, 1):
             for side_y in (-1, 1):
                 x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]

@@ -35,7 +35,7 @@ UPPER_DOOR_M = (0.376, 0.952)
 DOOR_MASS_KG = 0.8
 HINGE_RANGE_RAD = 2.0
 HINGE_FRICTION_NM = 0.052
-"""That of the original."""
+"""As in the original."""
 HINGE_DAMPING_NM_S = 0.1
 CLOSING_NM = 0.6
 """Torque of the closing spring at a door that is shut; it grows by a quarter until the door is wide open."""
@@ -199,7 +199,7 @@ class Fridge:
 
 _HINGE_M = (-HALF_DEPTH_M - DOOR_GAP_M, -HALF_WIDTH_M)
 _HANDLE_X_M = -2 * DOOR_HALF_THICKNESS_M - HANDLE_STAND_OFF_M
-"""Of the bar, in the door's frame."""
+"""Position of the bar, in the door's frame."""
 
 
 def _add_handle(body, front_m: float, y_m: float, span_m: tuple[float, float], mass: float = 0.0) -> None:

@@ -22,7 +22,7 @@ LAMP_EMISSION = 0.9
 # In the oven's frame, which lies on the table under its middle; +x goes inside, +y to the left of who looks in.
 HALF_DEPTH_M, HALF_WIDTH_M, HEIGHT_M = 0.192, 0.275, 0.600
 FLOOR_M, CEILING_M = 0.1025, 0.455
-"""Of the cavity (decoded from RLBench's task file)."""
+"""Size of the cavity (decoded from RLBench's task file)."""
 WALL_HALF_M = 0.010
 BACK_HALF_M = 0.006
 FOOT_HEIGHT_M = 0.012

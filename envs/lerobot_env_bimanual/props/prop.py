@@ -1,9 +1,18 @@
-"""What a scene asks of a prop."""
+"""Protocol of props, and settings of their geoms.
+
+Everything collides in the common layer of MuJoCo's bit masks `contype` and `conaffinity`. A prop may add geoms that touch
+the table alone by giving them contype `TABLE_ONLY` and conaffinity 0, or dirt alone by `DIRT_ONLY`: dirt has that bit in
+its conaffinity.
+"""
 
 from types import MappingProxyType
 from typing import Protocol
 
 from lerobot_env_bimanual.gl import mujoco
+
+COMMON_LAYER = 1
+TABLE_ONLY = 2
+DIRT_ONLY = 4
 
 VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "group": 2})
 """Settings of a geom that is seen but neither touches nor weighs anything."""
@@ -23,7 +32,7 @@ class Prop(Protocol):
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write bodies, geoms, joints, materials and contact pairs.
 
-        The root body stands at the origin: tasks place it at reset. A prop that moves freely has a free joint.
+        The root body is at the origin: tasks place it at reset. A prop that moves freely has a free joint.
         Props hold and are held by contact friction only: no welds, no mocap bodies.
         """
         ...

@@ -22,7 +22,7 @@ Dragged by one end over the table, the rope lets the other one fall behind by 0.
 DAMPING_NM_S = 1e-2
 JOINT_ARMATURE = 1e-4
 ROOT_ARMATURE = 1e-3
-"""Of the free joint, in kg and kg m2: what a closed hand that comes down on the rope may press on."""
+"""Armature of the free joint, in kg and kg m2, so that a closed hand may press on the rope from above."""
 GAP_M = 0.001
 """Between the middles of neighbouring links' end caps."""
 KNOT_HALF_LENGTH_M = 0.00325

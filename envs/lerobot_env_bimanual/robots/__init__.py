@@ -1,1 +1,1 @@
-"""Robots: what a pair of arms is, and the pair we have."""
+"""Robots: pairs of arms, and the pair that the tasks use."""

@@ -1,4 +1,4 @@
-"""What the rest of the world needs to know about a pair of arms, and nothing about which arms they are."""
+"""A pair of arms as the rest of the world uses it, independent of the model of the arms."""
 
 import functools
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Kinematics of one arm at its place in the world, as motions need them; a robot supplies the closed forms."""
+"""Kinematics of one arm at its place in the world; a robot supplies the closed forms."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class ArmKinematics(ABC):
     def reaches(self, joints: Array, target: Array) -> bool:
         """Whether joints (7,) put the hand at a pose (4, 4) exactly.
 
-        A closed form may clip its arguments at the very edge of a branch, so whoever uses a solution checks it.
+        A closed form may clip its arguments at the very edge of a branch, so check a solution before use.
         """
         return bool(np.abs(self.fk(joints) - target).max() < EXACT)
 

@@ -3,7 +3,7 @@
 Kinematics are the modified Denavit-Hartenberg parameters of the Franka Control Interface documentation. Masses,
 centres of mass and inertias of the links are those identified by Gaz et al., "Dynamic Identification of the
 Franka Emika Panda Robot With Retrieval of Feasible Parameters", RA-L 2019. Shapes are our own: capsules,
-cylinders and boxes sized by eye to the real covers, so that collision checks are cheap. They are not drawn: what is seen stands in `panda_looks.py`.
+cylinders and boxes sized by eye to the real covers, so that collision checks are cheap. They are not drawn: `panda_looks.py` has the visual shapes.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ JERK_LIMIT_RAD_S3 = 500.0 * ACCELERATION_LIMIT_RAD_S2
 
 # Position servos, half as stiff as Franka's own joint impedance (3000 to 2000 N m/rad), so that hands that press do not
 # drive the wrists into their torque limits. Velocity and inertia are fed forward by the caller. How far hands end from
-# their targets stands in docs/tasks.md.
+# their targets is in docs/tasks.md.
 POSITION_GAIN = np.array([1500.0, 1500.0, 1500.0, 1200.0, 600.0, 600.0, 600.0])
 VELOCITY_GAIN_RATIO_S = 0.05
 JOINT_ARMATURE = 0.1

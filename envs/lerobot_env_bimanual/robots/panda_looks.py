@@ -15,7 +15,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY
 
 FACETS = 20
-"""Around a drum; its rims are rounded by one ring each."""
+"""Facets around a drum; its rims are rounded by one ring each."""
 
 type Point = tuple[float, float, float]
 

@@ -18,9 +18,9 @@ from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 AREA_CENTER_M, AREA_HALF_SIZE_M = (0.0, 0.36), (0.15, 0.11)
-"""Around the part of the table where items lie. Further left the left arm's base hides them from all cameras but one."""
-LEAST_REACH_M = np.array([0.34, 0.98])
-"""From the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
+"""Area of the table where items lie. Further left the left arm's base hides them from all cameras but one."""
+MIN_REACH_M = np.array([0.34, 0.98])
+"""Distance from the left and the right base to an item's middle, along the table. Nearer to its base the left arm comes close to
 its joint limits. The right arm's fingers get no further than 0.94 m at the height of a cube's top and 0.95 m at that of
 the tall block's, whatever its posture; the items' nearest corners may be 2.8 cm nearer than their middles."""
 SPOTS = 500
@@ -60,7 +60,7 @@ def draw_place(
 
     def will_do(pose: Pose) -> bool:
         reach_m = np.linalg.norm(pose.position[:2] - bases_m, axis=1)
-        return bool((reach_m >= LEAST_REACH_M).all()) and is_free(pose)
+        return bool((reach_m >= MIN_REACH_M).all()) and is_free(pose)
 
     drawn = (area.sample(rng, height_m) for _ in range(SPOTS))
     return next(filter(will_do, drawn), None)

@@ -48,15 +48,15 @@ TRIPLES = (
     ("orange", "green", "purple"),
     ("purple", "orange", "green"),
 )
-"""Every colour is asked for in one variation and to be left alone in another with the same colours."""
+"""Every colour is named in one variation and not named in another with the same colours."""
 WORDS = ("color_a", "color_b", "color_other")
 """The two to press, and the one to leave alone; triples are in this order."""
 
 RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
 AREA = PlacementArea((0.25, 0.0125), half_size_m=(0.258, 0.4159), half_yaw_rad=np.pi)
 """Both halves of the original."""
-LEAST_DISTANCE_M = 0.38
-MOST_DRAWS = 1000
+MIN_DISTANCE_M = 0.38
+MAX_DRAWS = 1000
 REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
 """Least and largest distance from an arm's base of buttons that it can be asked to press."""
 
@@ -126,7 +126,7 @@ def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] 
 
     Of two buttons the right arm presses the one with the smaller y, so the middle one has to be in reach of both arms.
     """
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         poses = sorted(
             (AREA.sample(rng, TABLE_HEIGHT_M) for _ in range(3)), key=lambda pose: pose.position[1]
         )
@@ -136,7 +136,7 @@ def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] 
             for least, largest in [REACH_M[arm]]
             for pose in shared
         )
-        if in_reach and all(a.distance_to(b)[0] >= LEAST_DISTANCE_M for a, b in combinations(poses, 2)):
+        if in_reach and all(a.distance_to(b)[0] >= MIN_DISTANCE_M for a, b in combinations(poses, 2)):
             return poses
     return None
 

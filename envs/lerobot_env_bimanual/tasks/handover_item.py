@@ -42,7 +42,7 @@ ITEMS = tuple(f"item{index}" for index in range(len(COLORS)))
 TARGET = ITEMS[0]
 SUCCESS_HEIGHT_M = 0.80
 
-LEAST_DISTANCE_M = 0.06
+MIN_DISTANCE_M = 0.06
 """Between the centres of two items; as their diagonal is 5.7 cm, they never touch."""
 FINGERS_M = np.array([0.065, 0.015])
 """Half of what the open fingers of a hand pointing down take up, along and across their opening."""
@@ -86,7 +86,7 @@ class HandoverItem(Task):
         placed: list[Pose] = []
 
         def is_free(pose: Pose) -> bool:
-            apart = all(pose.distance_to(other)[0] >= LEAST_DISTANCE_M for other in placed)
+            apart = all(pose.distance_to(other)[0] >= MIN_DISTANCE_M for other in placed)
             return apart and not (placed and _between_fingers(pose, placed[0]))
 
         color = variation.words["color"]

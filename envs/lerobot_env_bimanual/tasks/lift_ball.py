@@ -31,7 +31,7 @@ AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.17, 0.17))
 SUCCESS_HEIGHT_M = 0.95
 
 APPROACH_GAP_M = 0.06
-"""From the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
+"""Distance from the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
 SQUEEZE_DEPTH_M = 0.010
 """The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
@@ -70,7 +70,7 @@ class LiftBall(Task):
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
-        """Beside, squeeze, lift."""
+        """Go beside the ball, squeeze it, lift it."""
         ball = scene.pose("ball").position
         apart, pressed = BALL.radius_m + APPROACH_GAP_M, BALL.radius_m - SQUEEZE_DEPTH_M
         lifted = np.array([*ball[:2], LIFT_TO_M])

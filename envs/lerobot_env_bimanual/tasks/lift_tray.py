@@ -40,7 +40,7 @@ TRAY_Z_M = TABLE_HEIGHT_M + STAND.height_m + TRAY.size_m[2] / 2
 """Centre of a voxel, at which the hands therefore grip exactly."""
 BESIDE_M = 0.235
 GRASP_M = 0.192
-"""From the tray's middle to the tool centre points: the fingertips reach 23 mm over a handle."""
+"""Distance from the tray's middle to the tool centre points: the fingertips reach 23 mm over a handle."""
 LIFT_TO_M = 1.265
 """Centre of a voxel, too."""
 
@@ -82,7 +82,7 @@ class LiftTray(Task):
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
-        """Beside, grasp, lift."""
+        """Go beside the tray, grasp it, lift it."""
         tray = scene.pose("tray")
         beside, grasp = _hands(tray, BESIDE_M, TRAY_Z_M), _hands(tray, GRASP_M, TRAY_Z_M)
         yield Stage("beside", *beside, left_open=True, right_open=True, planned=True)

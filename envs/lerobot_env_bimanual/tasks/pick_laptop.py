@@ -35,7 +35,7 @@ AREA = PlacementArea(center_m=(0.23, -0.075), half_size_m=(0.13, 0.175), half_ya
 SUCCESS_HEIGHT_M = 1.00
 
 LAPTOP_OFFSET_M = (-0.015, -0.019, (HOLDER.size_m[2] + LAPTOP.base_size_m[2]) / 2)
-"""In the holder's axes: the near edge lies 4.5 mm inside the holder's (decoded from RLBench's task file)."""
+"""Position in the holder's axes: the near edge lies 4.5 mm inside the holder's (decoded from RLBench's task file)."""
 
 NEAR_M = 0.10
 """From here both hands come straight: which edge is meant, and where it lies, may be seen from where they wait."""

@@ -35,7 +35,7 @@ SUCCESS_HEIGHT_M = 1.00
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-20.0)
-"""From the direction of the right arm to the plate's x axis; the arm cannot lift a pitched hand straight before itself."""
+"""Angle from the direction of the right arm to the plate's x axis; the arm cannot lift a pitched hand straight before itself."""
 
 # The left hand: closed, leaning back, on the far side of the rim.
 LEAN_RAD = np.deg2rad(30.0)

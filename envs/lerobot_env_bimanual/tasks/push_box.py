@@ -37,7 +37,7 @@ BOX = Box("box", size_m=(0.384, 0.192, 0.128), mass_kg=50.0, table_friction=0.42
 TARGET = Target("target", size_m=(0.333, 0.198))
 AREA = PlacementArea(center_m=(0.25, -0.17), half_size_m=(0.09, 0.115), half_yaw_rad=np.deg2rad(20.0))
 TARGET_OFFSET_M = (0.021, 0.516)
-"""From the box to the target, in the box's axes (decoded from RLBench's task file)."""
+"""Offset from the box to the target, in the box's axes (decoded from RLBench's task file)."""
 TOLERANCE_M = 0.05
 """Half the side of the square in which the box's centre has to rest."""
 
@@ -46,13 +46,13 @@ HAND_X_M = 0.14
 LEAN_RAD = np.deg2rad(16.0)
 """The wrists lean towards each other. The axes of their sixth joints then lie nearer to the push, whose lever they bear."""
 TILT_RAD = np.deg2rad(-4.0)
-"""And a little forwards, so that the palm's upper edge touches first, where that lever is shortest."""
+"""Lean forwards, so that the palm's upper edge touches first, where that lever is shortest."""
 PALM_M = 0.1034
-"""From the tool centre point up to the palm's upper edge."""
+"""Height of the palm's upper edge above the tool centre point."""
 PALM_HALF_WIDTH_M = 0.1025
 ABOVE_Y_M = -0.113
 TOUCH_Y_M = -0.106
-"""Of the palm's side: a centimetre from the box, so that it does not strike it, nor land on it when rounded."""
+"""Distance of the palm's side: a centimetre from the box, so that it does not strike it, nor land on it when rounded."""
 ABOVE_Z_M = 0.985
 PUSH_Z_M = 0.775
 """Centre of a voxel; fingertips a centimetre and a half above the table, the palm's side just below the box's top."""

@@ -37,11 +37,11 @@ AREA_POSE = Pose.upright((0.05, -0.275, TABLE_HEIGHT_M), np.deg2rad(45.0))
 AREA = PlacementArea(center_m=(0.0, 0.0), half_size_m=(0.225, 0.1125))
 
 PITCH_RAD = np.deg2rad(10.0)
-"""Of both hands below the horizontal. The bottle stays upright as long as it does not change."""
+"""Pitch of both hands below the horizontal. The bottle stays upright as long as it does not change."""
 
 # The left hand: its fingers to the sides of the bottle.
 BRING_YAW_RAD = np.deg2rad(40.0)
-"""From grasp to release; nearly straight into the fridge, and the left arm can do it from everywhere."""
+"""Turn from grasp to release; nearly straight into the fridge, and the left arm can do it from everywhere."""
 GRASP_Z_M = 0.815
 """Centre of a voxel, 65 mm above the table."""
 FOLD_M = (0.20, 0.10, 1.35)
@@ -50,7 +50,7 @@ ABOVE_BOTTLE_M = 0.15
 LIFT_M = 0.30
 VIA_M = (0.22, -0.02, 1.20)
 RELEASE_M = (0.062, 0.02)
-"""Behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""
+"""Offset behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""
 RELEASE_Z_M = 1.215
 """The bottle drops 2 cm."""
 BEFORE_FRIDGE_M = 0.17

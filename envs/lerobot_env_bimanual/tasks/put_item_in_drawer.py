@@ -36,9 +36,9 @@ CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))
 AREA = PlacementArea(center_m=(0.25, -0.03), half_size_m=(0.12, 0.10), half_yaw_rad=np.deg2rad(22.5))
 CABINET_OFFSET_M = (0.025, -0.25)
-"""From the point that is drawn, about which the cabinet is turned, to its middle (decoded from RLBench's task file)."""
+"""Offset from the point that is drawn, about which the cabinet is turned, to its middle (decoded from RLBench's task file)."""
 ITEM_OFFSET_M = (0.025, 0.10)
-"""In the cabinet's axes."""
+"""Position in the cabinet's axes."""
 
 # The left hand: towards the front, its fingers above and below the bar.
 BEFORE_HANDLE_M = 0.10
@@ -50,7 +50,7 @@ HOVER_Z_M = 1.295
 GRASP_Z_M = 1.235
 """Centre of a voxel; the fingertips, 1 cm beyond, end 8 mm above the cabinet's top."""
 DROP_OFFSET_M = (0.08, 0.11)
-"""From the middle of the drawer's handle before it is pulled, in the cabinet's axes."""
+"""Offset from the middle of the drawer's handle before it is pulled, in the cabinet's axes."""
 DROP_ABOVE_HANDLE_M = 0.02
 DROP_TILT_RAD = np.deg2rad(25.0)
 """The hand leans away from the cabinet, so that the forearm clears it."""

@@ -34,7 +34,7 @@ PLATE_SIZE_M = (0.10, 0.06)
 TAIL_PLATE = Target("tail_plate", PLATE_SIZE_M, rgba=TAIL)
 HEAD_PLATE = Target("head_plate", PLATE_SIZE_M, rgba=HEAD)
 AREA = PlacementArea(center_m=(0.27, -0.07), half_size_m=(0.13, 0.19), half_yaw_rad=np.pi)
-"""Of the middle between the plates."""
+"""Area of the middle between the plates."""
 
 # In the axes of the drawn pose: the plates lie on the y axis (decoded from RLBench's task file).
 PLATE_OFFSET_M = 0.194
@@ -44,7 +44,7 @@ ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 
 INSET_M = 0.015
-"""From the middle of a plate towards the other one: there the ends are 36 cm apart; the rope is 38 cm long."""
+"""Distance from the middle of a plate towards the other one: there the ends are 36 cm apart; the rope is 38 cm long."""
 ABOVE_Z_M = 0.865
 GRASP_Z_M = 0.765
 """Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the table."""

@@ -1,6 +1,6 @@
 """Sweep the dirt into the dustpan.
 
-One hand leads the broom while the other holds the pan that it sweeps into. The dirt alone is asked for, as in the paper
+One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, as in the paper
 and the original, but the pan is light and glides: unless it is held, the first lumps that climb its lip push it away
 before the broom. One arm could pick the lumps up one by one, which takes it about 16 s; the episode ends after 11 s.
 
@@ -44,7 +44,7 @@ DIRT_HALF_M = np.array([0.09675, 0.1356])
 CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.055, 100
 """Between two crumbs, so that no hand spans both, and how often a place is drawn for them."""
 PAN_Y_M = -0.25
-"""From the middle of the dirt to the pan (decoded from RLBench's task file)."""
+"""Offset from the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
 """The original's box, in the pan's axes."""
 
@@ -55,7 +55,7 @@ GRIP_Z_M = 1.085
 """Centre of a voxel, 15 mm below the stick's end; grasp and sweep share it, so that rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
 SWEEP_FROM_M, SWEEP_TO_M = 0.445, 0.025
-"""In front of the pan's middle: behind the dirt, and where the pan has room for three lumps behind each other."""
+"""Distance in front of the pan's middle: behind the dirt, and where the pan has room for three lumps behind each other."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD_Z_M = 0.25

@@ -45,7 +45,7 @@ HANDLE_Y_M = -0.06
 """Where it grips the bar: to the right of the middle, within reach at every angle of the oven."""
 BEFORE_HANDLE_M = 0.09
 DOOR_RAD = np.deg2rad((17.0, 34.0, 50.0))
-"""At the last of which the hand lets go; the door sinks on by itself."""
+"""Angles of the door; at the last the hand lets go; the door sinks on by itself."""
 PITCH_SHARE = 0.3
 BEYOND_BAR_M = 0.003
 """From one of these angles to the next the bar goes along an arc and the hand along its chord, which is 3 mm nearer to
@@ -63,7 +63,7 @@ WAIT_DOWN_RAD = np.deg2rad(20.0)
 """Its pitch there: its camera sees the tray's grip as soon as the door is out of the way."""
 BEFORE_TRAY_M = 0.10
 INSERT_M = 0.028
-"""Of the tool centre point behind the near end of the tray's grip; the fingertips reach 10 mm further."""
+"""Distance of the tool centre point behind the near end of the tray's grip; the fingertips reach 10 mm further."""
 LIFT_M = 0.025
 OUT_M = 0.28
 RAISE_TO_M = 0.665

@@ -1,4 +1,4 @@
-"""Bodies, contacts, joints and motors that are different in one episode from what was compiled."""
+"""Changes of bodies, contacts, joints and motors of a compiled model for one episode."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FIELDS = (
 
 
 class Alterations:
-    """What a model wears over the values with which it was compiled.
+    """Changed values of a model's fields, and the compiled ones to go back to.
 
     Args:
         model: of the scene.
@@ -43,7 +43,7 @@ class Alterations:
         """Give some fields other values.
 
         Raises:
-            ValueError: a field is none of `FIELDS`.
+            ValueError: a field is not in `FIELDS`.
         """
         if others := fields.keys() - set(FIELDS):
             raise ValueError(f"{', '.join(sorted(others))} cannot be altered, only {', '.join(FIELDS)}")

@@ -1,4 +1,4 @@
-"""How a scene looks in one episode where that differs from its model, and where its cameras really are."""
+"""Differences between a model and how it looks in one episode, true camera poses included."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ FOLLOWING = ("cam_xpos", "cam_xmat", "light_xpos", "light_xdir")
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Values of a model's fields that only the eye is shown.
+    """Values of a model's fields that are used for images alone.
 
-    The model lends itself: while images are made it wears these values, at all other times its own. So nothing that moves
-    can depend on them, and no state hash either.
+    They are in the model only while images are made, so that neither physics nor a state hash can depend on them.
 
     Attributes:
         fields: name of a model's field -> all its values.
-        calibration: those of the cameras that the calibration knows of; of all other fields it says what the model says.
+        calibration: values of the camera fields that the calibration reports where they differ from the model.
         casts_shadows: whether lights cast shadows in images of every quality.
     """
 
@@ -37,7 +36,7 @@ class Appearance:
         return replace(self, fields={**self.fields, **fields})
 
     def calibrated(self, **fields: NDArray) -> Appearance:
-        """This appearance with cameras that the calibration takes to be elsewhere."""
+        """This appearance with other camera poses in the calibration."""
         return replace(self, calibration={**self.calibration, **fields})
 
     def shadowed(self) -> Appearance:
@@ -55,7 +54,7 @@ NOMINAL = Appearance()
 
 @contextmanager
 def applied(model: mujoco.MjModel, data: mujoco.MjData, fields: Mapping[str, NDArray]) -> Iterator[None]:
-    """Have a model wear other values while the `with` block runs.
+    """Give a model other values while the `with` block runs.
 
     Args:
         model: of the scene.

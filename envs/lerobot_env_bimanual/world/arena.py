@@ -7,8 +7,7 @@ import numpy as np
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.contact_layers import COMMON_LAYER, TABLE_ONLY
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, Prop
+from lerobot_env_bimanual.props.prop import COMMON_LAYER, TABLE_ONLY, VISUAL_ONLY, Prop
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster

@@ -1,4 +1,4 @@
-"""The cameras that stand in the room, and the calibration of all five."""
+"""The fixed cameras, and the calibration of all five."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True)
 class FixedCamera:
-    """A camera that stands in the room.
+    """A camera that is fixed in the room.
 
     Attributes:
         name: one of `lerobot_bimanual.cameras.CAMERA_NAMES`.
@@ -58,7 +58,7 @@ FIXED_CAMERAS = (
 
 
 def calibration(view: SceneView, height: int, width: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Where the five cameras are now, as far as one knows, and how they project.
+    """Calibration of the five cameras: where they are now, as far as known, and how they project.
 
     Args:
         view: the scene.

@@ -1,23 +1,27 @@
-"""Images of a scene, of which no more is drawn than has to be."""
+"""Images of a scene, drawn incrementally: only what has changed, over a backdrop of what has not."""
+
+from __future__ import annotations
 
 import contextlib
+import copy
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.backdrop import Backdrop
 from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
-from lerobot_env_bimanual.world.view_volume import in_view, reach_planes
 
 ALL = mujoco.mjtCatBit.mjCAT_ALL.value
 ASLEEP = mujoco.mjtSleepState.mjS_ASLEEP.value
 HIDDEN_GROUP = mujoco.mjNGROUP - 1
-"""Of geoms that are not drawn."""
+"""Group of geoms that are not drawn."""
 
 SEGMENTATION_FLAGS = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
 """With both, each geom is drawn in a colour that is its number."""
+
+MARGIN_M = 0.001
+"""Far more than rounding moves a drawn vertex."""
 
 type Geoms = NDArray[np.bool_]
 """(ngeom,) some of a model's geoms."""
@@ -59,7 +63,7 @@ class Composition:
         """Take over where everything is; images of several cameras may follow.
 
         Args:
-            appearance: fingerprint of what the model wears, but for what stands in `_looks`.
+            appearance: fingerprint of the model's appearance, except for what `_looks` covers.
         """
         self._offscreen.make_current()
         looks_of_room = appearance + self._looks(self._room)
@@ -168,3 +172,86 @@ class Composition:
         """Whether a camera is behind a plane, which MuJoCo draws translucent from there."""
         to_camera = self._data.cam_xpos[camera] - self._data.geom_xpos[self._planes]
         return bool(((to_camera * self._data.geom_xmat[self._planes, 2::3]).sum(axis=1) < 0).any())
+
+
+class Backdrop:
+    """An image that others can be laid over.
+
+    Args:
+        pixels: the image.
+        offscreen: where it was drawn.
+
+    Attributes:
+        rgb: (height, width, 3) uint8.
+        nearness: (height, width) float32, as in `Pixels`.
+        depth_m: (height, width) float32, metres along the optical axis.
+    """
+
+    def __init__(self, pixels: Pixels, offscreen: Offscreen):
+        self.rgb, self.nearness = pixels
+        self.depth_m = offscreen.depth_m(pixels.nearness)
+        self._offscreen = offscreen
+
+    def behind(self, front: Pixels) -> Backdrop | None:
+        """A fresh image of what both show, bit for bit the one that is drawn at once.
+
+        Of all that falls on a pixel the depth test keeps the nearest, whatever is drawn first.
+
+        Args:
+            front: of other geoms, from the same camera.
+
+        Returns:
+            The image; None where a geom of one is exactly as near as one of the other, for then it counts which is drawn
+            first.
+        """
+        is_front = front.nearness > self.nearness
+        if np.any((front.nearness == self.nearness) & (front.nearness > 0)):
+            return None
+        both = copy.copy(self)
+        both.nearness = np.maximum(front.nearness, self.nearness)
+        both.rgb, both.depth_m = self.rgb.copy(), self.depth_m.copy()
+        np.copyto(_whole_pixels(both.rgb), _whole_pixels(front.rgb), where=is_front)
+        both.depth_m[is_front] = self._offscreen.depth_m(front.nearness[is_front])
+        return both
+
+
+def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
+    """A view (height, width) of an image, which NumPy copies several times as fast as rows of three bytes."""
+    return rgb.view("V3")[..., 0]
+
+
+def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float) -> NDArray[np.bool_]:
+    """(ngeom,) whether a geom may reach into the image: its bounding sphere does, or it has none.
+
+    Args:
+        model: of the scene.
+        data: its state.
+        camera: its number.
+        aspect: width of the image over its height.
+    """
+    half_height = np.tan(np.deg2rad(model.cam_fovy[camera]) / 2)
+    half_width = aspect * half_height
+    outward = np.array([[1, 0, half_width], [-1, 0, half_width], [0, 1, half_height], [0, -1, half_height]])
+    outward /= np.linalg.norm(
+        outward, axis=1, keepdims=True
+    )  # of the image's sides, in MuJoCo's camera frame
+    to_geom = data.geom_xpos - data.cam_xpos[camera]
+    beyond_m = (to_geom @ (data.cam_xmat[camera].reshape(3, 3) @ outward.T)).max(axis=1)
+    radius_m = model.geom_rbound
+    return (radius_m == 0) | (beyond_m < radius_m + MARGIN_M)
+
+
+def reach_planes(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(ngeom,) whether the bounding box of a geom touches or crosses one of the planes, or is behind it.
+
+    Args:
+        model: of the scene.
+        data: its state.
+        planes: (ngeom,) which geoms they are; here they have no end.
+    """
+    frames = data.geom_xmat.reshape(-1, 3, 3)
+    middles = data.geom_xpos + (frames @ model.geom_aabb[:, :3, None])[..., 0]
+    normals = data.geom_xmat[planes, 2::3]
+    above_m = middles @ normals.T - (data.geom_xpos[planes] * normals).sum(axis=1)  # (ngeom, planes)
+    half_m = (np.abs(normals @ frames) @ model.geom_aabb[:, 3:, None])[..., 0]
+    return (above_m - half_m < MARGIN_M).any(axis=1)

@@ -1,4 +1,4 @@
-"""Who touches whom, by subtrees of bodies."""
+"""Contacts between subtrees of bodies."""
 
 import numpy as np
 from numpy.typing import NDArray

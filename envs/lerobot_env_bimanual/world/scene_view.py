@@ -1,4 +1,4 @@
-"""What can be read of a world: where arms and props are, and what touches what."""
+"""A read-only view of a world: poses of arms and props, and contacts."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,14 @@ from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.appearance import NOMINAL
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
-LEAST_SQUEEZE_N = 2.0
-"""What a hand that grips puts on each finger; one that is only touched puts nothing."""
-LEAST_GRIPPED_M = 0.001
+MIN_SQUEEZE_N = 2.0
+"""Force on each finger of a hand that grips; a hand that is only touched exerts none."""
+MIN_GRIPPED_M = 0.001
 """Width of what is gripped; fingers that are closer have closed on each other."""
 
 
 class SceneView:
-    """A world to read from, whoever moves it.
+    """A read-only view of a world, independent of how it is moved.
 
     Scripts and conditions are given this, so they work in the scene that physics drives and in one that a rehearsal
     sets by kinematics.
@@ -112,8 +112,7 @@ class SceneView:
     def grips(self, arm: Arm) -> bool:
         """Whether a hand's motor closes the fingers, and something keeps them apart."""
         return (
-            bool(self.finger_positions(arm).min() > LEAST_GRIPPED_M / 2)
-            and self.squeeze_n(arm) > LEAST_SQUEEZE_N
+            bool(self.finger_positions(arm).min() > MIN_GRIPPED_M / 2) and self.squeeze_n(arm) > MIN_SQUEEZE_N
         )
 
     def squeeze_n(self, arm: Arm) -> float:

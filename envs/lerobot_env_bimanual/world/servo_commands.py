@@ -1,4 +1,4 @@
-"""What the servos are told at each step of physics within a control tick."""
+"""Commands of the servos at each step of physics within a control tick."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,7 +105,7 @@ class ServoCommands:
         return np.add(rows, offset, out=rows)
 
     def _finger_travel_m(self, arm: Arm, opening: float) -> float | NDArray[np.float64]:
-        """Where the fingers are sent on the way to an opening, (25,); or a single number, where they stay.
+        """Finger targets on the way to an opening, (25,); or a single number if they stay.
 
         The way begins at the last command, or where the fingers are if that is nearer: a hand that lets go does not
         have to take back at first how hard it pressed.
@@ -121,7 +121,7 @@ class ServoCommands:
 
 
 def _gripper(arm: Arm) -> int:
-    """Where the gripper stands in a joint action."""
+    """Index of the gripper in a joint action."""
     return ARM_ACTION_DIM * arm.ordinal + JOINTS_PER_ARM
 
 

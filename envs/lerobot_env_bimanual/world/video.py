@@ -1,4 +1,4 @@
-"""Films an episode as an mp4 file."""
+"""Writes videos of episodes as mp4 files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
 
 CRF = "20"
-"""By default: visually clean at about 100 kB per second of video."""
+"""Default quality: visually clean at about 100 kB per second of video."""
 
 
 class VideoWriter:
