@@ -1,4 +1,4 @@
-"""Record an expert's demonstrations as LeRobot datasets, and look at what stands in one row.
+"""Record an expert's demonstrations as LeRobot datasets, and look at one row of them.
 
 python examples/02_record.py --task=lift_ball --episodes=3 --output=outputs/record
 """
@@ -28,6 +28,7 @@ def main() -> None:
             episodes=arguments.episodes,
             image_size=arguments.image_size,
             root=arguments.output,
+            view="both",
         )
     )
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Score a policy on unseen placements, keep a record of every action, and set it beside the expert and the blind control.
+# Score a policy on unseen placements, keep a record of every action, and compare it with the expert and the open-loop baseline.
 set -euo pipefail
 TASK=${TASK:-handover_item_easy}
 POLICY=${POLICY:-results/checkpoints/peract2_on_all}
@@ -8,16 +8,16 @@ SEED=${SEED:-1000}
 SEEDS=${SEEDS:-$SEED:$((SEED + EPISODES))}
 OUT=${OUT:-outputs/evaluate}
 
-# A stranger's checkpoint is looked at before anything loads it.
+# Check a stranger's checkpoint before anything loads it.
 lerobot-bimanual policy check --checkpoint="$POLICY"
 
-# Images as in training; films of the whole motion, and records of every action.
+# Images as in training; videos of the whole motion, and records of every action.
 lerobot-eval --policy.path="$POLICY" --policy.device=cpu --seed="$SEED" \
     --env.type=bimanual --env.task="$TASK" --env.image_size=128 \
-    --env.video_dir="$OUT/films" --env.results_dir="$OUT/records" \
+    --env.video_dir="$OUT/videos" --env.results_dir="$OUT/records" \
     --eval.n_episodes="$EPISODES" --eval.batch_size=2 --output_dir="$OUT/eval"
 
-# The same placements without any policy: what the scripts score that see the scene, and that do not.
+# The same placements without any policy: the expert sees the scene's state, the open-loop baseline does not.
 lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --output="$OUT/expert.json"
 lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
     echo "the blind control scores more than it should; on few episodes that happens"

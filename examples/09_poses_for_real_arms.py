@@ -1,6 +1,6 @@
 """What a keypose policy asks of real arms: feed it recorded camera frames, and print where each hand should go.
 
-python examples/09_poses_for_real_arms.py --dataset=data/handover/keyframes --episode=0
+python examples/09_poses_for_real_arms.py --dataset=data/handover --episode=0
 
 The frames come from a dataset here. On real arms `observe` is the only part to replace: it returns what cameras,
 calibration and grippers say. docs/hardware.md says what the policy needs of them, and what becomes of the poses.

@@ -1,6 +1,6 @@
 """What the expert does, stage by stage and in words, in the columns that LeRobot keeps for language.
 
-lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --root=data/lift_ball
+lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --view=both --root=data/lift_ball
 python examples/10_subtasks.py --root=data/lift_ball
 lerobot-bimanual dataset verify --root=data/lift_ball
 

@@ -1,6 +1,6 @@
 """A policy of LeRobot that is told its subtask: Multi-Task DiT, whose CLIP reads "lift the ball: squeeze".
 
-lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --root=data/lift_ball
+lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --view=both --root=data/lift_ball
 python examples/10_subtasks.py --root=data/lift_ball
 python examples/11_subtask_policy.py --root=data/lift_ball/frames --clip=models/clip-vit-base-patch16 --output=outputs/dit
 lerobot-bimanual-train --policy.path=outputs/dit --dataset.repo_id=local/lift_ball --dataset.root=data/lift_ball/frames \\

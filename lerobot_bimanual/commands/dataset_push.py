@@ -25,7 +25,7 @@ def dataset_push(config: DatasetPushConfig) -> None:
 
     Examples:
         hf auth login
-        lerobot-bimanual dataset push --root=data/lift_ball/keyframes --repo_id=me/lift_ball_keyframes --private
+        lerobot-bimanual dataset push --root=data/lift_ball --repo_id=me/lift_ball --private
     """
     from lerobot_bimanual.dataset.hub import open_repository, pushable_folder, upload_dataset
 

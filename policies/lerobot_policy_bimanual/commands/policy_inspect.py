@@ -25,7 +25,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     Examples:
         lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/lift_ball
         lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model \
-            --root=data/lift_ball/keyframes --index=7
+            --root=data/lift_ball --index=7
     """
     from io import BytesIO
 
