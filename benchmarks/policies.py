@@ -24,9 +24,10 @@ import torch.nn.functional as F  # noqa: N812
 from harness import Figures, parser, report
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
+from lerobot_policy_bimanual.training.memory import keep_freed_memory
 from torch import Tensor
 
-from lerobot_bimanual.benchmark.recipe import Recipe
+from lerobot_bimanual.benchmark.recipes import Recipe
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_policy_bimanual import PerAct2Config

@@ -15,11 +15,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from lerobot_bimanual.benchmark.names import perturbed, place_name
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.evaluation.record import RECORD_SCHEMA_VERSION, EvaluationRecord, result_versions
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord, eval_key, result_versions
 from lerobot_env_bimanual.episode_recorder import OUT_OF_TIME, PLAYED
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
@@ -85,7 +83,7 @@ class EpisodeLog:
         self._environments = environments
         self._running: set[int] = set()
         self._finished: list[FinishedEpisode] = []
-        self._played: list[PlayedEpisode] = []
+        self._played: list[Episode] = []
 
     def begin(self, environments: Iterable[int]) -> None:
         """Note which environments have just been reset."""
@@ -108,9 +106,7 @@ class EpisodeLog:
                 )
                 self._finished.append(episode)
                 if PLAYED in info:
-                    self._played.append(
-                        decode(PlayedEpisode, json.loads(info[PLAYED][index]), "a played episode")
-                    )
+                    self._played.append(info[PLAYED][index])
                 logger.info("%s, %s", self._task, episode)
 
     def close(self) -> None:
@@ -147,14 +143,14 @@ class EpisodeLog:
             logger.warning("%s cannot be written: %s", path, error)
         return path
 
-    def _write_record(self, folder: Path, played: list[PlayedEpisode]) -> str:
+    def _write_record(self, folder: Path, played: list[Episode]) -> str:
         """Write what `lerobot-bimanual results verify` reads, and say where, or why not."""
         path = folder / record_name(self._task, self._options)
         record = EvaluationRecord(
-            schema_version=RECORD_SCHEMA_VERSION,
+            schema_version=2,
             task=self._task,
             world=world_version(self._task, self._options.perturb),
-            options={name: str(getattr(self._options, name)) for name in RECORDED_OPTIONS},
+            options=recorded_options(self._options),
             batch_size=self._environments,
             versions=result_versions(),
             episodes=tuple(
@@ -173,6 +169,10 @@ class EpisodeLog:
 
 def record_name(task: str, options: EnvOptions) -> str:
     """What the record of an evaluation is called."""
-    return (
-        f"{perturbed(place_name(task, str(options.variation)), options.perturb)}_{options.split}_record.json"
-    )
+    return f"{eval_key(task, options.variation, options.perturb)}_{options.split}_record.json"
+
+
+def recorded_options(options: EnvOptions) -> dict[str, str | int]:
+    """The options that decide what is played and seen, by name."""
+    values = {name: getattr(options, name) for name in RECORDED_OPTIONS}
+    return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import itertools
-import json
-from dataclasses import asdict
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.results.action_text import actions_to_text
+from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.hash_chain import HashChain
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 
 PLAYED = "played"
-"""Key of the last step's info under which the whole episode is, as JSON."""
+"""Key of the last step's info that holds the whole `Episode`."""
 OUT_OF_TIME = "out of time"
 
 
 class EpisodeRecorder(gym.Wrapper):
-    """Adds the `PlayedEpisode` to the info of an episode's last step, under `PLAYED`.
+    """Adds the `Episode` to the info of an episode's last step, under `PLAYED`.
 
     Args:
         env: whose episodes are kept.
@@ -59,25 +57,28 @@ class EpisodeRecorder(gym.Wrapper):
         self._actions.append(action)
         self._chain.add(action, self._env.state_hash())
         if terminated or truncated:
-            info = info | {PLAYED: json.dumps(asdict(self._played(self._env.progress)))}
+            info = info | {PLAYED: self._played(self._env.progress)}
         return observation, reward, terminated, truncated, info
 
-    def _played(self, progress: EpisodeProgress) -> PlayedEpisode:
-        return PlayedEpisode(
+    def _played(self, progress: EpisodeProgress) -> Episode:
+        return Episode(
             seed=progress.seed,
             variation=progress.variation.index,
-            instruction=progress.instruction,
             success=progress.succeeded,
-            first_met_tick=progress.first_met_tick,
-            failure="" if progress.succeeded else progress.failure or OUT_OF_TIME,
+            failure=None if progress.succeeded else progress.failure or OUT_OF_TIME,
             ticks=progress.ticks,
             keyposes=progress.keyposes,
-            start=self._start,
-            actions=tuple(
-                actions_to_text(np.stack(list(run))) for _, run in itertools.groupby(self._actions, key=len)
+            first_met_tick=progress.first_met_tick,
+            proof=Proof(
+                instruction=progress.instruction,
+                start=self._start,
+                actions=tuple(
+                    actions_to_text(np.stack(list(run)))
+                    for _, run in itertools.groupby(self._actions, key=len)
+                ),
+                links=self._chain.links,
+                end=self._chain.end,
             ),
-            links=self._chain.links,
-            end=self._chain.end,
         )
 
 

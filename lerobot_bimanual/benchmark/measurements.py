@@ -1,37 +1,37 @@
-"""What the programs of a benchmark have measured, read from their files and held against what was asked of them."""
+"""Results of the programs of a benchmark, read from their files and compared with what was asked of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from lerobot_bimanual.benchmark.episode_result import EpisodeResult
-from lerobot_bimanual.benchmark.results import BadResult
+from pydantic import ConfigDict
+
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.record import EvaluationRecord
-from lerobot_bimanual.json_file import read_json, shown
-from lerobot_bimanual.json_record import BadRecord, decode
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.record import BadRecord, Record
 
 
-@dataclass(frozen=True)
-class _Metrics:
+class _Partial(Record):
+    """Fields of a file that holds others, too."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Metrics(_Partial):
     successes: tuple[bool, ...]
 
 
-@dataclass(frozen=True)
-class _TaskResult:
+class _TaskResult(_Partial):
     metrics: _Metrics
 
 
-@dataclass(frozen=True)
-class _Evaluation:
-    """What is read of `lerobot-eval`'s `eval_info.json`."""
+class _LeRobotEvaluation(_Partial):
+    """Part of `lerobot-eval`'s `eval_info.json`."""
 
     per_task: tuple[_TaskResult, ...]
 
 
-@dataclass(frozen=True)
-class _Episode:
+class _ReportedEpisode(_Partial):
     task: str
     variation: int
     seed: int
@@ -40,137 +40,91 @@ class _Episode:
     state_hash: str
 
 
-@dataclass(frozen=True)
-class _Certificate:
-    """What is read of a certificate."""
+class _Report(_Partial):
+    """Part of the report of the expert or a baseline."""
 
     control: str
-    discretise: int
     split: str
     worlds: dict[str, str]
-    episodes: tuple[_Episode, ...]
+    episodes: tuple[_ReportedEpisode, ...]
 
 
-@dataclass(frozen=True)
-class _Worlds:
-    worlds: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Certified:
-    """A certificate of one task.
-
-    Attributes:
-        world: version of the task's world.
-        episodes: one per seed, or one per seed and variation.
-    """
-
-    world: str
-    episodes: tuple[EpisodeResult, ...]
-
-
-def read_evaluation(path: Path, seeds: Sequence[int]) -> tuple[EpisodeResult, ...]:
+def read_successes(path: Path, seeds: Sequence[int]) -> tuple[Episode, ...]:
     """Episodes of a `lerobot-eval` result of one task.
 
     Args:
         path: the file.
-        seeds: of its episodes; LeRobot counts them up from the first, without listing them.
+        seeds: seeds of its episodes; LeRobot counts them up from the first, without listing them.
 
     Raises:
-        BadResult: the file is no such result, or the evaluation was of several tasks or another number of episodes.
+        BadRecord: the file is not such a result, or holds several tasks or another number of episodes.
     """
-    tasks = _read(_Evaluation, path).per_task
-    if len(tasks) != 1:
-        raise BadResult(f"{path} holds {len(tasks)} tasks, but must hold one; choose a single --task")
-    successes = tasks[0].metrics.successes
-    if len(successes) != len(seeds):
-        raise BadResult(f"{path} holds {len(successes)} episodes, but {len(seeds)} were asked for")
-    return tuple(EpisodeResult(seed, success) for seed, success in zip(seeds, successes, strict=True))
+    tasks = _LeRobotEvaluation.read(path).per_task
+    if len(tasks) != 1 or len(successes := tasks[0].metrics.successes) != len(seeds):
+        counts = [len(task.metrics.successes) for task in tasks]
+        raise BadRecord(
+            f"{path} holds {counts} episodes of {len(tasks)} tasks, but must hold {len(seeds)} of one"
+        )
+    return tuple(Episode(seed=seed, success=success) for seed, success in zip(seeds, successes, strict=True))
 
 
-def read_record(path: Path, seeds: Sequence[int]) -> EvaluationRecord:
+def read_record(path: Path, seeds: Sequence[int], counted: Sequence[Episode]) -> EvaluationRecord:
     """The record of an evaluation, without the episodes that filled up its last batch.
 
     Args:
         path: the file.
-        seeds: of the episodes that were asked for, rising.
+        seeds: seeds of the episodes that were asked for, increasing.
+        counted: the same episodes as `lerobot-eval` counted them.
 
     Raises:
-        BadResult: the file is no such record, or an episode is missing.
+        BadRecord: the file is not such a record, an episode is missing, or `lerobot-eval` counted another success.
     """
-    try:
-        record = EvaluationRecord.read(path)
-    except BimanualError as error:
-        raise BadResult(str(error)) from error
+    record = EvaluationRecord.read(path)
     episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
     if [episode.seed for episode in episodes] != list(seeds):
-        raise BadResult(f"{path} does not hold the seeds {shown(seeds)}; remove it to evaluate anew")
-    return replace(record, episodes=episodes)
+        raise BadRecord(
+            f"{path} does not hold the seeds {seeds[0]} to {seeds[-1]}; remove it to evaluate again"
+        )
+    for played, other in zip(episodes, counted, strict=True):
+        if played.success != other.success:
+            raise BadRecord(
+                f"{path}: seed {played.seed} has success {played.success}, but lerobot-eval counted {other.success}"
+            )
+    return record.model_copy(update={"episodes": episodes})
 
 
-def check_agreement(record: EvaluationRecord, evaluation: Sequence[EpisodeResult]) -> None:
-    """LeRobot and the environment must say the same of the same episodes, one by one.
+def read_report(path: Path, agent: str, task: str, seeds: Sequence[int]) -> tuple[str, tuple[Episode, ...]]:
+    """World and episodes, sorted by variation and seed, of the report of the expert or a baseline on one task.
 
     Raises:
-        BadResult: they do not.
+        BadRecord: the file is not such a report, or of another agent, split, task or other seeds.
     """
-    for played, counted in zip(record.episodes, evaluation, strict=True):
-        if (played.seed, played.success) != (counted.seed, counted.success):
-            raise BadResult(
-                f"seed {played.seed} of {record.task} has success {played.success} in the environment's record, but "
-                f"lerobot-eval counted seed {counted.seed} with success {counted.success}"
-            )
+    report = _Report.read(path)
+    expected = {"control": {"open_loop": "blind"}.get(agent, agent), "split": "test"}
+    found = {name: getattr(report, name) for name in expected}
+    played = {(episode.task, episode.seed) for episode in report.episodes}
+    if found != expected or played != {(task, seed) for seed in seeds} or [*report.worlds] != [task]:
+        raise BadRecord(
+            f"{path} is not of {agent} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
+            "to measure again"
+        )
+    episodes = [
+        Episode.of(**episode.model_dump(exclude={"task"}) | {"failure": episode.failure or None})
+        for episode in sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
+    ]
+    return report.worlds[task], tuple(episodes)
 
 
-def read_certificate(path: Path, control: str, task: str, seeds: Sequence[int]) -> Certified:
-    """Episodes of a `lerobot-bimanual expert evaluate` result of one task on the split `test`.
+def check_one_world(worlds: dict[Path, str], task: str) -> None:
+    """Files may have been made long before each other, but must be of one world.
 
     Raises:
-        BadResult: the file is no such result, or of another control, split, task or other seeds.
+        BimanualError: they are not; the message names the file that differs.
     """
-    certificate = _read(_Certificate, path)
-    for name, got, wanted in (
-        ("control", certificate.control, control),
-        ("discretise", certificate.discretise, 0),
-        ("split", certificate.split, "test"),
-        ("tasks", sorted({episode.task for episode in certificate.episodes}), [task]),
-        ("tasks of worlds", sorted(certificate.worlds), [task]),
-        ("seeds", sorted({episode.seed for episode in certificate.episodes}), list(seeds)),
-    ):
-        if got != wanted:
-            raise BadResult(
-                f"{path}: {name} is {shown(got)}, but {shown(wanted)} was asked for; remove the file to measure anew"
+    (first, world), *others = worlds.items()
+    for path, other in others:
+        if other != world:
+            raise BimanualError(
+                f"{path} is of the world {other} of {task}, but {first} of {world}: it has changed between them; choose "
+                "another --output, or remove the older one, of demonstrations with the trainings beside them"
             )
-    return Certified(
-        certificate.worlds[task],
-        tuple(
-            EpisodeResult(
-                seed=episode.seed,
-                success=episode.success,
-                variation=episode.variation,
-                failure=episode.failure or None,
-                state_hash=episode.state_hash,
-            )
-            for episode in certificate.episodes
-        ),
-    )
-
-
-def read_worlds(path: Path) -> dict[str, str]:
-    """Version of each task's world in a certificate.
-
-    Raises:
-        BadResult: the file is no certificate.
-    """
-    return _read(_Worlds, path).worlds
-
-
-def _read[Kind](kind: type[Kind], path: Path) -> Kind:
-    try:
-        value: Any = read_json(path)
-    except BimanualError as error:
-        raise BadResult(str(error)) from error
-    try:
-        return decode(kind, value, "the file", partly=True)
-    except BadRecord as error:
-        raise BadResult(f"{path} is not of the form that its program writes: {error}") from error

@@ -1,18 +1,17 @@
-"""A chain of stock commands that goes on where it was interrupted.
+"""A resumable chain of stock commands.
 
 Each command is shown as a user would type it. A marker file per command holds its words and whether it finished, so
 that running the chain again does only what is missing.
 """
 
-import json
 import os
 import shlex
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -20,12 +19,11 @@ from rich.console import Console
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.interrupts import interrupts_ignored
-from lerobot_bimanual.json_file import read_json
-from lerobot_bimanual.json_record import decode
-from lerobot_bimanual.output_file import check_output_folder, write_file
+from lerobot_bimanual.output_file import check_output_folder
+from lerobot_bimanual.results.record import BadRecord, Record
 
-GRACE_S = 20.0
-"""For an interrupted program to end its workers."""
+TERMINATION_TIMEOUT_S = 20.0
+"""Time that an interrupted program has to end its workers."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,8 @@ class Command:
         inputs: files made by earlier commands; this one counts as done only for their present content.
         training_folder: where a command with the flags of `lerobot-train` keeps its checkpoints, from which it is
             resumed.
-        judges: whether the command exits with 1 when it has measured something that it finds not good enough, as
-            `certify` does. Its output is then a result like any other.
+        judges: whether the command exits with 1 after it has measured something insufficient, as `expert evaluate`
+            does. Its output is then a result like any other.
     """
 
     name: str
@@ -54,8 +52,16 @@ class Command:
         return shlex.join(self.words)
 
 
-@dataclass(frozen=True)
-class _Marker:
+class Marker(Record):
+    """Progress of one command.
+
+    Attributes:
+        command: its words, as a shell has them.
+        inputs: SHA-256 of each input file.
+        done: whether the command has succeeded.
+        seconds: wall time so far, with the runs that were interrupted and resumed.
+    """
+
     command: str
     inputs: dict[str, str]
     done: bool
@@ -81,10 +87,10 @@ def call(words: list[str]) -> int:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program that is still running, with time to end what it has started."""
+    """End a program if it is still running, and give it time to end what it has started."""
     process.terminate()
     try:
-        process.wait(GRACE_S)
+        process.wait(TERMINATION_TIMEOUT_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
@@ -94,7 +100,7 @@ class Pipeline:
     """Runs commands and remembers in a folder what is done.
 
     Args:
-        folder: where the markers lie; made if absent.
+        folder: folder of the markers; made if absent.
         console: where commands and times are shown.
         call: runs a program and gives its exit code.
 
@@ -114,8 +120,8 @@ class Pipeline:
         An interrupted training goes on from its last checkpoint; other commands begin anew.
 
         Raises:
-            BimanualError: the command failed or left no output, an input cannot be read, checkpoints that cannot be gone
-                on from are in its place, or its marker is damaged.
+            BimanualError: the command failed or left no output, an input cannot be read, its folder holds checkpoints
+                from which it cannot be resumed, or its marker is damaged.
         """
         marker = self._marker(command)
         if marker.done and (command.output is None or command.output.exists()):
@@ -128,7 +134,7 @@ class Pipeline:
         show_command(self._console, "$ ", words)
         if command.judges and command.output is not None:
             command.output.unlink(missing_ok=True)  # so that afterwards it is known to be new
-        marker = replace(marker, done=False, seconds=seconds)
+        marker = marker.model_copy(update={"done": False, "seconds": seconds})
         self._write(command, marker)
         started = time.monotonic()
         try:
@@ -136,7 +142,7 @@ class Pipeline:
         except KeyboardInterrupt:
             raise KeyboardInterrupt("the same command goes on where it stopped") from None
         finally:
-            marker = replace(marker, seconds=seconds + time.monotonic() - started)
+            marker = marker.model_copy(update={"seconds": seconds + time.monotonic() - started})
             self._write(command, marker)
         verdict = code == 1 and command.judges and command.output is not None and command.output.exists()
         if code and not verdict:
@@ -146,30 +152,40 @@ class Pipeline:
             )
         if command.output is not None and not command.output.exists():
             raise BimanualError(
-                f"{command.name!r} ended without an error, but {command.output} is not there. Leave out what keeps it from being "
-                "written, as --save_checkpoint=false does, and start the same command line again. What ran was: "
-                f"{shlex.join(words)}"
+                f"{command.name!r} ended without an error, but did not write {command.output}. Leave out what prevents it, "
+                f"such as --save_checkpoint=false, and repeat the command line. What ran was: {shlex.join(words)}"
             )
-        self._write(command, replace(marker, done=True))
+        self._write(command, marker.model_copy(update={"done": True}))
         self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
 
     def seconds(self, command: Command) -> float:
         """Wall time of a command that is done, with the runs that were interrupted and resumed."""
         return self._marker(command).seconds
 
-    def _marker(self, command: Command) -> _Marker:
-        """The marker of this very command and these inputs; a fresh one if they were never begun."""
+    def _marker(self, command: Command) -> Marker:
+        """The marker of this command with these inputs; a new one if it was never begun with them."""
         inputs = {str(path): made_before(path) for path in command.inputs}
-        found = _read(self._folder, command)
+        found = self._read(command)
         if found is not None and (found.command, found.inputs) == (str(command), inputs):
             return found
-        return _Marker(str(command), inputs, done=False, seconds=0.0)
+        return Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
 
-    def _write(self, command: Command, marker: _Marker) -> None:
-        write_file(_path(self._folder, command), json.dumps(asdict(marker), indent=1) + "\n")
+    def _path(self, command: Command) -> Path:
+        return self._folder / f"{command.name}.command.json"
+
+    def _write(self, command: Command, marker: Marker) -> None:
+        marker.write(self._path(command))
+
+    def _read(self, command: Command) -> Marker | None:
+        """The marker under a command's name, of this command or of one with other flags."""
+        path = self._path(command)
+        try:
+            return Marker.read(path) if path.is_file() else None
+        except BadRecord as error:
+            raise BimanualError(f"damaged marker {error}; remove the file and try again") from error
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
-        """The words that go on from the last checkpoint; None if there is none to go on from."""
+        """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
         config = Path("pretrained_model", "train_config.json")
         link = folder / "checkpoints" / "last"
         last = link / config
@@ -177,44 +193,19 @@ class Pipeline:
             if kept := sorted(folder.glob(f"checkpoints/*/{config}")):
                 newest = kept[-1].parents[1].name
                 raise BimanualError(
-                    f"{folder} holds checkpoints, but {link} leads to none of them. To go on from the newest: "
+                    f"{folder} holds checkpoints, but {link} is not a link to one. To go on from the newest: "
                     f"{shlex.join(['ln', '-sfn', newest, str(link)])}; to train anew, remove the folder"
                 )
-            # lerobot-train refuses an existing folder, and in this one is nothing to keep.
+            # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
-        found = _read(self._folder, command)
+        found = self._read(command)
         if found is None or found.command != str(command):
             raise BimanualError(
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
             )
         return [command.words[0], f"--config_path={last}", "--resume=true"]
-
-
-def begun(folder: Path, command: Command) -> str:
-    """The command line that was last begun there under a command's name, be it with other flags; empty if none was.
-
-    Raises:
-        BimanualError: its marker is damaged.
-    """
-    marker = _read(folder, command)
-    return "" if marker is None else marker.command
-
-
-def _path(folder: Path, command: Command) -> Path:
-    return folder / f"{command.name}.command.json"
-
-
-def _read(folder: Path, command: Command) -> _Marker | None:
-    """The marker that lies in a command's place, be it of this command or of one with other flags."""
-    path = _path(folder, command)
-    if not path.is_file():
-        return None
-    try:
-        return decode(_Marker, read_json(path), "the marker")
-    except BimanualError as error:
-        raise BimanualError(f"the marker {path} is damaged ({error}); remove it and try again") from error
 
 
 def made_before(path: Path) -> str:
@@ -228,13 +219,8 @@ def made_before(path: Path) -> str:
     except OSError as error:
         raise BimanualError(
             f"{path} cannot be read ({error.strerror}), but was made by an earlier command; put it back, or choose another "
-            "--output to make it anew"
+            "--output to make it again"
         ) from error
-
-
-def flag_words(flags: Mapping[str, object]) -> list[str]:
-    """`--name=value` for each flag."""
-    return [f"--{name}={value}" for name, value in flags.items()]
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

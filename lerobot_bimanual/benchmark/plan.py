@@ -1,66 +1,19 @@
-"""Flags, folders and commands of a benchmark."""
+"""Folders and commands of a benchmark."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Literal, Self
 
-from lerobot_bimanual.benchmark.flag_text import (
-    OWN_EVALUATION_FLAGS,
-    OWN_TRAINING_FLAGS,
-    further_flags,
-)
-from lerobot_bimanual.benchmark.limits import MOST_SEED, check_number, variation_name
-from lerobot_bimanual.benchmark.names import (
-    dataset_name,
-    learner_name,
-    perturbed,
-    place_name,
-    result_name,
-    run_name,
-)
-from lerobot_bimanual.benchmark.pipeline import Command, flag_words
-from lerobot_bimanual.benchmark.protocol import PROTOCOLS, Protocol, RecipeName, ScoredSplit
-from lerobot_bimanual.benchmark.recipe import Recipe
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, output_options, resolve
+from lerobot_bimanual.benchmark.pipeline import Command
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe, option_text
+from lerobot_bimanual.results.benchmark import BenchmarkSettings
+from lerobot_bimanual.results.evaluation import eval_key, perturbed
 
-PERTURBATIONS = ("perturb", "demos_perturb")
-
-
-@dataclass
-class BenchmarkConfig:
-    """What is asked of a benchmark; flags of the verb `benchmark`."""
-
-    policy: str = "peract2"  # type of the policy, as for lerobot-train
-    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual task list` lists them
-    variation: str = "any"  # index, or `any` for one that each seed draws
-    # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
-    # and its last checkpoint is scored. By default it learns from this task alone.
-    trained_on: str = ""
-    recipe: RecipeName = "small"  # file of the policy's training, and the numbers of the protocol
-    demos: int | None = None  # demonstrations; by default 100
-    image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
-    steps: int | None = None  # optimiser steps; by default the recipe's
-    batch_size: int | None = None  # rows of the dataset per step; by default the recipe's
-    save_freq: int | None = None  # steps between checkpoints; by default the recipe's
-    # Per checkpoint; by default 20 (small) or 100 (paper). 0 scores none, where there is only one to choose.
-    val_episodes: int | None = None
-    test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
-    # Result of another policy on the same task: the test ends as soon as it is sure which of the two is better.
-    stop_when_sure: Path | None = None
-    seed: int = 1000  # of the training
-    # What is different in the test and its controls, and in nothing else: AXIS:LEVEL, several separated by commas.
-    perturb: str = ""
-    demos_perturb: str = ""  # what is different in the demonstrations, likewise
-    first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
-    # Further flags of the training, in one text; they win over the recipe's.
-    train_flags: str = ""
-    eval_flags: str = ""  # further flags of lerobot-eval, in one text
-    device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
-    workers: int = 0  # processes for generation and certification; 0 takes one per core
-    output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and controls here
-    dry_run: bool = False  # print the commands and run nothing
+ScoredSplit = Literal["val", "test"]
+BASELINES = ("expert", "open_loop")
+"""Agents that are scored beside the policy."""
 
 
 @dataclass(frozen=True)
@@ -68,272 +21,212 @@ class Plan:
     """Folders and commands of one benchmark.
 
     Attributes:
-        config: what was asked for.
-        recipe: how the policy is trained, with the numbers that were asked for.
-        protocol: the other numbers, likewise.
-        more_training: flags of `--train_flags`, by name.
-        more_evaluation: flags of `--eval_flags`, by name.
+        settings: what is measured.
+        recipe: how the policy is trained.
+        intermediate: where on the way to a keypose the view `keyframes` has another row, as fractions of the motion.
+        output: folder of all benchmarks.
+        workers: processes for generation and for expert and baseline; 0 takes one per core.
+        films: options of the evaluations that only add files.
     """
 
-    config: BenchmarkConfig
+    settings: BenchmarkSettings
     recipe: Recipe
-    protocol: Protocol
-    more_training: dict[str, str]
-    more_evaluation: dict[str, str]
+    intermediate: tuple[float, ...]
+    output: Path
+    workers: int
+    films: Mapping[str, Any]
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Self:
-        """Look up recipe and protocol.
+        """The plan of what was asked for.
 
         Raises:
-            BimanualError: the task or variation is not one, policy or recipe is not installed, a number is out of
-                range, nothing would choose among several checkpoints, or further flags are not allowed.
+            BimanualError: a flag is not allowed, as `resolve` has it.
         """
-        if not config.task.isidentifier():
-            raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
-        config = replace(config, variation=variation_name(config.variation))
-        for name, most in MOST_SEED.items():
-            check_number(name, getattr(config, name), 0, most)
-        if config.trained_on == config.task:
-            config = replace(config, trained_on="")
-        if config.trained_on:
-            _check_several(config)
-            config = replace(config, val_episodes=0)
-        levels = {name: levels_text(parse_levels(getattr(config, name))) for name in PERTURBATIONS}
-        config = replace(config, **levels)
-        recipe = Recipe.find(config.policy, config.recipe)
-        if config.recipe not in PROTOCOLS:
-            raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
-        plan = cls(
-            config,
-            replace(recipe, **_given(config, Recipe)),
-            replace(PROTOCOLS[config.recipe], **_given(config, Protocol)),
-            further_flags("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
-            further_flags("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS),
+        return cls(
+            settings=resolve(config),
+            recipe=Recipe.find(config.policy, config.recipe),
+            intermediate=PROTOCOLS[config.recipe].intermediate,
+            output=config.output.resolve(),
+            workers=config.workers,
+            films=output_options(config),
         )
-        if not plan.protocol.val_episodes and len(plan.checkpoint_steps) > 1 and not config.trained_on:
-            raise BimanualError(
-                "val_episodes is 0, so that nothing would choose among the checkpoints after "
-                f"{', '.join(map(str, plan.checkpoint_steps))} steps; leave one with --save_freq={plan.recipe.steps}"
-            )
-        return plan
-
-    @property
-    def checkpoint_steps(self) -> tuple[int, ...]:
-        """Steps after which LeRobot leaves a checkpoint, the last one included."""
-        steps, every = self.recipe.steps, self.recipe.save_freq
-        return (*range(every, steps, every), steps)
 
     @property
     def folder(self) -> Path:
         """What the policies of a task share."""
-        return self.config.output.resolve() / place_name(self.config.task, self.config.variation)
+        return self.output / eval_key(self.settings.task, self.settings.variation, perturb="")
 
     @property
     def source(self) -> Path:
-        """Where the demonstrations lie, and beside them the policies that were trained on those of several tasks."""
-        config = self.config
-        return config.output.resolve() / dataset_name(config.task, config.variation, config.trained_on)
+        """Folder of the demonstrations; policies that learn from those of several tasks are trained there, too."""
+        several = self.settings.trained_on.replace(",", ".")
+        return self.output / several if several else self.folder
 
     @property
     def dataset(self) -> Path:
         """The demonstrations."""
         kind = self.recipe.view if self.recipe.depth else f"{self.recipe.view}_rgb"
-        name = f"{kind}_{self.protocol.image_size}_{self.protocol.demos}"
-        return self.source / perturbed(name, self.config.demos_perturb)
+        name = f"{kind}_{self.settings.image_size}_{self.settings.demos}"
+        return self.source / perturbed(name, self.settings.demos_perturb)
 
     @property
     def training_folder(self) -> Path:
         """The training."""
-        return self.source / self._run_name
+        run_id = self.settings.model_copy(update={"trained_on": ""}).run_id
+        return self.source / run_id
 
     @property
     def run_folder(self) -> Path:
         """The evaluations, beside the training unless that is of several tasks."""
-        return self.folder / learner_name(self._run_name, self.config.trained_on)
+        return self.folder / self.settings.run_id
 
     @property
     def result(self) -> Path:
         """The result's file."""
-        config = self.config
-        place = perturbed(place_name(config.task, config.variation), config.perturb)
-        return self.folder.parent / "results" / result_name(place, self.run_folder.name)
+        return self.output / "results" / self.settings.file_name
 
-    @property
-    def _run_name(self) -> str:
-        config = self.config
-        return perturbed(run_name(config.policy, config.recipe, config.seed), config.demos_perturb)
-
-    def certificate(self, control: str) -> Path:
-        """The result of the expert or a control on the test seeds."""
-        name = f"{control}_{self._test_seeds.replace(':', '_')}"
-        return self.folder / f"{perturbed(name, self.config.perturb)}.json"
+    def report(self, agent: str) -> Path:
+        """Report of the expert or of a baseline on the test seeds."""
+        seeds = self.seeds("test")
+        return self.folder / f"{perturbed(f'{agent}_{seeds.start}_{seeds.stop}', self.settings.perturb)}.json"
 
     def checkpoint(self, step: int) -> Path:
         """The policy after so many steps."""
-        digits = max(6, len(str(self.recipe.steps)))  # as LeRobot writes them
+        digits = max(6, len(str(self.settings.steps)))  # as LeRobot writes them
         return self.training_folder / "train" / "checkpoints" / f"{step:0{digits}d}" / "pretrained_model"
 
     def weights(self, step: int) -> Path:
         """The weights of the policy after so many steps."""
         return self.checkpoint(step) / "model.safetensors"
 
-    def evaluation_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
-        """What `lerobot-eval` finds out about a checkpoint, on all seeds or some of them."""
-        part = "" if seeds is None else f"_{seeds.start}_{seeds.stop}"
-        name = f"{split}_{self.checkpoint(step).parent.name}{part}"
+    def evaluation_file(self, split: ScoredSplit, step: int) -> Path:
+        """Result of `lerobot-eval` for a checkpoint."""
+        name = f"{split}_{self.checkpoint(step).parent.name}"
         return self.run_folder / perturbed(name, self._perturb(split)) / "eval_info.json"
 
-    def record_file(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Path:
-        """What the environment keeps of that evaluation: every action, to be played again."""
-        place = perturbed(place_name(self.config.task, self.config.variation), self._perturb(split))
-        return self.evaluation_file(split, step, seeds).with_name(f"{place}_{split}_record.json")
+    def record_file(self, split: ScoredSplit, step: int) -> Path:
+        """The environment's record of that evaluation, with every action."""
+        key = eval_key(self.settings.task, self.settings.variation, self._perturb(split))
+        return self.evaluation_file(split, step).with_name(f"{key}_{split}_record.json")
+
+    def seeds(self, split: ScoredSplit) -> range:
+        """Seeds of the evaluations on a split."""
+        settings = self.settings
+        count = settings.val_episodes if split == "val" else settings.test_episodes
+        return range(settings.first_seed, settings.first_seed + count)
 
     def generation(self) -> Command:
-        """Record the demonstrations; none of their seeds is in the splits of the evaluation."""
-        between = ",".join(map(str, self.protocol.intermediate))
-        flags = {
-            "task": self.config.trained_on or self.config.task,
-            "variation": self.config.variation,
-            "episodes": self.protocol.demos,
+        """Record the demonstrations; the splits of the evaluation have other episodes for the same seeds."""
+        settings = self.settings
+        between = ",".join(map(str, self.intermediate)) if self.recipe.view == "keyframes" else ""
+        options = {
+            "task": settings.trained_on or settings.task,
+            "variation": settings.variation,
+            "episodes": settings.demos,
             "split": "train",
             "view": self.recipe.view,
-            "image_size": self.protocol.image_size,
+            "image_size": settings.image_size,
             "cameras": ",".join(self.recipe.cameras),
-            **({} if self.recipe.depth else {"depth": "false"}),
-            **({"intermediate": between} if between and self.recipe.view == "keyframes" else {}),
-            "root": self.dataset,
+            **({} if self.recipe.depth else {"depth": False}),
+            **_unless_empty("intermediate", between),
+            "root": str(self.dataset),
             "repo_id": self._repo_id,
-            **_unless_empty("perturb", self.config.demos_perturb),
-            "workers": self.config.workers,
+            **_unless_empty("perturb", settings.demos_perturb),
+            "workers": self.workers,
         }
-        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(flags)]
+        words = ["lerobot-bimanual", "dataset", "generate", *_words(options)]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
-    def certification(self, control: str) -> Command:
-        """Score the expert or a control on the test seeds."""
-        output = self.certificate(control)
-        flags = {
-            "task": self.config.task,
-            "variation": self.config.variation,
+    def baseline(self, agent: str) -> Command:
+        """Score the expert or a baseline on the test seeds."""
+        settings, seeds, report = self.settings, self.seeds("test"), self.report(agent)
+        options = {
+            "task": settings.task,
+            "variation": settings.variation,
             "split": "test",
-            "seeds": self._test_seeds,
-            "control": control,
-            **_unless_empty("perturb", self.config.perturb),
-            "workers": self.config.workers,
-            "output": output,
+            "seeds": f"{seeds.start}:{seeds.stop}",
+            "control": {"open_loop": "blind"}.get(agent, agent),
+            **_unless_empty("perturb", settings.perturb),
+            "workers": self.workers,
+            "output": str(report),
         }
-        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(flags)]
-        return Command(output.stem, words, output=output, judges=True)
-
-    def training_flags(self) -> dict[str, str]:
-        """Flags of `lerobot-train`, by name."""
-        flags = self.recipe.flags(self.protocol.image_size) | {
-            "dataset.repo_id": self._repo_id,
-            "dataset.root": self.dataset,
-            **self._device,
-            "steps": self.recipe.steps,
-            "batch_size": self.recipe.batch_size,
-            "num_workers": 0,  # the dataset is in memory
-            "log_freq": max(1, self.recipe.save_freq // 5),
-            "save_freq": self.recipe.save_freq,
-            "seed": self.config.seed,
-            "output_dir": self.training_folder / "train",
-            **self.more_training,
-        }
-        return {name: str(value) for name, value in flags.items()}
+        words = ["lerobot-bimanual", "expert", "evaluate", *_words(options)]
+        return Command(report.stem, words, output=report, judges=True)
 
     def training(self) -> Command:
         """Train with a checkpoint every `save_freq` steps."""
+        settings, folder = self.settings, self.training_folder / "train"
+        options = {
+            "policy.type": settings.policy,
+            **self._device,
+            "dataset.repo_id": self._repo_id,
+            "dataset.root": str(self.dataset),
+            "steps": settings.steps,
+            "batch_size": settings.batch_size,
+            "save_freq": settings.save_freq,
+            "seed": settings.seed,
+            "output_dir": str(folder),
+            **settings.training,
+        }
         return Command(
             "train",
-            ["lerobot-bimanual-train", *flag_words(self.training_flags())],
-            output=self.checkpoint(self.recipe.steps),
-            training_folder=self.training_folder / "train",
+            ["lerobot-bimanual-train", *_words(options)],
+            output=self.checkpoint(settings.steps),
+            training_folder=folder,
         )
 
-    def evaluation(self, split: ScoredSplit, step: int, seeds: range | None = None) -> Command:
-        """Score one checkpoint, on all seeds or some of them."""
-        evaluation = self.evaluation_file(split, step, seeds)
-        played = self.seeds(split) if seeds is None else seeds
-        flags = {
-            "policy.path": self.checkpoint(step),
+    def evaluation(self, split: ScoredSplit, step: int) -> Command:
+        """Score one checkpoint."""
+        settings, folder, seeds = self.settings, self.evaluation_file(split, step).parent, self.seeds(split)
+        options = {
+            "policy.path": str(self.checkpoint(step)),
             **self._device,
             "env.type": "bimanual",
-            "env.task": self.config.task,
-            "env.variation": self.config.variation,
+            "env.task": settings.task,
+            "env.variation": settings.variation,
             "env.split": split,
             **_unless_empty("env.perturb", self._perturb(split)),
-            "env.image_size": self.protocol.image_size,
+            "env.image_size": settings.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
             **({} if self.recipe.depth else {"env.obs": "rgb"}),
-            "env.results_dir": evaluation.parent,
-            "eval.n_episodes": len(played),
+            "env.results_dir": str(folder),
+            "eval.n_episodes": len(seeds),
             "eval.batch_size": 2,
-            "seed": played.start,
-            "output_dir": evaluation.parent,
-            **self.more_evaluation,
+            "seed": seeds.start,
+            "output_dir": str(folder),
+            **settings.evaluation,
+            **self.films,
         }
-        words = ["lerobot-eval", *flag_words(flags)]
-        return Command(evaluation.parent.name, words, output=evaluation, inputs=(self.weights(step),))
+        words = ["lerobot-eval", *_words(options)]
+        output = self.evaluation_file(split, step)
+        return Command(folder.name, words, output=output, inputs=(self.weights(step),))
 
-    def evaluations(self, step: int) -> Iterator[Command]:
-        """All evaluations, that on the split `test` with the checkpoint after so many steps."""
-        if self.protocol.val_episodes:
-            yield from (self.evaluation("val", step) for step in self.checkpoint_steps)
+    def commands(self, step: int) -> Iterator[Command]:
+        """Every command in its order, when the checkpoint after so many steps is the best."""
+        yield self.generation()
+        yield from map(self.baseline, BASELINES)
+        yield self.training()
+        if self.settings.val_episodes:
+            yield from (self.evaluation("val", saved) for saved in self.settings.checkpoint_steps)
         yield self.evaluation("test", step)
 
-    def commands(self, step: int) -> list[Command]:
-        """Every command in its order, when the checkpoint after so many steps is the best."""
-        certifications = [self.certification(control) for control in ("expert", "blind")]
-        return [self.generation(), *certifications, self.training(), *self.evaluations(step)]
-
     def _perturb(self, split: ScoredSplit) -> str:
-        return self.config.perturb if split == "test" else ""
+        return self.settings.perturb if split == "test" else ""
 
     @property
     def _device(self) -> dict[str, str]:
-        return {} if self.config.device is None else {"policy.device": self.config.device}
+        return {} if self.settings.device is None else {"policy.device": self.settings.device}
 
     @property
     def _repo_id(self) -> str:
         return f"benchmark/{self.source.name}"
 
-    def seeds(self, split: ScoredSplit) -> range:
-        """Seeds of the evaluations on a split."""
-        count = self.protocol.val_episodes if split == "val" else self.protocol.test_episodes
-        return range(self.config.first_seed, self.config.first_seed + count)
 
-    @property
-    def _test_seeds(self) -> str:
-        return f"{self.seeds('test').start}:{self.seeds('test').stop}"
+def _unless_empty(name: str, value: str) -> dict[str, str]:
+    return {name: value} if value else {}
 
 
-def _check_several(config: BenchmarkConfig) -> None:
-    """What does not go with a network for several tasks."""
-    if not all(name.isidentifier() for name in config.trained_on.split(",")):
-        raise BimanualError(
-            f"trained_on is {config.trained_on!r}, but must be tasks and suites, separated by commas"
-        )
-    if config.variation != "any":
-        raise BimanualError(
-            f"variation is {config.variation}, but --trained_on={config.trained_on} has demonstrations of any: leave it out"
-        )
-    if config.val_episodes:
-        raise BimanualError(
-            f"val_episodes is {config.val_episodes}, but of a network for several tasks (--trained_on) the last checkpoint is "
-            "scored, since each task would choose another: leave it out"
-        )
-
-
-def _unless_empty(flag: str, value: str) -> dict[str, str]:
-    return {flag: value} if value else {}
-
-
-def _given(config: BenchmarkConfig, kind: type) -> dict[str, int]:
-    """The numbers of a recipe or protocol that were asked for."""
-    numbers = {field.name: getattr(config, field.name, None) for field in fields(kind)}
-    given = {name: number for name, number in numbers.items() if number is not None}
-    for name, number in given.items():
-        check_number(name, number, 0 if name == "val_episodes" else 1)
-    return given
+def _words(options: Mapping[str, Any]) -> list[str]:
+    """`--name=value` for each option."""
+    return [f"--{name}={option_text(value)}" for name, value in options.items()]

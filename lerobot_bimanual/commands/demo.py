@@ -1,4 +1,4 @@
-"""The verb `demo`."""
+"""The command `demo`."""
 
 import shlex
 import time
@@ -7,15 +7,15 @@ from pathlib import Path
 
 from rich.console import Console
 
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.run import report, run
-from lerobot_bimanual.benchmark.task_check import check_task
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.benchmark.run import check_task, report, run
 
 
 @dataclass
 class DemoConfig:
-    """Flags of the verb `demo`."""
+    """Flags of the command `demo`."""
 
     # One registered task, with all its variations; `lerobot-bimanual task list` lists them.
     task: str = "lift_ball"
@@ -23,15 +23,15 @@ class DemoConfig:
     demos: int = 100  # expert demonstrations to generate
     steps: int = 1000  # optimiser steps
     batch_size: int = 8  # keyframes per step
-    test_episodes: int = 20  # unseen placements on which expert, blind control and policy are scored
+    test_episodes: int = 20  # unseen placements on which expert, open-loop baseline and policy are scored
     first_seed: int = 1000  # of these placements, in the test split
-    workers: int = 0  # processes for generation and certification; 0 takes one per core
-    videos: bool = True  # write an mp4 of every evaluated episode
+    workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
+    video: bool = True  # write an mp4 of every evaluated episode
 
     @property
-    def films(self) -> Path:
-        """Where the films lie."""
-        return self.output.resolve() / "films"
+    def video_folder(self) -> Path:
+        """Folder of the videos."""
+        return self.output.resolve() / "videos"
 
     def benchmark(self) -> BenchmarkConfig:
         """The same as a benchmark: on the CPU, with one checkpoint, so that nothing is to be chosen."""
@@ -44,7 +44,7 @@ class DemoConfig:
             val_episodes=0,
             test_episodes=self.test_episodes,
             first_seed=self.first_seed,
-            eval_flags=f"--env.video_dir={shlex.quote(str(self.films))}" if self.videos else "",
+            eval_flags=f"--env.video_dir={shlex.quote(str(self.video_folder))}" if self.video else "",
             device="cpu",
             workers=self.workers,
             output=self.output,
@@ -54,9 +54,10 @@ class DemoConfig:
 def demo(config: DemoConfig) -> None:
     """Generate demonstrations, train a small PerAct2, evaluate it on unseen seeds.
 
-    A short `lerobot-bimanual policy benchmark`: runs `lerobot-bimanual-train` and `lerobot-eval` on expert demonstrations, prints
-    each command so that it can be copied, and ends with the success of the policy beside the expert's and that of a
-    blind control, which repeats the mean keyposes of the training set. An interrupted demo continues where it stopped.
+    A short `lerobot-bimanual policy benchmark`: runs `lerobot-bimanual-train` and `lerobot-eval` on expert demonstrations,
+    prints each command so that it can be copied, and ends with the success of the policy beside the expert's and that of
+    the open-loop baseline, which repeats the mean keyposes of the training set. An interrupted demo continues where it
+    stopped.
 
     Examples:
         lerobot-bimanual demo
@@ -64,14 +65,14 @@ def demo(config: DemoConfig) -> None:
     """
     console, started = Console(), time.monotonic()
     plan = Plan.of(config.benchmark())
-    check_task(plan.config)
+    check_task(plan.settings)
     doctor = Command("doctor", ["lerobot-bimanual", "doctor"])
     Pipeline(plan.folder, console).run(doctor)
-    row = run(plan, console)
-    report(row, plan, console)
-    if config.videos:
-        console.print(f"films       {config.films}", soft_wrap=True, highlight=False)
+    result = run(plan, console)
+    report(result, plan, console)
+    if config.video:
+        console.print(f"{'videos':<11} {config.video_folder}", soft_wrap=True, highlight=False)
     console.print("\nThe commands that were run:")
-    for command in (doctor, *plan.commands(row.checkpoint_step)):
+    for command in (doctor, *plan.commands(result.checkpoint_step)):
         console.print(f"  {command}", soft_wrap=True, highlight=False, markup=False)
     console.print(f"[dim]finished in {(time.monotonic() - started) / 60:.1f} minutes[/dim]")

@@ -2,15 +2,15 @@
 
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.run import report, run, show
-from lerobot_bimanual.benchmark.task_check import check_task
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.benchmark.run import check_task, report, run, show
 
 
 def policy_benchmark(config: BenchmarkConfig) -> None:
     """Train a policy, choose its best checkpoint, score it on unseen seeds.
 
-    Generates demonstrations, scores the expert and the blind control, trains with `lerobot-bimanual-train` (LeRobot's own
+    Generates demonstrations, scores the expert and the open-loop baseline, trains with `lerobot-bimanual-train` (LeRobot's own
     loop, with the dataset in memory), evaluates every checkpoint with `lerobot-eval` on the validation split, and the best
     of them (of equals the latest) on the test split. The result is one JSON file in OUTPUT/results, read by
     `lerobot-bimanual results compare`.
@@ -23,7 +23,7 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
         lerobot-bimanual policy benchmark --recipe=paper --train_flags="--policy.dtype=bfloat16" --dry_run
     """
     plan, console = Plan.of(config), Console()
-    check_task(plan.config)
+    check_task(plan.settings)
     if config.dry_run:
         show(plan, console)
     else:

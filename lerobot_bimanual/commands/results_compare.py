@@ -4,16 +4,15 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.benchmark.likeness import check_trainings
-from lerobot_bimanual.benchmark.pairing import Comparison
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.ladder.result import LadderResult, is_ladder
 from lerobot_bimanual.reports.robustness_comparison import LadderComparison
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 
-type Rows = dict[str, tuple[ResultRow, ...]]
+type Rows = dict[str, tuple[BenchmarkResult, ...]]
 """Trainings of one policy, by task."""
 
 
@@ -75,7 +74,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
         row = rows[shared[0]][0]
-        print(f"{name:<7} {row.learner} ({row.recipe}), {path}")  # too long for a column
+        print(f"{name:<7} {row.config.policy_id} ({row.config.recipe}), {path}")  # too long for a column
     _print(comparisons)
     for line in _remarks(comparisons):
         print(line)
@@ -88,24 +87,22 @@ def results_compare(config: ResultsCompareConfig) -> None:
 def _rows(path: Path, policy: str | None, flag: str) -> Rows:
     """Rows in a file or folder, by task, of one policy whose trainings are alike."""
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    rows = {each: ResultRow.read(each) for each in paths}
+    rows = {each: BenchmarkResult.read(each) for each in paths}
     if not rows:
         raise BimanualError(f"{path} holds no results; `lerobot-bimanual policy benchmark` writes them")
-    policies = sorted({row.learner for row in rows.values()})
+    policies = sorted({row.config.policy_id for row in rows.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(
             f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
         )
     if policy is not None and policy not in policies:
         raise InvalidChoice(flag, policy, policies)
-    trained = {each: row for each, row in rows.items() if policy in (None, row.learner)}
+    trained = {each: row for each, row in rows.items() if policy in (None, row.config.policy_id)}
     check_trainings(trained)
-    found: defaultdict[str, list[ResultRow]] = defaultdict(list)
+    found: defaultdict[str, list[BenchmarkResult]] = defaultdict(list)
     for row in trained.values():
-        found[row.place].append(row)
-    return {
-        place: tuple(sorted(group, key=lambda row: int(row.flags["seed"]))) for place, group in found.items()
-    }
+        found[row.config.eval_key].append(row)
+    return {place: tuple(sorted(group, key=lambda row: row.config.seed)) for place, group in found.items()}
 
 
 def _print(comparisons: dict[str, Comparison]) -> None:

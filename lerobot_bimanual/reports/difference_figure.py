@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 
-from lerobot_bimanual.benchmark.pairing import Comparison
 from lerobot_bimanual.reports.charts import BLUE, GREY, INK, ORANGE, Chart, new_figure, styled
 from lerobot_bimanual.reports.drops import SIGNIFICANT
+from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.statistics import holm
 
 NOTES = (
@@ -20,7 +20,7 @@ def difference_figure(comparisons: Mapping[str, Comparison]) -> Chart:
     """One line per task, by name: the difference with its errors, on how many episodes either is better, and p-values."""
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
     one = next(iter(comparisons.values()))
-    subject = f"first ({one.first[0].policy}) less second ({one.second[0].policy})"
+    subject = f"first ({one.first[0].config.policy}) less second ({one.second[0].config.policy})"
     tests = " or ".join(sorted({comparison.test for comparison in comparisons.values()}))
     figure = new_figure(
         0.35 * len(comparisons) + 1.8,

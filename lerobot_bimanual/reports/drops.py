@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.ladder.result import LadderResult, Rung
+from lerobot_bimanual.results.comparison import Pairing
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 

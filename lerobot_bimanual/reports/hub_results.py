@@ -5,9 +5,9 @@ from pathlib import Path
 import yaml
 from huggingface_hub import EvalResultEntry, eval_result_entries_to_yaml
 
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.reports.benchmark_page import read_rows
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 
 
 def write_hub_results(results: Path, folder: Path, benchmark: str) -> list[Path]:
@@ -34,18 +34,18 @@ def write_hub_results(results: Path, folder: Path, benchmark: str) -> list[Path]
     return written
 
 
-def entry_of(row: ResultRow, benchmark: str) -> EvalResultEntry:
+def entry_of(row: BenchmarkResult, benchmark: str) -> EvalResultEntry:
     """One row as the Hub has it: success in percent, and what a reader must know of it in a line."""
     rate = row.rates["policy"]
     low, high = rate.interval
     return EvalResultEntry(
         dataset_id=benchmark,
-        task_id=row.place,
+        task_id=row.config.eval_key,
         value=round(100 * rate.rate, 1),
         date=row.date,
         notes=(
             f"{rate.successes} of {rate.trials} unseen episodes solved (95 % Wilson {low:.0%} to {high:.0%}); "
-            f"{row.learner}, recipe {row.recipe}, {len(row.dataset.seeds)} demonstrations, training seed "
-            f"{row.flags['seed']}, world {row.world}, weights {row.checkpoint_sha256[:12]}"
+            f"{row.config.policy_id}, recipe {row.config.recipe}, {len(row.demonstrations.seeds)} demonstrations, training seed "
+            f"{row.config.seed}, world {row.world}, weights {row.checkpoint_sha256[:12]}"
         ),
     )

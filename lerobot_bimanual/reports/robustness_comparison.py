@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lerobot_bimanual.benchmark.pairing import Pairing
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.ladder.result import LEVEL_0, LadderResult, Rung
 from lerobot_bimanual.reports.drops import corrected_by_level
+from lerobot_bimanual.results.comparison import Pairing
 from lerobot_bimanual.tables import print_table
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 

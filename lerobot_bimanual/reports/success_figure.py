@@ -7,7 +7,6 @@ from itertools import cycle
 
 from matplotlib.axes import Axes
 
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.reports.charts import (
     BLUE,
     GREEN,
@@ -20,11 +19,12 @@ from lerobot_bimanual.reports.charts import (
     new_figure,
     styled,
 )
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
 STYLES = (("o", BLUE), ("s", VERMILION), ("D", GREEN), ("^", PURPLE), ("o", ORANGE))
 """Markers and colours of policies in the order of their names, in turns; each line also bears its policy's name."""
-BASELINES = (("expert", "expert", "^", INK), ("blind", "open loop", "x", GREY))
+BASELINES = (("expert", "expert", "^", INK), ("open_loop", "open loop", "x", GREY))
 """Key of the rate, label, marker and colour."""
 LINE_IN = 0.2
 EPISODES = "Line: 95 % Wilson interval, for which episodes were drawn."
@@ -62,7 +62,7 @@ class _Line:
 
 
 @styled
-def success_figure(rows: Sequence[ResultRow]) -> Chart:
+def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     """One group of lines per task: its policies, the expert and the open-loop baseline.
 
     Args:
@@ -97,12 +97,14 @@ def success_figure(rows: Sequence[ResultRow]) -> Chart:
     )
 
 
-def _groups(rows: Sequence[ResultRow]) -> Iterator[tuple[str, list[_Line]]]:
+def _groups(rows: Sequence[BenchmarkResult]) -> Iterator[tuple[str, list[_Line]]]:
     """Lines by task; trainings of a policy in the order of their seeds."""
-    styles = dict(zip(sorted({row.learner for row in rows}), cycle(STYLES), strict=False))
-    trained: defaultdict[str, defaultdict[str, list[ResultRow]]] = defaultdict(lambda: defaultdict(list))
-    for row in sorted(rows, key=lambda row: (row.place, row.learner, int(row.flags["seed"]))):
-        trained[row.place][row.learner].append(row)
+    styles = dict(zip(sorted({row.config.policy_id for row in rows}), cycle(STYLES), strict=False))
+    trained: defaultdict[str, defaultdict[str, list[BenchmarkResult]]] = defaultdict(
+        lambda: defaultdict(list)
+    )
+    for row in sorted(rows, key=lambda row: (row.config.eval_key, row.config.policy_id, row.config.seed)):
+        trained[row.config.eval_key][row.config.policy_id].append(row)
     for place, policies in trained.items():
         lines = [
             _Line(policy, tuple(row.rates["policy"] for row in trainings), *styles[policy])

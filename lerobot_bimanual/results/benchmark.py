@@ -30,6 +30,10 @@ from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
+Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
+MAX_EPISODES = 100_000
+MAX_CHECKPOINTS = 10_000
+"""Larger numbers are mistakes, and would fill the memory."""
 
 
 class BenchmarkSettings(Record):
@@ -64,13 +68,13 @@ class BenchmarkSettings(Record):
     variation: Annotated[str, Field(pattern="^(any|[0-9]{1,4})$")] = "any"
     trained_on: str = ""
     recipe: Name
-    demos: PositiveInt
-    image_size: PositiveInt
-    steps: PositiveInt
-    batch_size: PositiveInt
-    save_freq: PositiveInt
-    val_episodes: NonNegativeInt
-    test_episodes: PositiveInt
+    demos: Count
+    image_size: Count
+    steps: Count
+    batch_size: Count
+    save_freq: Count
+    val_episodes: Annotated[int, Field(ge=0, le=MAX_EPISODES)]
+    test_episodes: Annotated[int, Field(ge=1, le=MAX_EPISODES)]
     seed: Seed
     first_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     perturb: str = ""
@@ -78,6 +82,12 @@ class BenchmarkSettings(Record):
     device: str | None = None
     training: dict[str, JsonValue]
     evaluation: dict[str, JsonValue] = Field(default={})
+
+    @model_validator(mode="after")
+    def _has_few_checkpoints(self) -> Self:
+        few = self.steps <= MAX_CHECKPOINTS * self.save_freq
+        require(few, f"save_freq must leave at most {MAX_CHECKPOINTS} checkpoints")
+        return self
 
     @property
     def eval_key(self) -> str:

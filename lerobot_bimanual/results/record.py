@@ -48,12 +48,19 @@ class Record(BaseModel):
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
-            first, more = error.errors(include_url=False)[0], error.error_count() - 1
-            place = ".".join(map(str, first["loc"])) or cls.__name__
-            got = repr(first["input"])
-            got = got if len(got) <= MAX_MESSAGE else f"{got[:MAX_MESSAGE]}..."
-            others = f" (and {more} more)" if more else ""
-            raise BadRecord(f"{place}: {first['msg']}, but is {got}{others}") from None
+            raise BadRecord(_sentence(error, cls.__name__)) from None
+
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """The record of these fields.
+
+        Raises:
+            BadRecord: there is no such record; the message names the field.
+        """
+        try:
+            return cls(**fields)
+        except ValidationError as error:
+            raise BadRecord(_sentence(error, cls.__name__)) from None
 
     def write(self, path: Path) -> None:
         """Write the record as JSON, atomically; items of its lists have one line each.
@@ -77,6 +84,21 @@ def require(holds: object, rule: str) -> None:
     """
     if not holds:
         raise ValueError(rule)
+
+
+def _sentence(error: ValidationError, name: str) -> str:
+    """First problem of a validation, with its field and value, and the number of further problems."""
+    first, more = error.errors(include_url=False)[0], error.error_count() - 1
+    place = ".".join(map(str, first["loc"])) or name
+    got = repr(first["input"])
+    got = got if len(got) <= MAX_MESSAGE else f"{got[:MAX_MESSAGE]}..."
+    problem = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "missing":
+        problem = "is missing"
+    elif first["loc"]:  # of a whole record the value says too much
+        problem = f"{problem}, but is {got}"
+    others = f" (and {more} more)" if more else ""
+    return f"{place}: {problem}{others}"
 
 
 def _lines(value: Any) -> str:

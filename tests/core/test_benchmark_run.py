@@ -1,49 +1,48 @@
-"""A benchmark whose programs are made up: what was measured at different times is one row, or is refused."""
+"""A benchmark whose programs are simulated: what was measured at different times is one result, or is refused."""
 
 import json
+import shlex
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from made_up_rows import ROW, generation, played, recorded
 from rich.console import Console
+from sample_results import WORLD, proved, reported
 
 from lerobot_bimanual.benchmark import run as benchmark
-from lerobot_bimanual.benchmark.names import perturbed
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve, shortest_config
 from lerobot_bimanual.benchmark.pipeline import Command
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.reproduction import config_of
-from lerobot_bimanual.benchmark.results import BadResult, ResultRow
-from lerobot_bimanual.benchmark.training_record import Machine
+from lerobot_bimanual.benchmark.plan import Plan
+from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.benchmark import BenchmarkResult, Machine, Validation
+from lerobot_bimanual.results.evaluation import EvaluationRecord, perturbed
 from lerobot_bimanual.versions import installed_versions
 
-BEFORE, OUTCOMES = "ba9876543210", {"expert": "xxxx", "blind": "x...", "val": ".x", "test": "xx.."}
+OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "blind": "x...", "val": ".x", "test": "xx.."}
 
 
 class Programs:
-    """Stand for pipelines: every command leaves what it is told to.
+    """Stand for pipelines: every command leaves the files that it is told to.
 
     Attributes:
-        worlds: in which demonstrations, expert, blind control and test were made.
-        versions: with which demonstrations were made.
-        tasks: of the demonstrations.
-        failure: of the blind control where it failed.
+        worlds: world of the demonstrations, the expert, the open-loop baseline and the test.
+        versions: versions of the demonstrations.
+        tasks: tasks of the demonstrations.
         leaves_weights: whether a checkpoint holds any.
-        tested_with: versions of the test.
+        counted: what `lerobot-eval` counts in the test.
+        ran: names of the commands.
     """
 
     def __init__(self):
-        self.worlds: dict[str, str] = defaultdict(lambda: ROW.world)
+        self.worlds: dict[str, str] = defaultdict(lambda: WORLD)
         self.versions = installed_versions()
         self.tasks = ["lift_ball"]
-        self.failure = "fell"
         self.leaves_weights = True
-        self.tested_with = installed_versions() | {"torch": "2"}
+        self.counted = OUTCOMES["test"]
+        self.ran: list[str] = []
 
     def __call__(self, folder: Path, console: Console) -> "Programs":
         return self
@@ -52,32 +51,31 @@ class Programs:
         return 1.0
 
     def run(self, command: Command) -> None:
+        self.ran.append(command.name)
         flags = dict(word.removeprefix("--").split("=", 1) for word in command.words if "=" in word)
         match command.words[:3]:
-            case [_, _, "generate"]:
-                self._generate(Path(flags["root"]), flags.get("perturb", ""))
-            case [_, _, "evaluate"]:
-                self._certify(Path(flags["output"]), flags["control"])
+            case [_, "dataset", "generate"]:
+                self._generate(Path(flags["root"]))
+            case [_, "expert", "evaluate"]:
+                self._report(Path(flags["output"]), flags["control"])
             case ["lerobot-eval", *_]:
                 self._evaluate(Path(flags["output_dir"]), flags["env.split"], flags.get("env.perturb", ""))
             case _:
                 for step in (2, 4):
-                    weights = Path(
-                        flags["output_dir"], f"checkpoints/{step:06d}/pretrained_model/model.safetensors"
-                    )
-                    weights.parent.mkdir(parents=True, exist_ok=True)
+                    folder = Path(flags["output_dir"], f"checkpoints/{step:06d}/pretrained_model")
+                    folder.mkdir(parents=True, exist_ok=True)
                     if self.leaves_weights:
-                        weights.write_text(str(step))
+                        (folder / "model.safetensors").write_text(str(step))
 
-    def _generate(self, root: Path, perturb: str) -> None:
+    def _generate(self, root: Path) -> None:
         (root / "meta").mkdir(parents=True, exist_ok=True)
         Provenance(
-            schema_version=SCHEMA_VERSION,
+            schema_version=2,
             view="keyframes",
             versions=self.versions,
             worlds=dict.fromkeys(self.tasks, self.worlds["demonstrations"]),
-            settings={},
-            command=generation(",".join(self.tasks)) + (f" --perturb={perturb}" if perturb else ""),
+            settings={"tasks": self.tasks, "intermediate": []},
+            command="",
             episodes=tuple(
                 EpisodeKey(task=task, variation=0, split="train", seed=seed)
                 for task in self.tasks
@@ -86,10 +84,10 @@ class Programs:
             skipped=(),
         ).write(root / PROVENANCE_FILE)
 
-    def _certify(self, path: Path, control: str) -> None:
+    def _report(self, path: Path, control: str) -> None:
         episodes = [
-            vars(episode) | {"task": "lift_ball", "failure": "" if episode.success else self.failure}
-            for episode in played(OUTCOMES[control])
+            episode.model_dump(exclude_none=True) | {"task": "lift_ball", "failure": episode.failure or ""}
+            for episode in reported(OUTCOMES[control])
         ]
         head = {"control": control, "discretise": 0, "split": "test", "episodes": episodes}
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -97,13 +95,19 @@ class Programs:
 
     def _evaluate(self, folder: Path, split: str, perturb: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        successes = {"metrics": {"successes": [letter == "x" for letter in OUTCOMES[split]]}}
+        counted = self.counted if split == "test" else OUTCOMES[split]
+        successes = {"metrics": {"successes": [letter == "x" for letter in counted]}}
         (folder / "eval_info.json").write_text(json.dumps({"per_task": [successes]}))
         if split == "test":
-            options = {"split": "test", "perturb": perturb}
-            world, episodes = self.worlds["test"], recorded(OUTCOMES["test"])
-            record = EvaluationRecord(1, "lift_ball", world, options, 2, self.tested_with, episodes)
-            record.write(folder / f"{perturbed('lift_ball', perturb)}_test_record.json")
+            EvaluationRecord(
+                schema_version=2,
+                task="lift_ball",
+                world=self.worlds["test"],
+                options={"split": "test", "perturb": perturb},
+                batch_size=2,
+                versions=installed_versions() | {"torch": "1.0"},
+                episodes=proved(OUTCOMES["test"] + "x"),  # the last one fills up a batch
+            ).write(folder / f"{perturbed('lift_ball', perturb)}_test_record.json")
 
 
 @pytest.fixture
@@ -119,18 +123,30 @@ def config(tmp_path: Path) -> BenchmarkConfig:
     return BenchmarkConfig("mine", demos=2, val_episodes=2, test_episodes=4, output=tmp_path)
 
 
-def run(config: BenchmarkConfig) -> ResultRow:
+def run(config: BenchmarkConfig) -> BenchmarkResult:
     plan = Plan.of(config)
-    row = benchmark.run(plan, Console(quiet=True))
-    assert ResultRow.read(plan.result) == row
-    assert plan.result.name == row.file_name
-    return row
+    result = benchmark.run(plan, Console(quiet=True))
+    assert BenchmarkResult.read(plan.result) == result
+    assert result.config == plan.settings
+    return result
 
 
-def test_what_was_measured_in_one_world_is_one_row(programs, config):
-    row = run(config)
-    assert (row.world, row.checkpoint_step, row.learner) == (ROW.world, 4, "mine")
-    assert {who: rate.successes for who, rate in row.rates.items()} == {"policy": 2, "expert": 4, "blind": 1}
+def test_measurements_in_one_world_are_one_result(programs, config):
+    result = run(config)
+    assert (result.world, result.checkpoint_step, result.config.policy_id) == (WORLD, 4, "mine")
+    assert {who: rate.successes for who, rate in result.rates.items()} == {
+        "policy": 2,
+        "expert": 4,
+        "open_loop": 1,
+    }
+    assert result.versions["torch"] == "1.0"
+    assert result.demonstrations.settings == {"tasks": ["lift_ball"], "intermediate": []}
+
+
+def test_of_equally_good_checkpoints_the_one_trained_longest_is_best():
+    outcomes = {2: "xx", 4: "xx", 6: "x."}
+    validations = [Validation(step=step, episodes=reported(text)) for step, text in outcomes.items()]
+    assert benchmark.best_checkpoint(validations).step == 4
 
 
 def test_a_network_for_a_suite_bears_the_suites_name_though_its_demonstrations_name_every_task(
@@ -138,52 +154,49 @@ def test_a_network_for_a_suite_bears_the_suites_name_though_its_demonstrations_n
 ):
     programs.tasks = ["push_box", "lift_ball"]
     config.trained_on, config.val_episodes = "all", None
-    row = run(config)
-    assert (row.learner, row.dataset.seeds) == ("mine_on_all", (0, 1))
-    assert config_of(row).trained_on == "all"
+    result = run(config)
+    assert (result.config.policy_id, result.demonstrations.seeds) == ("mine_on_all", (0, 1))
+    assert shortest_config(result.config).trained_on == "all"
 
 
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        (
-            "blind",
-            r"expert_0_4\.json is of the world 0123456789ab of lift_ball, but .*blind_0_4\.json of ba98",
-        ),
-        ("demonstrations", r"expert_0_4\.json is of the world 0123456789ab.*keyframes_128_2 of ba9876543210"),
-        ("test", r"lift_ball_test_record\.json is of the world ba98.*but the controls in .* are of 0123"),
+        ("blind", r"open_loop_0_4\.json is of the world ba98.* of lift_ball, but .*expert_0_4\.json of 0123"),
+        ("demonstrations", r"keyframes_128_2 is of the world ba98.*expert_0_4\.json of 0123456789ab"),
+        ("test", r"lift_ball_test_record\.json is of the world ba98.*expert_0_4\.json of 0123456789ab"),
     ],
 )
-def test_a_world_that_has_changed_between_the_steps_is_named_with_how_to_go_on(
-    what, message, programs, config
-):
-    programs.worlds[what] = BEFORE
-    with pytest.raises(BadResult, match=rf"{message}.*choose another --output, or remove"):
+def test_a_world_that_changed_between_the_steps_is_named_with_a_remedy(what, message, programs, config):
+    programs.worlds[what] = OTHER_WORLD
+    with pytest.raises(BimanualError, match=rf"{message}.*choose another --output, or remove"):
         run(config)
 
 
 @pytest.mark.parametrize("flag", ["perturb", "demos_perturb"])
 def test_a_test_and_demonstrations_of_which_only_one_is_perturbed_are_of_two_worlds(flag, programs, config):
-    programs.worlds["demonstrations"] = BEFORE
+    programs.worlds["demonstrations"] = OTHER_WORLD
     setattr(config, flag, "mass:1")
-    row = run(config)
-    assert (row.world, getattr(config_of(row), flag)) == (ROW.world, "mass:1")
+    result = run(config)
+    assert (result.world, getattr(result.config, flag)) == (WORLD, "mass:1")
 
 
-def test_demonstrations_of_other_versions_are_refused_before_anything_learns_from_them(programs, config):
+def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_from_them(programs, config):
     programs.versions |= {"mujoco": "1.0"}
     with pytest.raises(
-        BadResult, match=r"keyframes_128_2 was made with mujoco 1\.0, but .* is installed.*another --output"
+        BimanualError,
+        match=r"keyframes_128_2 was made with mujoco 1\.0, but .* is installed.*another --output",
     ):
         run(config)
     assert not Plan.of(config).training_folder.exists()
 
 
-def test_measurements_that_make_no_row_are_refused_in_one_line(programs, config):
-    programs.failure = ""
-    with pytest.raises(
-        BadResult, match=r"does not belong together: field 'blind' is .*choose another --output"
-    ):
+def test_a_success_that_lerobot_counts_otherwise_is_refused(programs, config):
+    programs.counted = "xxx."
+    with pytest.raises(BimanualError, match=r"seed 2 has success False, but lerobot-eval counted True"):
+        run(config)
+    programs.counted = "xx."
+    with pytest.raises(BimanualError, match=r"holds \[3\] episodes of 1 tasks, but must hold 4 of one"):
         run(config)
 
 
@@ -193,64 +206,72 @@ def test_weights_that_are_gone_are_named(programs, config):
         run(config)
 
 
-def test_a_finished_benchmark_that_is_run_again_leaves_its_row_as_it_was(programs, config):
-    row = run(config)
-    before = replace(row, machine=Machine(99, "another GPU"), date="2026-01-31")
-    Plan.of(config).result.write_text(before.to_json())
+def test_a_finished_benchmark_that_is_run_again_leaves_its_result_as_it_was(programs, config):
+    before = run(config).model_copy(update={"machine": Machine(cpus=99, gpu="another"), "date": "2026-01-31"})
+    before.write(Plan.of(config).result)
     assert run(config) == before
-
-
-def test_a_stopped_benchmark_may_be_run_again_and_not_become_a_full_one(programs, config, tmp_path):
-    rival = tmp_path / "rival.json"
-    rival.write_text(ROW.to_json())
-    stopped = replace(config, stop_when_sure=rival)
-    assert run(stopped) == run(stopped)
-    with pytest.raises(BimanualError, match=r"stopped against .* is '0f0f.*, but None is asked for"):
-        run(config)
-
-
-def test_a_row_has_the_versions_of_its_test(programs, config):
-    programs.tested_with |= {"torch": "1.0"}
-    assert run(config).versions["torch"] == "1.0"
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"first_seed": 1}, r"tested seeds .* is \[0, 1, 2, 3\], but \[1, 2, 3, 4\] is asked for"),
-        ({"test_episodes": 3}, r"tested seeds .*, but \[0, 1, 2\] is asked for"),
-        ({"val_episodes": 3}, r"validation episodes .* is 2, but 3 is asked for"),
-        ({"train_flags": "--policy.depth=5"}, r"flag --policy\.depth of the training is '3', but '5'"),
-        (
-            {"eval_flags": "--policy.use_amp=false"},
-            r"flag --policy\.use_amp of the test is None, but 'false'",
-        ),
-        ({"stop_when_sure": Path("rival.json")}, r"stopped against .* is None, but '1f1f1f"),
+        ({"first_seed": 1}, "first_seed is 0, but 1 is asked for"),
+        ({"test_episodes": 3}, "test_episodes is 4, but 3 is asked for"),
+        ({"train_flags": "--policy.depth=5"}, r"training option policy\.depth is 3, but 5 is asked for"),
+        ({"eval_flags": "--policy.use_amp=false"}, r"evaluation option policy\.use_amp is None, but False"),
     ],
 )
-def test_a_row_of_another_measurement_is_not_replaced(
-    changes, message, programs, config, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    Path("rival.json").write_text(replace(ROW, checkpoint_sha256="1f" * 32).to_json())
-    plan = Plan.of(config)
+def test_the_result_of_another_measurement_is_not_replaced(changes, message, programs, config, tmp_path):
     run(config)
-    test = plan.evaluation("test", 4)
-    marker = {"command": str(test), "inputs": {}, "done": True, "seconds": 1.0}
-    (plan.run_folder / f"{test.name}.command.json").write_text(json.dumps(marker))
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
+    programs.ran.clear()
     with pytest.raises(
-        BimanualError, match=rf"seed1000\.json would be replaced: its .*{message}.*move the file"
+        BimanualError, match=rf"seed1000\.json would be replaced: its {message}.*move the file"
     ):
         run(replace(config, **changes))
+    assert not programs.ran
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
-    run(replace(config, eval_flags="--env.video_dir=films"))  # which changes nothing in the row
+    run(replace(config, eval_flags="--env.video_dir=films"))  # which changes nothing in the result
 
 
-def test_a_row_that_cannot_be_read_is_not_replaced(programs, config):
+def test_a_result_that_cannot_be_read_is_not_replaced(programs, config):
     run(config)
     result = Plan.of(config).result
     result.write_text("{")
-    with pytest.raises(BadResult, match=r"must be JSON.*choose another --output, or move the file"):
+    with pytest.raises(BimanualError, match=r"Invalid JSON.*choose another --output, or move the file"):
         run(config)
     assert result.read_text() == "{"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"variation": "00", "perturb": "mass:1,light:2", "first_seed": 7, "device": "cpu"},
+        {"steps": 6, "save_freq": 6, "val_episodes": 0, "image_size": 64},
+        {"trained_on": "all", "demos_perturb": "mass:1"},
+        {"train_flags": "--policy.shift=[0.5,1] '--policy.more=a b' --policy.lr=2e-3 --policy.name=\"it's\""},
+        {"eval_flags": "--eval.batch_size=1", "train_flags": "--policy.depth=3.0 --policy.head=null"},
+    ],
+)
+def test_the_shortest_command_resolves_to_the_settings_that_it_was_made_from(changes, install_recipe):
+    install_recipe("mine")
+    settings = resolve(BenchmarkConfig("mine", **changes))
+    program, *group, policy = shlex.split(command(shortest_config(settings)))[:4]
+    assert (program, group, policy) == ("lerobot-bimanual", ["policy", "benchmark"], "--policy=mine")
+    words = shlex.split(command(shortest_config(settings)))[3:]
+    assert resolve(parse_flags(BenchmarkConfig, words)) == settings
+
+
+def test_settings_that_no_command_gives_again_are_refused(install_recipe):
+    install_recipe("mine")
+    settings = resolve(BenchmarkConfig("mine"))
+    older = settings.model_copy(
+        update={
+            "training": {name: value for name, value in settings.training.items() if name != "policy.depth"}
+        }
+    )
+    with pytest.raises(
+        BimanualError, match=r"recipe 'small' of 'mine' now sets policy\.depth, without which"
+    ):
+        shortest_config(older)

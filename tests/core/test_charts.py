@@ -6,26 +6,17 @@ from pathlib import Path
 
 import pytest
 from made_up_ladders import LADDER, ladder, rung
-from made_up_rows import played, recorded, row_of
 from matplotlib.colors import to_rgb
 from PIL import Image
+from sample_results import trained
 
-from lerobot_bimanual.benchmark.pairing import Comparison
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.reports.charts import INK, Chart, check_chart_file
 from lerobot_bimanual.reports.difference_figure import difference_figure
 from lerobot_bimanual.reports.robustness_figures import heat_map, sweep_figure
 from lerobot_bimanual.reports.success_figure import STYLES, success_figure
+from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.statistics import wilson_interval
-
-
-def trained(policy: str, outcomes: str, seed: int = 1, task: str = "lift_ball") -> ResultRow:
-    row = row_of(policy, task)
-    flags = row.flags | {"seed": str(seed)}
-    count = len(outcomes)
-    beside = {"expert": played("x" * count), "blind": played("x" + "." * (count - 1))}
-    return replace(row, flags=flags, episodes=recorded(outcomes), checkpoint_sha256=f"{seed:064x}", **beside)
 
 
 def points(chart: Chart) -> list[list[float]]:
@@ -34,14 +25,14 @@ def points(chart: Chart) -> list[list[float]]:
 
 
 def test_the_line_of_a_policy_is_the_interval_of_its_episodes_and_its_marker_the_rate():
-    chart = success_figure([trained("mine", "xx..")])
+    chart = success_figure([trained("xx..", policy="mine")])
     (ends,) = chart.figure.axes[0].collections[0].get_segments()
     assert ends[:, 0] == pytest.approx(wilson_interval(2, 4))
     assert points(chart) == [[0.5], [1.0], [0.25]]
 
 
 def test_single_trainings_are_drawn_beside_their_mean():
-    chart = success_figure([trained("mine", "xxxx", 1), trained("mine", "....", 2)])
+    chart = success_figure([trained("xxxx", policy="mine", seed=1), trained("....", policy="mine", seed=2)])
     assert points(chart)[:2] == [[0.5], [1.0, 0.0]]
 
 
@@ -53,8 +44,8 @@ def test_policies_differ_in_their_markers_or_in_brightness():
 
 def test_a_difference_is_drawn_with_its_errors_and_filled_if_it_is_significant():
     many = {
-        "surely": Comparison((trained("mine", "x" * 20),), (trained("other", "." * 20),)),
-        "perhaps": Comparison((trained("mine", "xxx."),), (trained("other", "x..x"),)),
+        "surely": Comparison((trained("x" * 20, policy="mine"),), (trained("." * 20, policy="other"),)),
+        "perhaps": Comparison((trained("xxx.", policy="mine"),), (trained("x..x", policy="other"),)),
     }
     markers = [
         line for line in difference_figure(many).figure.axes[0].get_lines() if line.get_marker() == "o"
@@ -84,11 +75,11 @@ def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
 
 def test_charts_say_in_words_what_they_show(snapshot):
     twice = Comparison(
-        (trained("mine", "xxxx", 1), trained("mine", "xx..", 2)),
-        (trained("other", "x...", 1), trained("other", "....", 2)),
+        (trained("xxxx", policy="mine", seed=1), trained("xx..", policy="mine", seed=2)),
+        (trained("x...", policy="other", seed=1), trained("....", policy="other", seed=2)),
     )
     charts = {
-        "success": success_figure([trained("mine", "xx..", seed) for seed in range(5)]),
+        "success": success_figure([trained("xx..", policy="mine", seed=seed) for seed in range(5)]),
         "difference": difference_figure({"lift_ball": twice}),
         "heat map": heat_map({"a": LADDER, "b": ladder(policy="yours", task="push_box")}),
         "sweep": sweep_figure(LADDER),
@@ -97,7 +88,7 @@ def test_charts_say_in_words_what_they_show(snapshot):
 
 
 def test_a_saved_chart_holds_its_description(tmp_path: Path):
-    chart = success_figure([trained("mine", "xx.."), trained("mine", "xx..", task="a" * 50)])
+    chart = success_figure([trained("xx..", policy="mine"), trained("xx..", policy="mine", task="a" * 50)])
     chart.save(tmp_path / "chart.png")
     with Image.open(tmp_path / "chart.png") as image:
         assert image.info["Description"] == chart.description

@@ -83,7 +83,7 @@ def test_a_command_that_leaves_no_output_has_not_succeeded(tmp_path, pipeline):
     command = counting(tmp_path, output=tmp_path / "output")
     for _ in range(2):
         with pytest.raises(
-            BimanualError, match=r"ended without an error, but .*output is not there"
+            BimanualError, match=r"ended without an error, but did not write .*output"
         ) as caught:
             pipeline.run(command)
         assert str(caught.value).endswith(str(command))
@@ -211,7 +211,7 @@ def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
     if dangles:
         last.symlink_to("000004")
     with pytest.raises(
-        BimanualError, match=r"train holds checkpoints, but .*last leads to none of them"
+        BimanualError, match=r"train holds checkpoints, but .*last is not a link to one"
     ) as caught:
         trainings.run(training_command(tmp_path))
     (advice,) = re.findall(r"ln -sfn [^;]*", str(caught.value))
@@ -256,7 +256,7 @@ def test_a_damaged_marker_is_named(tmp_path, pipeline, damaged):
     command = counting(tmp_path)
     pipeline.run(command)
     (tmp_path / "chain" / "count.command.json").write_bytes(damaged)
-    with pytest.raises(BimanualError, match=r"the marker .*count\.command\.json is damaged"):
+    with pytest.raises(BimanualError, match=r"damaged marker .*count\.command\.json: "):
         pipeline.run(command)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lerobot_bimanual.benchmark.recipe import Recipe
+from lerobot_bimanual.benchmark.recipes import Recipe, option_text, option_value
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 
@@ -25,16 +25,16 @@ def test_any_distribution_adds_recipes_for_its_policy(install_recipe):
     recipe = Recipe.find("mine", "small")
     assert (recipe.view, recipe.steps, recipe.batch_size, recipe.save_freq) == ("keyframes", 4, 2, 2)
     assert recipe.cameras == CAMERA_NAMES
-    assert recipe.flags(64) == {
+    assert recipe.options(64) == {
         "dataset.repo_id": "local/demonstrations",
         "dataset.root": "data/keyframes",
-        "steps": "4",
-        "batch_size": "2",
-        "save_freq": "2",
+        "steps": 4,
+        "batch_size": 2,
+        "save_freq": 2,
         "policy.type": "mine",
-        "policy.depth": "3",
-        "policy.shift": "[0.5, 0]",
-        "policy.head": "null",
+        "policy.depth": 3,
+        "policy.shift": [0.5, 0],
+        "policy.head": None,
         "policy.name": "plain",
     }
 
@@ -43,11 +43,21 @@ def test_cameras_and_sizes_follow_from_the_inputs_that_are_named(install_recipe)
     install_recipe("mine", INPUTS)
     recipe = Recipe.find("mine", "small")
     assert recipe.cameras == ("front", "left_wrist")
-    assert recipe.flags(64)["policy.input_features"] == (
-        '{"observation.images.left_wrist": {"type": "VISUAL", "shape": [3, 64, 64]}, '
-        '"observation.images.front_depth": {"type": "VISUAL", "shape": [1, 64, 64]}, '
-        '"observation.state": {"type": "STATE", "shape": [16]}}'
-    )
+    assert recipe.options(64)["policy.input_features"] == {
+        "observation.images.left_wrist": {"type": "VISUAL", "shape": [3, 64, 64]},
+        "observation.images.front_depth": {"type": "VISUAL", "shape": [1, 64, 64]},
+        "observation.state": {"type": "STATE", "shape": [16]},
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("2e-3", 0.002), ("[3, 9]", [3, 9]), ("null", None), ("true", True)]
+    + [(text, text) for text in ("plain", '"1"', "{", "NaN", "[1", "9" * 5000, "[" * 100_000)],
+)
+def test_the_text_of_a_flag_is_read_as_data_or_kept(text, value):
+    assert option_value(text) == value
+    assert option_value(option_text(value)) == value
 
 
 def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(install_recipe):
@@ -61,9 +71,9 @@ def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(in
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("steps: 4", "steps: [4", "is no recipe"),
-        ("steps: 4", "steps: many", "is no recipe"),
-        ("save_freq: 2", "", r"is no recipe.*save_freq"),
+        ("steps: 4", "steps: [4", "is not a recipe"),
+        ("steps: 4", "steps: many", "is not a recipe"),
+        ("save_freq: 2", "", r"is not a recipe.*save_freq"),
         ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
         ("{policy}", "theirs", "trains 'theirs', but is installed as a recipe for 'mine'"),
     ],

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from huggingface_hub import parse_eval_result_entries
 from made_up_ladders import CERTIFICATE, LADDER, ladder, rung
-from made_up_rows import ROW, played, put, recorded, row_of
+from sample_results import RESULT, proved, put, reported, variant
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
@@ -24,14 +24,13 @@ def results(tmp_path: Path, install_recipe) -> Path:
     for policy in ("mine", "other"):
         install_recipe(policy)
     for policy, task in (("mine", "lift_ball"), ("other", "lift_ball"), ("mine", "push_box")):
-        put(folder, row_of(policy, task))
+        put(folder, variant(config={"policy": policy, "task": task}))
     return folder
 
 
-def another_training(results: Path, **changes) -> Path:
-    row = row_of("mine", "lift_ball")
-    flags = row.flags | {"seed": "7"} | changes.pop("flags", {})
-    return put(results, replace(row, **{"flags": flags, "checkpoint_sha256": "1f" * 32} | changes))
+def another_training(results: Path, config: dict | None = None, **fields) -> Path:
+    config = {"seed": 7} | (config or {})
+    return put(results, variant(config=config, **{"checkpoint_sha256": "1f" * 32} | fields))
 
 
 def page_of(results: Path, **options) -> str:
@@ -40,38 +39,57 @@ def page_of(results: Path, **options) -> str:
 
 
 def test_a_page_of_benchmarks_has_a_line_per_task_and_a_column_per_policy(results: Path, snapshot):
-    another_training(results, episodes=recorded("xxxx"))
-    put(results, row_of("theirs", "lift_ball"))  # which is not installed
+    another_training(results, episodes=proved("xxxx"))
+    put(results, variant(config={"policy": "theirs"}))  # which is not installed
     assert page_of(results, figure="results.png") == snapshot
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("config", "fields", "message"),
     [
-        ({"recipe": "paper"}, "recipe"),
-        ({"world": "ba9876543210"}, "world of lift_ball"),
-        ({"expert": played("xxx.")}, "expert on lift_ball"),
-        ({"blind": played("....")}, "blind on lift_ball"),
+        ({"recipe": "paper"}, {}, "recipe"),
+        ({}, {"world": "ba9876543210"}, "world of lift_ball"),
+        ({}, {"expert": reported("xxx.")}, "expert on lift_ball"),
+        ({}, {"open_loop": reported("....")}, "open-loop baseline on lift_ball"),
     ],
 )
-def test_results_that_are_not_comparable_are_refused(changes, message, results: Path):
-    put(results, row_of("mine", "lift_ball", **changes))
+def test_results_that_are_not_comparable_are_refused(config, fields, message, results: Path):
+    put(results, variant(config=config, **fields))
     with pytest.raises(BimanualError, match=rf"lift_ball_.*json: {message}"):
         page_of(results)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("config", "fields", "message"),
     [
-        ({"flags": {"log_freq": "9"}}, "log_freq"),
-        ({"checkpoint_sha256": ROW.checkpoint_sha256}, "it has the weights of .*seed1000.json"),
-        ({"options": ROW.options | {"max_keyposes": "40"}}, "max_keyposes"),
+        ({"training": RESULT.config.training | {"log_freq": 9}}, {}, "log_freq"),
+        ({}, {"checkpoint_sha256": RESULT.checkpoint_sha256}, "has the weights of .*seed1000.json"),
+        ({}, {"options": RESULT.options | {"max_keyposes": 40}}, "max_keyposes"),
     ],
 )
-def test_trainings_that_cannot_share_a_cell_are_refused(changes, message, results: Path):
-    another_training(results, **changes)
-    with pytest.raises(BimanualError, match=rf"lift_ball_mine_small_seed.*json: .*{message}"):
+def test_trainings_that_cannot_share_a_cell_are_refused(config, fields, message, results: Path):
+    another_training(results, config, **fields)
+    with pytest.raises(BimanualError, match=rf"lift_ball_mine_small_seed.*json:? .*{message}"):
         page_of(results)
+
+
+@pytest.mark.parametrize(
+    ("config", "flags"),
+    [
+        (
+            {"demos_perturb": "mass:1"},
+            "`--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`",
+        ),
+        ({"perturb": "light:2"}, "`--demos=2 --val_episodes=2 --test_episodes=4 --perturb=light:2`"),
+        (
+            {"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}},
+            "--train_flags=\"'--policy.more=a b'\"`",
+        ),
+    ],
+)
+def test_a_page_says_how_a_result_departs_from_todays_recipe(config, flags, results: Path):
+    put(results, variant(config=config))
+    assert flags in page_of(results)
 
 
 def test_a_folder_without_results_and_a_result_under_another_name_are_refused(results: Path, tmp_path: Path):

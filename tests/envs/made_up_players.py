@@ -1,11 +1,12 @@
 """A campaign and a policy's rollout without a world, for tests of ladders."""
 
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.episode import Episode, Proof
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.outcome import Job, MoveReport, Outcome
@@ -13,6 +14,11 @@ from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "dual_push_buttons"
 HOLD = tuple([0.0] * 18)
+
+
+def world_of(perturb: str) -> str:
+    """A made-up version of the world of a condition."""
+    return hashlib.sha256(perturb.encode()).hexdigest()[:12]
 
 
 class MadeUpCampaign:
@@ -33,7 +39,7 @@ class MadeUpCampaign:
         return ((float(variation), *HOLD[1:]),)
 
     def map(self, function: Any, items: Any, *_: Any) -> Iterator[str]:
-        return (f"{task} {perturb}" for task, perturb in items)
+        return (world_of(perturb) for _, perturb in items)
 
     def play(self, jobs: list[Job], label: str) -> list[Outcome]:
         MadeUpCampaign.jobs += jobs
@@ -89,8 +95,24 @@ class MadeUpRollout:
         for seed in self.seeds:
             variation = draw_episode(spec, "test", seed, None).variation.index
             solved = seed % 2 == 0
-            failure = "" if solved else "out of time"
+            failure = None if solved else "out of time"
             episodes.append(
-                PlayedEpisode(seed, variation, "push", solved, 3, failure, 9, 2, "0a" * 32, (), "", "0b" * 32)
+                Episode(
+                    seed=seed,
+                    variation=variation,
+                    success=solved,
+                    failure=failure,
+                    ticks=9,
+                    keyposes=2,
+                    proof=Proof(instruction="push", start="0a" * 32, actions=(), links="", end="0b" * 32),
+                )
             )
-        return EvaluationRecord(1, TASK, f"{TASK} {perturb}", {}, 2, {}, tuple(episodes))
+        return EvaluationRecord(
+            schema_version=2,
+            task=TASK,
+            world=world_of(perturb),
+            options={},
+            batch_size=2,
+            versions={},
+            episodes=tuple(episodes),
+        )

@@ -1,19 +1,19 @@
 """Episodes of the expert with one planted error, recorded as an evaluation would."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.instruction_scripts import Script
 from lerobot_env_bimanual.experts.replanning import rereading
 from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 
 Keyposes = NDArray[np.float32]
@@ -70,9 +70,28 @@ def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keypo
     return change
 
 
-def played(
-    task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, perturb: str = ""
-) -> PlayedEpisode:
+def reproved(episode: Episode, **changes: object) -> Episode:
+    """An episode whose proof has other values."""
+    assert episode.proof is not None
+    return episode.model_copy(update={"proof": episode.proof.model_copy(update=changes)})
+
+
+def evaluation(
+    task: str, options: Mapping[str, str | int], *episodes: Episode, world: str = ""
+) -> EvaluationRecord:
+    """The record of an evaluation of these episodes, by default in the world that is installed."""
+    return EvaluationRecord(
+        schema_version=2,
+        task=task,
+        world=world or world_version(task, str(options.get("perturb", ""))),
+        options=dict(options),
+        batch_size=1,
+        versions={"numpy": "1"},
+        episodes=episodes,
+    )
+
+
+def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, perturb: str = "") -> Episode:
     """The record of an episode of these actions; the last one is repeated until it is over."""
     player = HoldAfterDone(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
     player.reset(seed=seed, options={"variation": 0})
@@ -81,4 +100,4 @@ def played(
         info = player.step(actions[min(index, len(actions) - 1)])[4]
         index += 1
     player.close()
-    return decode(PlayedEpisode, json.loads(info[PLAYED]), "played")
+    return info[PLAYED]

@@ -1,20 +1,18 @@
 """Episodes are recorded while they are played, and a record that was changed in any way is found out."""
 
-import json
 import re
-from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from planted_failures import evaluation, reproved
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.evaluation.record import EvaluationRecord
-from lerobot_bimanual.json_record import decode
 from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
 from lerobot_env_bimanual.audit.result_files import result_files
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
@@ -30,7 +28,7 @@ pytestmark = pytest.mark.sim
 SEED = 40_000
 
 
-def played_by_expert(task: str, seed: int = SEED) -> PlayedEpisode:
+def played_by_expert(task: str, seed: int = SEED) -> Episode:
     """The record of an expert's episode, by keyposes."""
     env = BimanualEnv(task, obs="state")
     recorder = EpisodeRecorder(env)
@@ -40,17 +38,17 @@ def played_by_expert(task: str, seed: int = SEED) -> PlayedEpisode:
         if PLAYED in info:
             break
     env.close()
-    return decode(PlayedEpisode, json.loads(info[PLAYED]), "played")
+    return info[PLAYED]
 
 
 @pytest.fixture(scope="module")
-def played() -> PlayedEpisode:
+def played() -> Episode:
     return played_by_expert("lift_ball")
 
 
 @pytest.fixture(scope="module")
 def auditor():
-    auditor = EpisodeAuditor("lift_ball", {"split": "test", "max_keyposes": "25"})
+    auditor = EpisodeAuditor("lift_ball", {"split": "test", "max_keyposes": 25})
     yield auditor
     auditor.close()
 
@@ -67,46 +65,53 @@ def test_an_experts_episode_of_every_task_is_found_as_recorded(task):
     auditor.close()
 
 
-def one_bit_of_action(played: PlayedEpisode) -> PlayedEpisode:
-    actions = actions_from_text(played.actions[0])
+def actions_of(played: Episode) -> str:
+    assert played.proof is not None
+    return played.proof.actions[0]
+
+
+def one_bit_of_action(played: Episode) -> Episode:
+    actions = actions_from_text(actions_of(played))
     actions.view(np.uint32)[1, 2] ^= 1
-    return replace(played, actions=(actions_to_text(actions),))
+    return reproved(played, actions=(actions_to_text(actions),))
 
 
-def fewer_actions(played: PlayedEpisode) -> PlayedEpisode:
-    return replace(played, actions=(actions_to_text(actions_from_text(played.actions[0])[:-1]),))
+def fewer_actions(played: Episode) -> Episode:
+    return reproved(played, actions=(actions_to_text(actions_from_text(actions_of(played))[:-1]),))
 
 
-def another_link(played: PlayedEpisode) -> PlayedEpisode:
-    first = "1" if played.links[5] != "1" else "2"
-    return replace(played, links=played.links[:5] + first + played.links[6:])
+def another_link(played: Episode) -> Episode:
+    assert played.proof is not None
+    links = played.proof.links
+    first = "1" if links[5] != "1" else "2"
+    return reproved(played, links=links[:5] + first + links[6:])
 
 
 DAMAGES = {
     "an action": (one_bit_of_action, "another action or state at step 1, ticks "),
     "an action less": (fewer_actions, "not over after its"),
     "unreadable actions": (
-        lambda played: replace(played, actions=("7x18:!",)),
+        lambda played: reproved(played, actions=("7x18:!",)),
         "cannot be unpacked|not the 7",
     ),
-    "a seed": (lambda played: replace(played, seed=SEED + 1), "another state at the start"),
+    "a seed": (lambda played: played.model_copy(update={"seed": SEED + 1}), "another state at the start"),
     "the state at the start": (
-        lambda played: replace(played, start="0" * 64),
+        lambda played: reproved(played, start="0" * 64),
         "another state at the start",
     ),
     "a link": (another_link, "another action or state at step 1"),
-    "the last link": (lambda played: replace(played, end="0" * 64), "chain of state hashes ends otherwise"),
+    "the last link": (lambda played: reproved(played, end="0" * 64), "chain of state hashes ends otherwise"),
     "the outcome": (
-        lambda played: replace(played, success=False, failure="out of time"),
+        lambda played: played.model_copy(update={"success": False, "failure": "out of time"}),
         "success is False, but True when it is played again",
     ),
     "the first tick of success": (
-        lambda played: replace(played, first_met_tick=(played.first_met_tick or 0) - 1),
+        lambda played: played.model_copy(update={"first_met_tick": played.first_met_tick - 1}),
         "first_met_tick is",
     ),
-    "the ticks": (lambda played: replace(played, ticks=played.ticks + 1), "ticks is"),
-    "the keyposes": (lambda played: replace(played, keyposes=1), "keyposes is 1"),
-    "the instruction": (lambda played: replace(played, instruction="win"), "instruction is 'win'"),
+    "the ticks": (lambda played: played.model_copy(update={"ticks": played.ticks + 1}), "ticks is"),
+    "the keyposes": (lambda played: played.model_copy(update={"keyposes": 1}), "keyposes is 1"),
+    "the instruction": (lambda played: reproved(played, instruction="win"), "instruction is 'win'"),
 }
 
 
@@ -128,9 +133,9 @@ def test_episodes_that_ended_by_a_refused_answer_are_found_as_recorded(answer, a
     for _ in range(2):
         player.step(observation["agent_pos"])
     info = player.step(answer)[4]
-    record = decode(PlayedEpisode, json.loads(info[PLAYED]), "played")
+    record = info[PLAYED]
     assert record.failure.startswith("invalid action: ")
-    assert len(record.action_list()) == 3
+    assert len(record.proof.action_list()) == 3
     assert auditor.audit(record).problems == ()
     player.close()
 
@@ -163,15 +168,14 @@ def test_records_are_equal_bytes_in_one_process_and_in_several_and_after_other_e
     config = ResultsVerifyConfig(results=tmp_path / "sync", workers=1)
     assert results_verify(config) == 0
     assert "lift_ball_test_record.json: as claimed" in capsys.readouterr().out
-    replace(record, episodes=(replace(record.episodes[0], ticks=9), *record.episodes[1:])).write(
-        tmp_path / "sync" / "lift_ball_test_record.json"
-    )
+    changed = (record.episodes[0].model_copy(update={"ticks": 9}), *record.episodes[1:])
+    record.model_copy(update={"episodes": changed}).write(tmp_path / "sync" / "lift_ball_test_record.json")
     assert results_verify(config) == 1
     assert "seed 3: ticks is 9, but 2 when it is played again" in capsys.readouterr().out
 
 
 def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
-    record = EvaluationRecord(1, "lift_ball", "0" * 12, {"split": "test"}, 1, {"numpy": "1"}, (played,))
+    record = evaluation("lift_ball", {"split": "test"}, played, world="0" * 12)
     record.write(tmp_path / "record.json")
     assert results_verify(ResultsVerifyConfig(results=tmp_path / "record.json", workers=1)) == 1
     assert "world of lift_ball is 000000000000" in capsys.readouterr().out
@@ -199,7 +203,7 @@ def test_draws_by_a_seed_below_0_are_refused_on_one_line(words, capsys):
 
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(played):
-    assert 50 * len(json.dumps(asdict(played))) < 500_000
+    assert 50 * len(played.to_json()) < 500_000
 
 
 @pytest.mark.parametrize("task", list_tasks())

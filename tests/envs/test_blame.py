@@ -8,25 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from planted_failures import SEED, expert_keyposes, from_on, played, rereading_keyposes, shifted
+from planted_failures import SEED, evaluation, expert_keyposes, from_on, played, rereading_keyposes, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blamer, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
-from lerobot_env_bimanual.experts.world_version import world_version
 
 pytestmark = pytest.mark.sim
 
 EASY, TRAY = "handover_item_easy", "lift_tray"
 NUDGED_SEED = 40_004
 LEFT_X, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 7, 9, 16
-OPTIONS = {"split": "test", "max_keyposes": "25"}
+OPTIONS = {"split": "test", "max_keyposes": 25}
 
 
 def record_of(task: str, *episodes) -> EvaluationRecord:
-    return EvaluationRecord(1, task, world_version(task), OPTIONS, 1, {"numpy": "1"}, episodes)
+    return evaluation(task, OPTIONS, *episodes)
 
 
 def blamed(task: str, episode):
@@ -106,12 +105,10 @@ def test_episodes_of_several_policies_and_rungs_are_told_apart(tmp_path, capsys)
     board = Path(__file__).parents[2] / "results/leaderboard"
     for policy in ("peract2", "rvt_lf"):
         shutil.copy(board / f"{TRAY}_{policy}_small_seed1000.json", tmp_path / f"{policy}.json")
-    options, world = OPTIONS | {"perturb": "mass:1"}, world_version(TRAY, "mass:1")
+    options = OPTIONS | {"perturb": "mass:1"}
     episodes = (played(TRAY, expert_keyposes(TRAY)[:1], perturb="mass:1"),)
     for number in (1, 2):
-        EvaluationRecord(1, TRAY, world, options, 1, {"numpy": "1"}, episodes).write(
-            tmp_path / f"{number}.json"
-        )
+        evaluation(TRAY, options, *episodes).write(tmp_path / f"{number}.json")
     output, figure = tmp_path / "blame/found.json", tmp_path / "blame/bars.png"
     assert (
         results_diagnose(
@@ -142,7 +139,7 @@ def test_what_was_played_in_another_world_or_otherwise_is_refused(tmp_path):
     with pytest.raises(BimanualError, match=f"world of {TRAY} is 000000000000"):
         results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
     record.write(path)
-    path.write_text(path.read_text().replace(episode.start, "0" * 64))
+    path.write_text(path.read_text().replace(episode.proof.start, "0" * 64))
     with pytest.raises(BimanualError, match=f"seed {SEED} starts in another state"):
         results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
 
@@ -154,8 +151,7 @@ def test_only_rows_of_the_policy_that_is_asked_for_are_looked_at(tmp_path, capsy
     shutil.copy(committed, tmp_path)
     row = json.loads(committed.read_text())
     other = tmp_path / committed.name.replace("peract2", "rvt_lf")
-    flags = row["flags"] | {"policy.type": "rvt_lf"}
-    other.write_text(json.dumps({**row, "policy": "rvt_lf", "flags": flags}))
+    other.write_text(json.dumps(row | {"config": row["config"] | {"policy": "rvt_lf"}}))
     assert (
         results_diagnose(ResultsDiagnoseConfig(results=tmp_path, policy="rvt_lf", sample=1, workers=1)) == 0
     )

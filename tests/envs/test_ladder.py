@@ -6,7 +6,7 @@ from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
-from made_up_players import TASK, MadeUpCampaign, MadeUpRollout
+from made_up_players import TASK, MadeUpCampaign, MadeUpRollout, world_of
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
@@ -144,7 +144,7 @@ def test_a_certificate_of_another_world_is_refused_and_one_of_this_decides(tmp_p
     assert [rung.certificate for rung in result.rungs] == [SuccessRate(40, 40)] * 3
     chosen.output.unlink()
     path = rungs.output / f"{TASK}.json"
-    path.write_text(path.read_text().replace(f"{TASK} arm_late:3", "elsewhere"))
+    path.write_text(path.read_text().replace(world_of("arm_late:3"), "elsewhere"))
     MadeUpCampaign.jobs.clear()
     with pytest.raises(BimanualError, match="is of world elsewhere, but here it is"):
         policy_robustness(replace(chosen, certificates=rungs.output))
@@ -205,7 +205,7 @@ def test_certificates_of_rungs_list_failures_grow_and_play_anew_what_has_changed
     expert_evaluate_perturbed(replace(chosen, levels=(1, 3)))
     assert {job.perturb for job in MadeUpCampaign.jobs} == {"mass:1"}
     path = tmp_path / "lift_ball.json"
-    path.write_text(path.read_text().replace("lift_ball mass:3", "elsewhere"))
+    path.write_text(path.read_text().replace(world_of("mass:3"), "elsewhere"))
     MadeUpCampaign.jobs.clear()
     expert_evaluate_perturbed(chosen)
     assert {job.perturb for job in MadeUpCampaign.jobs} == {"mass:3"}

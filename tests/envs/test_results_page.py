@@ -8,22 +8,20 @@ from pathlib import Path
 
 import av
 import pytest
-from planted_failures import SEED, expert_keyposes, played, shifted
+from planted_failures import SEED, evaluation, expert_keyposes, played, reproved, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_env_bimanual.audit.blame import Blame, Loser
 from lerobot_env_bimanual.audit.failure_class import FailureClass
 from lerobot_env_bimanual.audit.result_files import Result
 from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
-from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.rendering.failure_video import EVERY, FailureVideo, failure_video
 from lerobot_env_bimanual.reports.results_page import Section, results_page
 
 ROWS = sorted((Path(__file__).parents[2] / "results" / "leaderboard").glob("*.json"))
 EVIL = '</td></style></script><script>alert(1)</script><img src=x onerror=alert(2)>"\' onload="alert(3)" {{ 7 * 7 }}'
 TASK = "lift_ball"
-OPTIONS = {"split": "test", "max_keyposes": "25", "control_mode": "auto"}
+OPTIONS = {"split": "test", "max_keyposes": 25, "control_mode": "auto"}
 
 
 class Reader(HTMLParser):
@@ -77,14 +75,17 @@ def test_a_page_of_all_committed_results_holds_every_result_and_episode():
 def test_no_word_of_a_file_becomes_markup():
     section = next(section for path in ROWS if (section := section_of(path, EVIL)).blames)
     record = section.result.record
-    evil = replace(
-        record,
-        options=dict.fromkeys(record.options, EVIL) | {EVIL: EVIL, "variation": EVIL},
-        versions={EVIL: EVIL},
-        episodes=tuple(
-            replace(episode, instruction=EVIL, failure=EVIL if episode.failure else "")
-            for episode in record.episodes
-        ),
+    evil = record.model_copy(
+        update={
+            "options": dict.fromkeys(record.options, EVIL) | {EVIL: EVIL, "variation": EVIL},
+            "versions": {EVIL: EVIL},
+            "episodes": tuple(
+                reproved(episode, instruction=EVIL).model_copy(
+                    update={"failure": EVIL if episode.failure else None}
+                )
+                for episode in record.episodes
+            ),
+        }
     )
     page = results_page([replace(section, result=Result(Path("record.json"), evil, None))])
     reader = Reader(page)
@@ -103,7 +104,7 @@ def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(t
     failed = played(TASK, shifted(slice(None), 0, -0.15)(expert_keyposes(TASK)))
     episodes = (failed, played(TASK, expert_keyposes(TASK, SEED + 1), SEED + 1))
     assert [episode.success for episode in episodes] == [False, True]
-    record = EvaluationRecord(1, TASK, world_version(TASK), OPTIONS, 1, {"numpy": "1"}, episodes)
+    record = evaluation(TASK, OPTIONS, *episodes)
     record.write(tmp_path / "record.json")
     output = tmp_path / "pages" / "page.html"
     config = ResultsReportConfig(results=tmp_path / "record.json", format="html", output=output, workers=1)
@@ -114,6 +115,6 @@ def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(t
     video = failure_video(TASK, OPTIONS, failed, "policy")
     with av.open(BytesIO(video.mp4)) as container:
         frames = sum(1 for _ in container.decode(video=0))
-    assert frames == -(-failed.ticks // EVERY) + 1
+    assert frames == -(-(failed.ticks or 0) // EVERY) + 1
     with pytest.raises(BimanualError, match=f"seed {SEED} does not come out as recorded"):
-        failure_video(TASK, OPTIONS, replace(failed, end="0" * 64), "policy")
+        failure_video(TASK, OPTIONS, reproved(failed, end="0" * 64), "policy")

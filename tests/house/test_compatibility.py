@@ -7,7 +7,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.recipe import GROUP
+from lerobot_bimanual.benchmark.recipes import GROUP
 from lerobot_bimanual.distributions import entries
 
 ROOT = Path(__file__).parents[2]

@@ -3,9 +3,9 @@
 import dataclasses
 
 import pytest
-from drawn_damage import check_clear
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from mutations import check_clear
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.flags import CONFIG_FLAG, BadCommandLine, flags_of, parse_flags

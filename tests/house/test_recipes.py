@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.protocol import PROTOCOLS
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS
 
 PACKAGES = Path(__file__).parents[2] / "policies" / "lerobot_policy_bimanual"
 FILES = sorted(PACKAGES.glob("*/recipes/*.yaml"))

@@ -10,19 +10,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.reproduction import (
-    INCIDENTAL,
-    command,
-    config_of,
-    flag_value,
-    policy_defaults,
-)
-from lerobot_bimanual.benchmark.results import PLACES, ResultRow
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve, shortest_config
+from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
 from lerobot_bimanual.reports.success_figure import success_figure
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
@@ -34,14 +28,14 @@ BOARD, *TRIALS = (
         "perturbed_demonstrations",
         "few_demonstrations",
         "without_keypose_step",
-        "without_squares",
+        "without_quadratic_features",
         "fresh_seeds",
         "other_lengths",
         "made_again",
     )
 )
 """Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
-keyposes, without squares or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
+keyposes, without quadratic features or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
 cells that were made again (docs/benchmark.md)."""
 ROWS = sorted(BOARD.glob("*.json"))
 ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
@@ -55,13 +49,13 @@ def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: p
     folder = Path("results/leaderboard")
     page = benchmark_page(read_rows(folder), folder, figure="results.png")
     assert (ROOT / "docs" / "results.md").read_text() == page
-    assert described("results.png") == success_figure([*map(ResultRow.read, ROWS)]).description
+    assert described("results.png") == success_figure([*map(BenchmarkResult.read, ROWS)]).description
 
 
 def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_peract2():
     failed = Counter()
-    for row in map(ResultRow.read, ROWS):
-        if row.learner != "peract2":
+    for row in map(BenchmarkResult.read, ROWS):
+        if row.config.policy_id != "peract2":
             continue
         failed[row.task] += sum(not episode.success for episode in row.episodes)
     sentences = dict(re.findall(r"(\w+): (\d+) failed", described("blame.png")))
@@ -77,10 +71,10 @@ def described(picture: str) -> str:
 def test_cells_that_were_made_again_are_the_first_ones_to_the_last_bit():
     again = sorted((ROOT / "results/made_again").glob("*.json"))
     assert again
-    rooms = BOARD, ROOT / "results/without_squares"
+    rooms = BOARD, ROOT / "results/without_quadratic_features"
     for path in again:
-        first = [ResultRow.read(room / path.name) for room in rooms if (room / path.name).is_file()]
-        row = ResultRow.read(path)
+        first = [BenchmarkResult.read(room / path.name) for room in rooms if (room / path.name).is_file()]
+        row = BenchmarkResult.read(path)
         assert (row.checkpoint_sha256, row.episodes) in [
             (each.checkpoint_sha256, each.episodes) for each in first
         ]
@@ -89,59 +83,55 @@ def test_cells_that_were_made_again_are_the_first_ones_to_the_last_bit():
 def test_fresh_seeds_were_played_with_the_weights_of_the_board():
     fresh = sorted((ROOT / "results/fresh_seeds").glob("*.json"))
     assert fresh
-    for row, first in ((ResultRow.read(path), ResultRow.read(BOARD / path.name)) for path in fresh):
+    for row, first in (
+        (BenchmarkResult.read(path), BenchmarkResult.read(BOARD / path.name)) for path in fresh
+    ):
         assert row.checkpoint_sha256 == first.checkpoint_sha256
         assert not {each.seed for each in row.episodes} & {each.seed for each in first.episodes}
 
 
 def test_every_row_is_of_the_world_that_is_certified():
     certificate = json.loads((ROOT / "results/certificates/expert.json").read_text())
-    assert {(row.task, row.world) for row in map(ResultRow.read, ALL_ROWS)} <= certificate["worlds"].items()
+    assert {(row.task, row.world) for row in map(BenchmarkResult.read, ALL_ROWS)} <= certificate[
+        "worlds"
+    ].items()
 
 
 @pytest.mark.parametrize("path", ALL_ROWS, ids=lambda path: path.stem)
-def test_the_command_that_is_printed_for_a_row_trains_and_scores_exactly_that_row(path: Path):
-    row = ResultRow.read(path)
-    program, group, leaf, *flags = shlex.split(command(config_of(row)))
-    assert (program, group, leaf) == ("lerobot-bimanual", "policy", "benchmark")
-    plan = Plan.of(parse_flags(BenchmarkConfig, flags))
-    trained, planned = (
-        {name: flag_value(value) for name, value in flags.items() if name not in (*PLACES, *INCIDENTAL)}
-        for flags in (row.flags, plan.training_flags())
-    )
-    unsaid = {name: flag_value(policy_defaults(row.policy)[name]) for name in planned.keys() - trained.keys()}
-    assert planned == unsaid | trained
-    recorded, generated = (
-        dict(word.removeprefix("--").split("=", 1) for word in words if word.startswith("--"))
-        for words in (shlex.split(row.dataset.command), plan.generation().words)
-    )
-    for name in ("task", "variation", "split", "view", "cameras", "intermediate", "episodes"):
-        assert generated.get(name) == recorded.get(name)
-    assert recorded["image_size"] == "x".join([generated["image_size"]] * 2)
-    episodes = plan.protocol.val_episodes  # none for one network of several tasks
-    validated = plan.checkpoint_steps if episodes else ()
-    assert [(each.step, len(each.episodes)) for each in row.validation] == [
-        (step, episodes) for step in validated
-    ]
-    assert (row.split, len(row.episodes)) == ("test", plan.protocol.test_episodes)
+def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that_result(path: Path):
+    result = BenchmarkResult.read(path)
+    assert path.name == result.config.file_name
+    program, group, verb, *flags = shlex.split(command(shortest_config(result.config)))
+    assert (program, group, verb) == ("lerobot-bimanual", "policy", "benchmark")
+    config = parse_flags(BenchmarkConfig, flags)
+    assert resolve(config) == result.config
+    generated = dict(word.removeprefix("--").split("=", 1) for word in Plan.of(config).generation().words[3:])
+    recorded = result.demonstrations.settings
+    for name, value in {"views": [generated["view"]], "cameras": generated["cameras"].split(",")}.items():
+        assert recorded[name] == value
+    for name, flag in {"episodes": "episodes", "height": "image_size", "width": "image_size"}.items():
+        assert str(recorded[name]) == generated[flag]
+    assert recorded["depth"] == (generated.get("depth") != "false")
+    assert (recorded["perturb"], recorded["split"]) == (generated.get("perturb", ""), "train")
+    assert len(result.demonstrations.seeds) == result.config.demos
 
 
 @pytest.mark.parametrize("folder", CHECKPOINTS, ids=lambda path: path.name)
 def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder: Path):
     weights = folder / "model.safetensors"
     assert weights.stat().st_size <= 12_000_000
-    rows = [row for row in map(ResultRow.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
-    assert {row.learner for row in rows} == {folder.name}
-    assert {row.task for row in rows} == set(resolve_tasks(rows[0].trained_on))
+    rows = [row for row in map(BenchmarkResult.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
+    assert {row.config.policy_id for row in rows} == {folder.name}
+    assert {row.task for row in rows} == set(resolve_tasks(rows[0].config.trained_on))
     for row in rows:
-        assert row.rates["policy"].interval[0] > row.rates["blind"].interval[1]
+        assert row.rates["policy"].interval[0] > row.rates["open_loop"].interval[1]
 
 
 @pytest.mark.slow
 @pytest.mark.sim
 @pytest.mark.timeout(1800)
 def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Path, capsys):
-    """Other rows and episodes in every run; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
+    """Other rows and episodes in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
     (tmp_path / "certificates").symlink_to(ROOT / "results" / "certificates")
     rooms = set()
@@ -157,12 +147,10 @@ def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Pa
 
 
 @pytest.mark.sim
-def test_a_row_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Path, capsys):
-    path = ROOT / "results/leaderboard/lift_ball_peract2_small_seed1000.json"
-    row = json.loads(path.read_text())
-    row["dataset"]["command"] = row["dataset"]["command"].replace("lift_ball", "push_box")
-    row["flags"] = {name: value.replace("lift_ball", "push_box") for name, value in row["flags"].items()}
-    changed = tmp_path / path.name.replace("peract2", "peract2_on_push_box")
-    changed.write_text(json.dumps(row))
+def test_a_result_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Path, capsys):
+    result = BenchmarkResult.read(BOARD / "lift_ball_peract2_small_seed1000_on_all.json")
+    config = result.config.model_copy(update={"trained_on": "push_box"})
+    changed = tmp_path / "changed.json"
+    result.model_copy(update={"config": config}).write(changed)
     assert results_verify(ResultsVerifyConfig(results=changed, sample=1, controls=0, workers=1)) == 1
     assert "it was trained on push_box, of which lift_ball is none" in capsys.readouterr().out

@@ -10,9 +10,9 @@ import pytest
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.benchmark.run import run
 from lerobot_bimanual.checksums import sha256
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 
 ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -42,7 +42,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     )
     plan = Plan.of(config)
     begun = begun_by(plan)
-    row = ResultRow.read(plan.result)
+    row = BenchmarkResult.read(plan.result)
     assert begun == [str(command) for command in plan.commands(row.checkpoint_step)]
     assert [validation.step for validation in row.validation] == [2, 4]
     assert [episode.seed for episode in row.episodes] == [0, 1]
@@ -54,8 +54,8 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     plan.result.unlink()
     plan.evaluation_file("test", row.checkpoint_step).unlink()
     assert begun_by(plan) == [str(plan.evaluation("test", row.checkpoint_step))]
-    assert ResultRow.read(plan.result).episodes == row.episodes
-    assert ResultRow.read(plan.result).training_seconds == row.training_seconds
+    assert BenchmarkResult.read(plan.result).episodes == row.episodes
+    assert BenchmarkResult.read(plan.result).training_seconds == row.training_seconds
 
     marker = plan.run_folder / "train.command.json"
     marker.write_text(json.dumps(json.loads(marker.read_text()) | {"done": False}))
@@ -88,7 +88,7 @@ def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Pat
     )
 
     assert done.returncode == 0, done.stderr
-    scored = [ResultRow.read(path) for path in sorted(rows.glob("*.json"))]
+    scored = [BenchmarkResult.read(path) for path in sorted(rows.glob("*.json"))]
     assert [row.task for row in scored] == list(tasks)
     assert {row.learner for row in scored} == {"peract2_on_lift_ball.push_box"}
     assert len({row.checkpoint_sha256 for row in scored}) == 1

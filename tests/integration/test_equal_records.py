@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 

@@ -14,8 +14,8 @@ from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.act.modeling_act import ACTPolicy
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.ladder.result import LadderResult
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 
 pytestmark = pytest.mark.slow
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
-from lerobot_env_bimanual.audit.episodes import expert_env, played_env
+from lerobot_bimanual.results.episode import Episode
+from lerobot_env_bimanual.audit.episodes import expert_env, played_env, proof_of
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
 from lerobot_env_bimanual.env import BimanualEnv
@@ -81,13 +81,13 @@ class Blamer:
         options: of the evaluation, by name.
     """
 
-    def __init__(self, task: str, options: Mapping[str, str]):
+    def __init__(self, task: str, options: Mapping[str, str | int]):
         self._env = played_env(task, options)
         refuses_keyposes = options.get("control_mode") == "joint"
         self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
         self._expert: list[NDArray[np.float32]] = []
 
-    def blame(self, played: PlayedEpisode) -> Blame:
+    def blame(self, played: Episode) -> Blame:
         """Why a failed episode failed.
 
         Raises:
@@ -97,7 +97,7 @@ class Blamer:
         expert_facts, expert_solves = self._play_expert()
         self._start(played, self._env)
         actions = _readable(played)
-        states, facts = self._play(actions, played.failure)
+        states, facts = self._play(actions, played.failure or "")
         if self._env.progress.ticks != played.ticks or self._env.progress.succeeded:
             raise BimanualError(
                 f"seed {played.seed} does not come out as recorded; `verify-results` says where"
@@ -110,7 +110,7 @@ class Blamer:
             index, loser, recovers = self._search(actions, states)
         return Blame(
             seed=played.seed,
-            variation=played.variation,
+            variation=played.variation or 0,
             failure_class=kind,
             fact=fact,
             keyposes=len(actions),
@@ -124,9 +124,9 @@ class Blamer:
         self._env.close()
         self._expert_env.close()
 
-    def _start(self, played: PlayedEpisode, env: BimanualEnv) -> None:
+    def _start(self, played: Episode, env: BimanualEnv) -> None:
         env.reset(seed=played.seed, options={"variation": played.variation})
-        if env.state_hash() != played.start:
+        if env.state_hash() != proof_of(played).start:
             raise BimanualError(
                 f"seed {played.seed} starts in another state here; `verify-results` says more"
             )
@@ -202,9 +202,9 @@ class Blamer:
         return env.progress.succeeded
 
 
-def _readable(played: PlayedEpisode) -> list[NDArray[np.float32]]:
+def _readable(played: Episode) -> list[NDArray[np.float32]]:
     try:
-        return played.action_list()
+        return proof_of(played).action_list()
     except ValueError as error:
         raise BimanualError(f"seed {played.seed}: {error}") from error
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from tqdm import tqdm
 
-from lerobot_bimanual.benchmark.episode_result import EpisodeResult
-from lerobot_bimanual.benchmark.results import ResultRow, command_flags
 from lerobot_bimanual.errors import PlacementFailure
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.audit.episodes import placement_hash
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.campaign import Campaign
@@ -21,12 +21,12 @@ from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.tasks.registry import get_task
 
 
-def demonstrated_placements(row: ResultRow) -> dict[str, int]:
+def demonstrated_placements(row: BenchmarkResult) -> dict[str, int]:
     """Hash of where everything stood at the start of each demonstration, and its seed."""
-    flags = command_flags(row.dataset.command)
-    first_seed = int(flags.get("first_seed", 0))
+    demonstrations = row.demonstrations
+    first_seed = int(str(demonstrations.settings.get("first_seed", 0)))
     return _placements(
-        row.task, flags["variation"], first_seed, flags.get("perturb", ""), tuple(row.dataset.seeds)
+        row.task, row.config.variation, first_seed, row.config.demos_perturb, demonstrations.seeds
     )
 
 
@@ -50,7 +50,7 @@ def _placements(
     return found
 
 
-def control_problems(row: ResultRow, campaign: Campaign, seeds: Iterable[int]) -> Iterator[str]:
+def control_problems(row: BenchmarkResult, campaign: Campaign, seeds: Iterable[int]) -> Iterator[str]:
     """What a row says of expert and blind that is not so.
 
     Args:
@@ -59,18 +59,18 @@ def control_problems(row: ResultRow, campaign: Campaign, seeds: Iterable[int]) -
         seeds: of the sample.
     """
     seeds = list(seeds)
-    claims: dict[ControlName, list[EpisodeResult]] = {
+    claims: dict[ControlName, list[Episode]] = {
         "expert": [episode for episode in row.expert if episode.seed in seeds],
-        "blind": [episode for episode in row.blind if episode.seed in seeds],
+        "blind": [episode for episode in row.open_loop if episode.seed in seeds],
     }
     for control, episodes in claims.items():
         yield from _control_problems(campaign, row.task, control, episodes, row.evaluation.perturb)
 
 
 def _control_problems(
-    campaign: Campaign, task: str, control: ControlName, episodes: list[EpisodeResult], perturb: str = ""
+    campaign: Campaign, task: str, control: ControlName, episodes: list[Episode], perturb: str = ""
 ) -> Iterator[str]:
-    by_variation: Mapping[str, list[EpisodeResult]] = {}
+    by_variation: Mapping[str, list[Episode]] = {}
     for episode in episodes:
         by_variation.setdefault(str(episode.variation), []).append(episode)
     for variation, claimed in by_variation.items():

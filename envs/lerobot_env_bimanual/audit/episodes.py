@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 
 from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.json_file import shown
-from lerobot_bimanual.json_record import decode
+from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.hash_chain import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.hold_after_done import INVALID_ACTION, HoldAfterDone
 
-PROOFS = ("start", "actions", "links", "end")
-"""Fields of an episode that are compared step by step; the others are claims, compared one by one."""
+CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes")
+"""Fields of an episode that are compared one by one."""
 PLAYED_OPTIONS = {"split": str, "control_mode": str, "max_keyposes": int, "perturb": str}
 """Options that decide what happens; the others decide what a policy sees, and nobody looks here."""
 
@@ -49,49 +46,49 @@ class EpisodeAuditor:
         env: in which it plays; it may be observed.
     """
 
-    def __init__(self, task: str, options: Mapping[str, str]):
+    def __init__(self, task: str, options: Mapping[str, str | int]):
         self.env = played_env(task, options)
         self._player = HoldAfterDone(EpisodeRecorder(self.env))
 
-    def audit(self, played: PlayedEpisode) -> EpisodeAudit:
+    def audit(self, episode: Episode) -> EpisodeAudit:
         """Play an episode again and compare everything."""
+        seed, proof = episode.seed, proof_of(episode)
         try:
-            self._player.reset(seed=played.seed, options={"variation": played.variation})
+            self._player.reset(seed=seed, options={"variation": episode.variation})
         except BimanualError as error:
-            return EpisodeAudit(played.seed, (f"cannot be started: {error}",), "")
+            return EpisodeAudit(seed, (f"cannot be started: {error}",), "")
         placement = placement_hash(self.env)
-        if self.env.state_hash() != played.start:
-            return EpisodeAudit(played.seed, ("another state at the start",), placement)
+        if self.env.state_hash() != proof.start:
+            return EpisodeAudit(seed, ("another state at the start",), placement)
         try:
-            actions = played.action_list()
+            actions = proof.action_list()
         except ValueError as error:
-            return EpisodeAudit(played.seed, (str(error),), placement)
+            return EpisodeAudit(seed, (str(error),), placement)
         ticks, info = [0], {}
         for action in actions:
-            unreadable = InvalidAction(played.failure.removeprefix(INVALID_ACTION))
+            unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
             info = self._player.step(action if action.size else unreadable)[4]
             ticks.append(self.env.progress.ticks)
             if self._player.is_done:
                 break
         if PLAYED not in info:
             return EpisodeAudit(
-                played.seed, (f"not over after its {len(actions)} actions, {ticks[-1]} ticks",), placement
+                seed, (f"not over after its {len(actions)} actions, {ticks[-1]} ticks",), placement
             )
-        again = decode(PlayedEpisode, json.loads(info[PLAYED]), "the episode played again")
-        return EpisodeAudit(played.seed, tuple(_differences(played, again, ticks)), placement)
+        return EpisodeAudit(seed, tuple(_differences(episode, info[PLAYED], ticks)), placement)
 
     def close(self) -> None:
         """Free the world."""
         self.env.close()
 
 
-def played_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
+def played_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
     """An environment in which an evaluation is played again, given its options by name."""
     keywords = {name: kind(options[name]) for name, kind in PLAYED_OPTIONS.items() if name in options}
     return BimanualEnv(task, obs="state", **keywords)
 
 
-def expert_env(task: str, options: Mapping[str, str]) -> BimanualEnv:
+def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
     """An environment in which the expert plays the same episodes, whichever actions the policy was allowed."""
     return played_env(task, dict(options) | {"control_mode": "auto"})
 
@@ -102,19 +99,31 @@ def placement_hash(env: BimanualEnv) -> str:
     return hashlib.sha256(data.qpos.tobytes() + data.xpos.tobytes() + data.xquat.tobytes()).hexdigest()
 
 
-def _differences(played: PlayedEpisode, again: PlayedEpisode, ticks: list[int]) -> list[str]:
+def proof_of(episode: Episode) -> Proof:
+    """What proves an episode.
+
+    Raises:
+        BimanualError: it was not recorded.
+    """
+    if episode.proof is None:
+        raise BimanualError(f"seed {episode.seed} has no proof, so it cannot be played again")
+    return episode.proof
+
+
+def _differences(played: Episode, again: Episode, ticks: list[int]) -> list[str]:
     problems = []
-    step = first_difference(played.links, again.links)
+    proof, new = proof_of(played), proof_of(again)
+    step = first_difference(proof.links, new.links)
     if step is not None:
         problems.append(_where(step, ticks))
-    elif played.end != again.end:
+    elif proof.end != new.end:
         problems.append("the chain of state hashes ends otherwise, although all its links agree")
-    elif played.actions != again.actions:
+    elif proof.actions != new.actions:
         problems.append("the actions are written in another form than ours")
-    for name in (field.name for field in fields(PlayedEpisode) if field.name not in PROOFS):
-        claimed, found = getattr(played, name), getattr(again, name)
+    claims = [(name, getattr(played, name), getattr(again, name)) for name in CLAIMS]
+    for name, claimed, found in (*claims, ("instruction", proof.instruction, new.instruction)):
         if claimed != found:
-            problems.append(f"{name} is {shown(claimed)}, but {shown(found)} when it is played again")
+            problems.append(f"{name} is {claimed!r:.120}, but {found!r:.120} when it is played again")
     return problems
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lerobot_bimanual.benchmark.results import ResultRow
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-from lerobot_bimanual.evaluation.record import EvaluationRecord
 from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.episode_log import EPISODES_SUFFIX
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -29,7 +29,7 @@ class Result:
 
     path: Path
     record: EvaluationRecord
-    row: ResultRow | None
+    row: BenchmarkResult | None
 
     @classmethod
     def read(cls, path: Path) -> Result:
@@ -39,8 +39,8 @@ class Result:
             BimanualError: the file is no result, or of a task that is not installed.
         """
         content = read_json(path)
-        is_row = isinstance(content, dict) and "policy" in content
-        row = ResultRow.read(path) if is_row else None
+        is_row = isinstance(content, dict) and "config" in content
+        row = BenchmarkResult.read(path) if is_row else None
         record = EvaluationRecord.read(path) if row is None else row.evaluation
         get_task(record.task)
         return cls(path, record, row)
@@ -77,7 +77,7 @@ def result_files(results: Path) -> list[Path]:
     return found
 
 
-def drawn(episodes: tuple[PlayedEpisode, ...], count: int, rng: np.random.Generator) -> list[PlayedEpisode]:
+def drawn(episodes: tuple[Episode, ...], count: int, rng: np.random.Generator) -> list[Episode]:
     """So many episodes at random, in their order; all if `count` is 0 or beyond their number."""
     if not 0 < count < len(episodes):
         return list(episodes)

@@ -33,7 +33,7 @@ def result_names(results: Sequence[Result]) -> dict[Path, str]:
 
 def _policy(result: Result) -> str:
     """Whose episodes they are; a record does not say it."""
-    return result.row.learner if result.row else "record"
+    return result.row.config.policy_id if result.row else "record"
 
 
 def _variation(result: Result) -> str:

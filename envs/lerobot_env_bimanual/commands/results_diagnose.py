@@ -92,12 +92,12 @@ def _chosen(results: list[Result], policy: str | None) -> list[Result]:
     """
     if policy is None:
         return results
-    policies = sorted({result.row.learner for result in results if result.row})
+    policies = sorted({result.row.config.policy_id for result in results if result.row})
     if policy not in policies:
         raise InvalidChoice(
             "policy", policy, policies or "left out, since no result of `policy benchmark` is there"
         )
-    return [result for result in results if result.row and result.row.learner == policy]
+    return [result for result in results if result.row and result.row.config.policy_id == policy]
 
 
 def _print_table(blames: Sequence[Blame]) -> None:
@@ -151,7 +151,9 @@ def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Pa
 
     content: dict[str, list[dict[str, Any]]] = {}
     for result in results:
-        policy = result.row.learner if result.row else ""  # a record does not say whose episodes it has
+        policy = (
+            result.row.config.policy_id if result.row else ""
+        )  # a record does not say whose episodes it has
         source = {"file": str(result.path), "policy": policy, "perturb": result.record.perturb}
         content.setdefault(result.record.task, []).extend(
             source | asdict(attribution) for attribution in found[result.path]

@@ -107,8 +107,8 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
 
 
 def _write_html(config: ResultsReportConfig) -> None:
-    from lerobot_bimanual.benchmark.likeness import check_likeness
     from lerobot_bimanual.output_file import write_file
+    from lerobot_bimanual.results.comparison import check_comparable
     from lerobot_env_bimanual.audit.result_files import Result, result_files
     from lerobot_env_bimanual.reports.results_page import results_page, sections_of
     from lerobot_env_bimanual.workers import WorkerPool
@@ -116,7 +116,7 @@ def _write_html(config: ResultsReportConfig) -> None:
     results = [Result.read(path) for path in result_files(config.results)]
     for result in results:
         result.check_world()
-    check_likeness({result.path: result.row for result in results if result.row is not None})
+    check_comparable({result.path: result.row for result in results if result.row is not None})
     with WorkerPool(config.workers) as pool:
         sections = sections_of(results, config.max_videos, pool)
     page, output = results_page(sections), config.output or Path("outputs/results.html")

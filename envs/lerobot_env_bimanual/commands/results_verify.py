@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.benchmark.results import ResultRow
-    from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
-    from lerobot_bimanual.evaluation.record import EvaluationRecord
+    from lerobot_bimanual.results.benchmark import BenchmarkResult
+    from lerobot_bimanual.results.episode import Episode
+    from lerobot_bimanual.results.evaluation import EvaluationRecord
     from lerobot_env_bimanual.audit.episodes import EpisodeAudit, EpisodeAuditor
     from lerobot_env_bimanual.experts.campaign import Campaign
 
-type Options = tuple[tuple[str, str], ...]
+type Options = tuple[tuple[str, str | int], ...]
 
 
 @dataclass
@@ -83,9 +83,7 @@ def _problems(path: Path, config: ResultsVerifyConfig, campaign: Campaign) -> It
             yield from control_problems(row, campaign, seeds)
 
 
-def _audits(
-    record: EvaluationRecord, episodes: list[PlayedEpisode], campaign: Campaign
-) -> list[EpisodeAudit]:
+def _audits(record: EvaluationRecord, episodes: list[Episode], campaign: Campaign) -> list[EpisodeAudit]:
     from lerobot_env_bimanual.audit.episodes import EpisodeAudit
 
     options = tuple(sorted(record.options.items()))
@@ -101,12 +99,12 @@ def _audits(
     )
 
 
-def _demonstrated(row: ResultRow, audits: list[EpisodeAudit]) -> Iterator[str]:
+def _demonstrated(row: BenchmarkResult, audits: list[EpisodeAudit]) -> Iterator[str]:
     from lerobot_env_bimanual.audit.controls import demonstrated_placements
     from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
-    if row.trained_on and row.task not in resolve_tasks(row.trained_on):
-        yield f"it was trained on {row.trained_on}, of which {row.task} is none, and so on none of the demonstrations it names"
+    if row.config.trained_on and row.task not in resolve_tasks(row.config.trained_on):
+        yield f"it was trained on {row.config.trained_on}, of which {row.task} is none, and so on none of the demonstrations it names"
     placements = demonstrated_placements(row)
     for audit in audits:
         if audit.placement in placements:
@@ -116,7 +114,7 @@ def _demonstrated(row: ResultRow, audits: list[EpisodeAudit]) -> Iterator[str]:
 _auditors: dict[tuple[str, Options], EpisodeAuditor] = {}
 
 
-def _audit(job: tuple[str, Options, PlayedEpisode]) -> EpisodeAudit:
+def _audit(job: tuple[str, Options, Episode]) -> EpisodeAudit:
     """Play one episode in this process, in an environment that is kept for the next one of its kind."""
     from lerobot_env_bimanual.audit.episodes import EpisodeAuditor
 

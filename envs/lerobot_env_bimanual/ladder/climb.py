@@ -12,7 +12,6 @@ from typing import Any
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.record import EvaluationRecord, result_versions
 from lerobot_bimanual.json_file import shown
 from lerobot_bimanual.ladder.result import (
     LADDER_SCHEMA_VERSION,
@@ -23,6 +22,7 @@ from lerobot_bimanual.ladder.result import (
     rung_name,
 )
 from lerobot_bimanual.ladder.rung_certificate import RungCertificate
+from lerobot_bimanual.results.evaluation import EvaluationRecord, result_versions
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
@@ -226,11 +226,11 @@ class Climb:
             episodes=tuple(
                 RungEpisode(
                     seed=episode.seed,
-                    variation=episode.variation,
+                    variation=episode.variation or 0,
                     success=episode.success,
-                    failure=episode.failure,
-                    keyposes=episode.keyposes,
-                    ticks=episode.ticks,
+                    failure=episode.failure or "",
+                    keyposes=episode.keyposes or 0,
+                    ticks=episode.ticks or 0,
                 )
                 for episode in record.episodes
             ),

@@ -18,7 +18,7 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from lerobot.utils.random_utils import get_rng_state, set_rng_state, set_seed
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.record import EvaluationRecord
+from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.checkpoint import Checkpoint
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.episode_log import record_name
@@ -112,7 +112,7 @@ class RungRollout:
         episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
         if [episode.seed for episode in episodes] != list(seeds):
             raise BimanualError(f"{path} lacks episodes of the seeds {seeds.start}:{seeds.stop}")
-        return replace(record, episodes=episodes)
+        return record.model_copy(update={"episodes": episodes})
 
     def _make_processors(self, config: PreTrainedConfig, folder: str) -> dict[str, Any]:
         """What stands before and behind the policy, by the names that LeRobot's loop gives it."""

@@ -13,7 +13,7 @@ from PIL import Image
 
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
+from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env
 from lerobot_env_bimanual.experts.replanning import expert_of
 from lerobot_env_bimanual.rendering.rollout import recorded, rollout
@@ -50,7 +50,7 @@ class FailureVideo:
     poster: bytes
 
 
-def failure_video(task: str, options: Mapping[str, str], played: PlayedEpisode, policy: str) -> FailureVideo:
+def failure_video(task: str, options: Mapping[str, str | int], played: Episode, policy: str) -> FailureVideo:
     """Replay an episode, every state as recorded, then play the expert's, and show both side by side.
 
     Args:

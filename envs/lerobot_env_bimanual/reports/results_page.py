@@ -8,12 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from lerobot_bimanual.benchmark.episode_result import success_rate
-from lerobot_bimanual.benchmark.names import perturbed, place_name
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.evaluation.played_episode import PlayedEpisode
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
+from lerobot_bimanual.results.episode import Episode, success_rate
+from lerobot_bimanual.results.evaluation import eval_key
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.audit.blame import Blame
 from lerobot_env_bimanual.audit.blaming import blames_of
@@ -42,13 +41,13 @@ class Section:
     @property
     def who(self) -> str:
         """Name of the policy, if it is known."""
-        return "policy" if self.result.row is None else self.result.row.policy
+        return "policy" if self.result.row is None else self.result.row.config.policy
 
     @property
     def place(self) -> str:
         """Task, or one of its variations, with its perturbations."""
         record = self.result.record
-        return perturbed(place_name(record.task, record.options.get("variation", "any")), record.perturb)
+        return eval_key(record.task, record.options.get("variation", "any"), record.perturb)
 
     @cached_property
     def rates(self) -> dict[str, SuccessRate]:
@@ -76,8 +75,10 @@ class Section:
                 "checkpoint": f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps",
                 "chosen on val": "; ".join(validated) or "the only checkpoint, not validated",
                 "training": f"{row.training_seconds / 60:.1f} minutes on {machine}",
-                "demonstrations": f"{len(row.dataset.seeds)}, made by {row.dataset.command}",
-                "flags of the training": _assignments(row.flags),
+                "demonstrations": f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}",
+                "flags of the training": _assignments(
+                    row.config.model_dump(exclude={"training"}) | row.config.training
+                ),
                 "evaluated": row.date,
             }
         return facts | {
@@ -117,7 +118,7 @@ def sections_of(results: Sequence[Result], max_videos: int, pool: WorkerPool) ->
     return sections
 
 
-def _of_different_classes(section: Section) -> list[PlayedEpisode]:
+def _of_different_classes(section: Section) -> list[Episode]:
     """Failed episodes, in turns of each class of failure."""
     seen: Counter[str] = Counter()
     rank = {}
@@ -128,7 +129,7 @@ def _of_different_classes(section: Section) -> list[PlayedEpisode]:
     return sorted(failed, key=lambda episode: rank[episode.seed])
 
 
-def _video(job: tuple[str, dict[str, str], PlayedEpisode, str]) -> FailureVideo:
+def _video(job: tuple[str, dict[str, str | int], Episode, str]) -> FailureVideo:
     return failure_video(*job)
 
 
@@ -157,5 +158,5 @@ def _inline(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{b64encode(content).decode()}"
 
 
-def _assignments(values: Mapping[str, str]) -> str:
+def _assignments(values: Mapping[str, object]) -> str:
     return " ".join(f"{name}={value}" for name, value in values.items())

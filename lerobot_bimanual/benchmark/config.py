@@ -1,0 +1,265 @@
+"""Configuration of a benchmark: from flags to settings in which nothing is open, and back to the shortest flags."""
+
+import re
+import shlex
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe, RecipeName, option_text, option_value
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
+from lerobot_bimanual.results.benchmark import BenchmarkSettings
+
+OWN_TRAINING_FLAGS = (
+    "dataset.repo_id",
+    "dataset.root",
+    "policy.type",
+    "policy.path",
+    "policy.device",
+    "steps",
+    "batch_size",
+    "save_freq",
+    "seed",
+    "output_dir",
+    "resume",
+    "config_path",
+)
+OWN_EVALUATION_FLAGS = (
+    "policy.path",
+    "policy.device",
+    "env.type",
+    "env.task",
+    "env.variation",
+    "env.split",
+    "env.perturb",
+    "env.image_size",
+    "env.results_dir",
+    "eval.n_episodes",
+    "seed",
+    "output_dir",
+    "config_path",
+)
+"""Flags that the benchmark sets from its own, which `--train_flags` and `--eval_flags` therefore cannot hold."""
+OUTPUT_FLAGS = ("env.video_dir",)
+"""Flags of an evaluation that only add files."""
+INCIDENTAL = ("num_workers", "wandb.enable")
+"""Training options that decide nothing about what is learned."""
+NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
+"""Fields that a recipe and its protocol fill in."""
+
+
+@dataclass
+class BenchmarkConfig:
+    """Flags of the command `policy benchmark`."""
+
+    policy: str = "peract2"  # type of the policy, as for lerobot-train
+    task: str = "lift_ball"  # one registered task, no suite; `lerobot-bimanual task list` lists them
+    variation: str = "any"  # index, or `any` for one that each seed draws
+    # Tasks and suites, this one among them, from whose demonstrations one network learns. Benchmarks of its tasks share it,
+    # and its last checkpoint is scored. By default it learns from this task alone.
+    trained_on: str = ""
+    recipe: RecipeName = "small"  # file of the policy's training, and the numbers of the protocol
+    demos: int | None = None  # demonstrations; by default 100
+    image_size: int | None = None  # side in pixels; by default 128 (small) or 256 (paper)
+    steps: int | None = None  # optimiser steps; by default the recipe's
+    batch_size: int | None = None  # rows of the dataset per step; by default the recipe's
+    save_freq: int | None = None  # steps between checkpoints; by default the recipe's
+    # Per checkpoint; by default 20 (small) or 100 (paper). 0 scores none, where there is only one to choose.
+    val_episodes: int | None = None
+    test_episodes: int | None = None  # of the best checkpoint; by default 50 (small) or 100 (paper)
+    seed: int = 1000  # of the training
+    # Perturbations of the test and its baselines, and of nothing else: AXIS:LEVEL, several separated by commas.
+    perturb: str = ""
+    demos_perturb: str = ""  # perturbations of the demonstrations, likewise
+    first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
+    # Further flags of the training, in one text; they win over the recipe's.
+    train_flags: str = ""
+    eval_flags: str = ""  # further flags of lerobot-eval, in one text
+    device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
+    workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
+    output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and baselines here
+    dry_run: bool = False  # print the commands and run nothing
+
+
+def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
+    """Fill in recipe and protocol.
+
+    Raises:
+        BimanualError: a flag is outside its choices, policy or recipe is not installed, nothing would choose among several
+            checkpoints, or further flags are not allowed.
+    """
+    if not config.task.isidentifier():
+        raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
+    if not re.fullmatch("any|[0-9]{1,4}", config.variation):
+        raise BimanualError(
+            f"variation is {config.variation!r}, but must be an index of up to four digits, or any"
+        )
+    variation = config.variation if config.variation == "any" else str(int(config.variation))
+    trained_on = "" if config.trained_on == config.task else config.trained_on
+    config = replace(config, variation=variation, trained_on=trained_on)
+    if trained_on:
+        _check_several(config)
+        config = replace(config, val_episodes=0)
+    if config.recipe not in PROTOCOLS:
+        raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
+    recipe = Recipe.find(config.policy, config.recipe)
+    numbers = _numbers(config, recipe)
+    training = {
+        name: value
+        for name, value in recipe.options(numbers["image_size"]).items()
+        if name not in OWN_TRAINING_FLAGS or name == "policy.device"
+    }
+    usual_device = training.pop("policy.device", None)
+    own = {
+        "num_workers": 0,  # the dataset is in memory
+        "log_freq": max(1, numbers["save_freq"] // 5),
+    }
+    evaluation = _options("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS)
+    settings = BenchmarkSettings.of(
+        policy=config.policy,
+        task=config.task,
+        variation=variation,
+        trained_on=trained_on,
+        recipe=config.recipe,
+        **numbers,
+        seed=config.seed,
+        first_seed=config.first_seed,
+        perturb=levels_text(parse_levels(config.perturb)),
+        demos_perturb=levels_text(parse_levels(config.demos_perturb)),
+        device=config.device or usual_device,
+        training=training | own | _options("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
+        evaluation={name: value for name, value in evaluation.items() if name not in OUTPUT_FLAGS},
+    )
+    steps = settings.checkpoint_steps
+    if not settings.val_episodes and len(steps) > 1 and not trained_on:
+        raise BimanualError(
+            f"val_episodes is 0, so that nothing would choose among the checkpoints after {', '.join(map(str, steps))} "
+            f"steps; leave one with --save_freq={settings.steps}"
+        )
+    return settings
+
+
+def output_options(config: BenchmarkConfig) -> dict[str, Any]:
+    """Options of the evaluations that only add files."""
+    evaluation = _options("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS)
+    return {name: value for name, value in evaluation.items() if name in OUTPUT_FLAGS}
+
+
+def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
+    """Flags that resolve to these settings; what recipe and protocol say today is left out.
+
+    Raises:
+        BimanualError: policy or recipe is not installed, or the recipe now sets an option without which the policy was
+            trained.
+    """
+    recipe: Any = settings.recipe  # an unknown one is refused by `resolve`
+    named = BenchmarkConfig(policy=settings.policy, recipe=recipe)
+    usual = resolve(named)
+    copied = {
+        field.name: getattr(settings, field.name)
+        for field in fields(BenchmarkConfig)
+        if field.name in BenchmarkSettings.model_fields
+    }
+    if settings.trained_on:
+        copied["val_episodes"] = None  # its last checkpoint is scored
+    # The options of the training depend on these numbers, too.
+    today = resolve(BenchmarkConfig(**copied)).training
+    if unset := today.keys() - settings.training.keys() - {*INCIDENTAL}:
+        raise BimanualError(
+            f"the recipe {settings.recipe!r} of {settings.policy!r} now sets {', '.join(sorted(unset))}, without which the "
+            f"policy of {settings.task!r} was trained: add its value to `training` in the result, or train anew"
+        )
+    differing = {
+        name: value
+        for name, value in settings.training.items()
+        if name not in INCIDENTAL and (name not in today or today[name] != value)
+    }
+    copied |= {name: None for name in NUMBERS if copied[name] == getattr(usual, name)}
+    return BenchmarkConfig(**copied, train_flags=_text(differing), eval_flags=_text(settings.evaluation))
+
+
+def command(config: BenchmarkConfig) -> str:
+    """The command line of a benchmark, without the flags that have their defaults."""
+    return " ".join(["lerobot-bimanual", "policy", "benchmark", *_words(config).values()])
+
+
+def beyond_recipe(config: BenchmarkConfig) -> str:
+    """Flags of `policy benchmark` that change what is trained or how it is scored; "" if there are none."""
+    named = ("policy", "task", "variation", "recipe", "device")
+    return " ".join(word for name, word in _words(config).items() if name not in named)
+
+
+def _check_several(config: BenchmarkConfig) -> None:
+    """Refuse what a network for several tasks excludes."""
+    if not all(name.isidentifier() for name in config.trained_on.split(",")):
+        raise BimanualError(
+            f"trained_on is {config.trained_on!r}, but must be tasks and suites, separated by commas"
+        )
+    if config.variation != "any":
+        raise BimanualError(
+            f"variation is {config.variation}, but --trained_on={config.trained_on} has demonstrations of any: leave it out"
+        )
+    if config.val_episodes:
+        raise BimanualError(
+            f"val_episodes is {config.val_episodes}, but of a network for several tasks (--trained_on) the last checkpoint is "
+            "scored, since each task would choose another: leave it out"
+        )
+
+
+def _numbers(config: BenchmarkConfig, recipe: Recipe) -> dict[str, int]:
+    usual = vars(PROTOCOLS[config.recipe]) | vars(recipe)
+    given = {name: getattr(config, name) for name in NUMBERS}
+    return {name: usual[name] if number is None else number for name, number in given.items()}
+
+
+def _options(flag: str, text: str, own: Collection[str]) -> dict[str, Any]:
+    """Options in the text of one flag, by name.
+
+    Raises:
+        BimanualError: the text is not a list of `--name=value`, or sets what the benchmark sets itself.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise BimanualError(f"--{flag} is {text!r}, which a shell could not read: {error}") from error
+    options: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not (word.startswith("--") and equals):
+            raise BimanualError(f"--{flag} holds {word!r}, but must hold flags of the form --name=value")
+        if name in own:
+            raise BimanualError(f"--{flag} sets --{name}, which the benchmark sets itself from its own flags")
+        options[name] = option_value(value)
+    return options
+
+
+def _text(options: Mapping[str, Any]) -> str:
+    """Options as the text of one flag."""
+    return " ".join(_quoted(f"--{name}={option_text(value)}") for name, value in options.items())
+
+
+def _words(config: BenchmarkConfig) -> dict[str, str]:
+    """`--name=value` by name, for a shell, of the flags that name a result or do not have their defaults."""
+    return {
+        field.name: _readable(field.name, str(getattr(config, field.name)))
+        for field in fields(config)
+        if field.name in ("policy", "task", "recipe") or getattr(config, field.name) != field.default
+    }
+
+
+def _readable(name: str, value: str) -> str:
+    """`--name=value` for a shell, if possible with the value in double quotes, which are easier to read."""
+    word = f"--{name}={value}"
+    if shlex.quote(word) == word or set(value) & set('"$`!\\'):
+        return shlex.quote(word)
+    return f'--{name}="{value}"'
+
+
+def _quoted(word: str) -> str:
+    """A word with the quotes that `shlex.split` needs, and no more."""
+    try:
+        return word if shlex.split(word) == [word] else shlex.quote(word)
+    except ValueError:  # a quote that does not end
+        return shlex.quote(word)

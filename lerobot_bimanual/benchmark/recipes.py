@@ -1,0 +1,167 @@
+"""Recipes: how policies are trained, as config files of `lerobot-train` beside the policies, and the protocol of a test.
+
+A distribution adds recipes for a policy by an entry point `policy = "package"` in the group
+`lerobot_bimanual.recipes`; the files are `recipes/<name>.yaml` in that package. A recipe holds whatever
+`lerobot-train` can be told; a benchmark needs `policy.type`, `steps`, `batch_size`, `save_freq`, and `dataset.root`,
+whose last folder names the view that the policy learns from.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self, get_args
+
+import yaml
+
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.distributions import entries, location
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+
+GROUP = "lerobot_bimanual.recipes"
+RecipeName = Literal["small", "paper"]
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Numbers of a benchmark that do not concern the training, the same for every policy.
+
+    Attributes:
+        demos: expert demonstrations of the split `train`.
+        image_size: side of the images in pixels, in the demonstrations and in the evaluations.
+        val_episodes: episodes of the split `val` on which every checkpoint is scored to choose the best; 0 if there is
+            only one.
+        test_episodes: episodes of the split `test` on which the chosen checkpoint is scored.
+        intermediate: where on the way to a keypose observations are kept in the view `keyframes`, as fractions of the
+            motion. The paper keeps every tenth frame. They are seen with the label of the keypose that the hand is
+            nearly at, which teaches a small network to stay where it is (docs/learning.md).
+    """
+
+    demos: int
+    image_size: int
+    val_episodes: int
+    test_episodes: int
+    intermediate: tuple[float, ...]
+
+
+PROTOCOLS = {
+    "small": Protocol(demos=100, image_size=128, val_episodes=20, test_episodes=50, intermediate=()),
+    "paper": Protocol(
+        demos=100, image_size=256, val_episodes=100, test_episodes=100, intermediate=(0.35, 0.7)
+    ),
+}
+"""By the name of the recipe; the second is that of the PerAct2 paper."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a policy is trained.
+
+    Attributes:
+        sections: content of the file.
+        view: dataset view that the policy learns from.
+        steps: optimiser steps.
+        batch_size: rows of the dataset per step.
+        save_freq: steps from one checkpoint to the next.
+    """
+
+    sections: Mapping[str, Any]
+    view: schema.View
+    steps: int
+    batch_size: int
+    save_freq: int
+
+    @classmethod
+    def find(cls, policy: str, name: str) -> Self:
+        """The recipe of that name for a policy.
+
+        Raises:
+            InvalidChoice: no installed distribution has recipes for the policy, or it has none of that name.
+            BimanualError: the file is not a recipe.
+        """
+        packages = entries(GROUP)
+        if policy not in packages:
+            raise InvalidChoice("policy", policy, packages)
+        folder = location(packages[policy].value)
+        files = {path.stem: path for path in sorted(folder.glob("recipes/*.yaml"))} if folder else {}
+        if name not in files:
+            raise InvalidChoice(f"recipe for {policy}", name, files)
+        recipe = cls.read(files[name])
+        if (type_ := recipe.sections["policy"]["type"]) != policy:
+            raise BimanualError(
+                f"{files[name]} trains {type_!r}, but is installed as a recipe for {policy!r}"
+            )
+        return recipe
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """The recipe in a file.
+
+        Raises:
+            BimanualError: the file is not YAML, or lacks what a benchmark needs.
+        """
+        try:
+            sections = yaml.safe_load(path.read_text(encoding="utf-8"))
+            view = Path(sections["dataset"]["root"]).name
+            numbers = [int(sections[name]) for name in ("steps", "batch_size", "save_freq")]
+            sections["policy"]["type"]
+        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+            raise BimanualError(f"{path} is not a recipe of a benchmark: {error!r}") from error
+        if view not in schema.VIEWS:
+            raise InvalidChoice(f"last folder of dataset.root in {path}", view, get_args(schema.View))
+        return cls(sections, view, *numbers)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Cameras among the inputs that the recipe names; all five if it names none."""
+        inputs = self._features.keys()
+        named = [name for name in CAMERA_NAMES if inputs & {schema.image_key(name), schema.depth_key(name)}]
+        return tuple(named) or CAMERA_NAMES
+
+    @property
+    def depth(self) -> bool:
+        """Whether depth is among the inputs that the recipe names; true if it names none."""
+        inputs = self._features.keys()
+        return not inputs or bool(inputs & {schema.depth_key(name) for name in CAMERA_NAMES})
+
+    def options(self, image_size: int) -> dict[str, Any]:
+        """The recipe as options of `lerobot-train` by name, for images of that many pixels a side."""
+        options: dict[str, Any] = {}
+        for name, value in self.sections.items():
+            if isinstance(value, dict):
+                options |= {f"{name}.{key}": _normalised(inner) for key, inner in value.items()}
+            else:
+                options[name] = _normalised(value)
+        if self._features:
+            options["policy.input_features"] = {
+                key: feature | {"shape": [feature["shape"][0], image_size, image_size]}
+                if feature["type"] == "VISUAL"
+                else feature
+                for key, feature in self._features.items()
+            }
+        return options
+
+    @property
+    def _features(self) -> Mapping[str, Mapping[str, Any]]:
+        return self.sections["policy"].get("input_features") or {}
+
+
+def option_text(value: Any) -> str:
+    """The value of an option as the text of a flag."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def option_value(text: str) -> Any:
+    """The value of a flag's text: numbers, lists and the like as data, so that 2e-3 and 0.002 are equal."""
+    try:
+        value = json.loads(text)
+        json.dumps(value, allow_nan=False)
+    except (ValueError, RecursionError):
+        return text
+    return text if isinstance(value, str) else value
+
+
+def _normalised(value: Any) -> Any:
+    """A value of a YAML file, in which 2e-3 is a text."""
+    return option_value(value) if isinstance(value, str) else value

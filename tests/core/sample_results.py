@@ -1,0 +1,135 @@
+"""A sample result of a benchmark, and variants of it."""
+
+from pathlib import Path
+from typing import Any
+
+from lerobot_bimanual.results.action_text import actions_to_text
+from lerobot_bimanual.results.benchmark import (
+    BenchmarkResult,
+    BenchmarkSettings,
+    Demonstrations,
+    Machine,
+    Validation,
+)
+from lerobot_bimanual.results.episode import Episode, Proof
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
+
+VERSIONS = dict.fromkeys(SIMULATION_PACKAGES, "3")
+WORLD = "0123456789ab"
+
+
+def episodes(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
+    """One episode per letter, `x` solved and `.` not."""
+    return tuple(
+        Episode(seed=first_seed + index, success=letter == "x") for index, letter in enumerate(outcomes)
+    )
+
+
+def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
+    """The same with a proof in the form of a recorded one."""
+    proof = Proof(
+        instruction="lift the ball",
+        start="0a" * 32,
+        actions=(actions_to_text([[0.5] * 18]),),
+        links="00000",
+        end="0b" * 32,
+    )
+    return tuple(
+        Episode(
+            seed=first_seed + index,
+            variation=0,
+            success=letter == "x",
+            failure=None if letter == "x" else "out of time",
+            ticks=12,
+            keyposes=1,
+            first_met_tick=3 if letter == "x" else None,
+            proof=proof,
+        )
+        for index, letter in enumerate(outcomes)
+    )
+
+
+def reported(outcomes: str, variation: int = 0, first_seed: int = 0) -> tuple[Episode, ...]:
+    """The same as the expert or a baseline is reported."""
+    return tuple(
+        Episode(
+            seed=first_seed + index,
+            variation=variation,
+            success=letter == "x",
+            failure=None if letter == "x" else "fell",
+            state_hash=f"{index:016x}",
+        )
+        for index, letter in enumerate(outcomes)
+    )
+
+
+RESULT = BenchmarkResult(
+    schema_version=4,
+    config=BenchmarkSettings(
+        policy="mine",
+        task="lift_ball",
+        recipe="small",
+        demos=2,
+        image_size=128,
+        steps=4,
+        batch_size=2,
+        save_freq=2,
+        val_episodes=2,
+        test_episodes=4,
+        seed=1000,
+        training={
+            "policy.depth": 3,
+            "policy.shift": [0.5, 0],
+            "policy.head": None,
+            "policy.name": "plain",
+            "num_workers": 0,
+            "log_freq": 1,
+        },
+    ),
+    world=WORLD,
+    demonstrations=Demonstrations(settings={"first_seed": 0, "depth": True}, seeds=(0, 1), versions=VERSIONS),
+    checkpoint_step=4,
+    checkpoint_sha256="0f" * 32,
+    training_seconds=1.5,
+    machine=Machine(cpus=2),
+    options={"split": "test"},
+    batch_size=2,
+    versions=VERSIONS | {"torch": "2"},
+    date="2026-01-31",
+    validation=(Validation(step=2, episodes=episodes("..")), Validation(step=4, episodes=episodes(".x"))),
+    episodes=proved("xx.."),
+    expert=reported("xxxx"),
+    open_loop=reported("x..."),
+)
+
+
+def variant(
+    result: BenchmarkResult = RESULT, config: dict[str, Any] | None = None, **fields
+) -> BenchmarkResult:
+    """A result with other fields, and with other settings in its config."""
+    settings = BenchmarkSettings.of(**dict(result.config) | (config or {}))
+    return BenchmarkResult.of(**dict(result) | {"config": settings} | fields)
+
+
+def trained(
+    outcomes: str, seed: int = 1, policy: str = "mine", task: str = "lift_ball", first_seed: int = 0, **fields
+) -> BenchmarkResult:
+    """A training with that seed, tested on one episode per letter; nothing was to be chosen."""
+    count = len(outcomes)
+    config = {"policy": policy, "task": task, "seed": seed, "first_seed": first_seed, "test_episodes": count}
+    config |= {"save_freq": 4, "val_episodes": 0} | fields.pop("config", {})
+    usual = {
+        "episodes": proved(outcomes, first_seed),
+        "expert": reported("x" * count, first_seed=first_seed),
+        "open_loop": reported("x" + "." * (count - 1), first_seed=first_seed),
+        "checkpoint_sha256": f"{seed:064x}",
+        "validation": (),
+    }
+    return variant(config=config, **usual | fields)
+
+
+def put(folder: Path, result: BenchmarkResult) -> Path:
+    """Write a result under its name."""
+    path = folder / result.config.file_name
+    result.write(path)
+    return path

@@ -1,0 +1,79 @@
+"""Records survive their files, and a damaged file is refused with its name and field, or read as what it says."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mutations import check_clear, damaged_json
+from sample_results import RESULT, VERSIONS, proved, reported, variant
+
+from lerobot_bimanual.benchmark.pipeline import Marker
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.record import BadRecord, Record
+
+EXAMPLES: list[Record] = [
+    RESULT,
+    RESULT.evaluation,
+    Marker(command="true", inputs={"a": "0"}, done=True, seconds=1.5),
+]
+
+
+@pytest.mark.parametrize("record", EXAMPLES, ids=lambda record: type(record).__name__)
+def test_a_record_survives_its_file(record: Record, tmp_path: Path):
+    record.write(tmp_path / "record.json")
+    again = type(record).read(tmp_path / "record.json")
+    assert again == record
+    assert again.to_json() == record.to_json()
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("record", EXAMPLES, ids=lambda record: type(record).__name__)
+@given(data=st.data())
+def test_a_mutated_file_is_refused_with_its_name_or_reads_as_what_it_says(record, data, tmp_path_factory):
+    path = tmp_path_factory.mktemp("mutated") / "mutated.json"
+    path.write_bytes(data.draw(damaged_json(json.loads(record.to_json()))))
+    try:
+        read = type(record).read(path)
+    except BadRecord as error:
+        check_clear(error, "mutated.json: ")
+    else:
+        assert type(record).from_json(read.to_json()) == read
+
+
+@pytest.mark.parametrize("name", BenchmarkResult.model_fields)
+def test_a_missing_or_wrong_field_is_named(name: str):
+    content = json.loads(RESULT.to_json())
+    for changed in (content | {name: [[]]}, {key: content[key] for key in content if key != name}):
+        with pytest.raises(BadRecord, match=f"^{name}"):
+            BenchmarkResult.from_json(json.dumps(changed))
+
+
+@pytest.mark.parametrize(
+    ("config", "fields", "message"),
+    [
+        ({}, {"episodes": proved("xx..", first_seed=1)}, "episodes must be on the 4 seeds from 0 on"),
+        ({}, {"episodes": reported("xx..")}, "episodes: the episode of seed 0 must have a proof"),
+        ({}, {"expert": reported("xxx")}, "expert must be on the 4 seeds from 0 on"),
+        ({}, {"open_loop": ()}, "open_loop must be on the seeds of the policy"),
+        ({}, {"open_loop": reported("x...") + reported("x..", 1)}, "open_loop must be on the seeds"),
+        ({"save_freq": 1}, {}, r"validation must be of the checkpoints after \[1, 2, 3, 4\] steps"),
+        ({"val_episodes": 3}, {}, "validation must be on the 3 seeds from 0 on"),
+        ({}, {"checkpoint_step": 3}, "checkpoint_step must be one of the checkpoints"),
+        ({}, {"options": {"split": "val"}}, "options must hold the split 'test'"),
+        ({}, {"versions": VERSIONS | {"mujoco": "4"}}, "mujoco must be the same in demonstrations and test"),
+        ({}, {"date": "2026-02-30"}, "^date: "),
+        ({"seed": -1}, {}, "^seed: "),
+    ],
+)
+def test_parts_of_a_result_that_contradict_each_other_are_refused(config, fields, message):
+    with pytest.raises(BadRecord, match=message):
+        variant(config=config, **fields)
+
+
+@pytest.mark.parametrize("name", ["absent", "folder"])
+def test_what_is_not_a_file_is_refused(name: str, tmp_path: Path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BadRecord, match=f"{name}: (No such file|not a file)"):
+        BenchmarkResult.read(tmp_path / name)
