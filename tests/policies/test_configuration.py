@@ -65,7 +65,6 @@ def test_config_survives_saving(tmp_path):
         ({"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
         ({"heads": True}, BadConfig, "whole number"),
         ({"depth": 2.0}, BadConfig, "whole number"),
-        ({"compile": 1}, BadConfig, "true or false"),
         ({"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
         ({"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
         ({"workspace_upper": (1.0, 1.0)}, BadConfig, "3 numbers from -100 to 100"),

@@ -16,7 +16,7 @@ from lerobot_policy_bimanual.peract.factorised_head import (
 )
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.pooling import pool
-from lerobot_policy_bimanual.peract.stem_reading import StemReading
+from lerobot_policy_bimanual.peract.stem_features import StemFeatures
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 
 BINS = 72
@@ -193,12 +193,12 @@ def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution
     torch.testing.assert_close(network(*inputs, labels(voxel)).translation.cross_entropy(voxel), expected)
 
 
-def read_stem(stem: torch.Tensor) -> StemReading:
+def read_stem(stem: torch.Tensor) -> StemFeatures:
     """Reading of voxel features (b, 4, v, v, v) that are positive, so that a layer can give them as they are."""
     layer = PointwiseConv3d(4, 4)
     with torch.no_grad():
         layer.conv.weight.copy_(torch.eye(4).view(4, 4, 1, 1, 1))
-    return StemReading(stem, layer, PatchConv3d(4, 4, centred=False))
+    return StemFeatures(stem, layer, PatchConv3d(4, 4, centred=False))
 
 
 def test_a_voxels_score_depends_on_what_lies_in_line_with_it_however_far():

@@ -28,7 +28,7 @@ from lerobot_bimanual.dataset.schema import (
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.keypose.fields import check_fields, choice, flag, real, reals, texts, whole
+from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
 from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
 DTYPES = ("float32", "bfloat16")
@@ -37,6 +37,9 @@ OPTIMIZERS = ("adamw", "lamb")
 LR_SCHEDULES = ("cosine", "constant")
 LEARNED_LANGUAGE = "learned"
 CLIP_PREFIX = "clip:"
+
+MAX_INSTRUCTION_CHARACTERS = 10_000
+"""Total length of the instructions of a training that a config stores."""
 
 SCHEDULE_STEPS = 1_000_000
 """LeRobot shrinks a longer schedule to the length of the training, so this fits any length."""
@@ -61,74 +64,74 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # RGB-D cameras to use, any subset of the five, as in `["front", "left_wrist"]`.
     cameras: tuple[str, ...] = CAMERA_NAMES
     # Lower corner of the workspace in metres. Keyposes outside it cannot be predicted.
-    workspace_lower: tuple[float, float, float] = reals(VOXEL_WORKSPACE.lower, -100, 100)
+    workspace_lower: tuple[float, float, float] = number(VOXEL_WORKSPACE.lower, -100, 100)
     # Upper corner of the workspace in metres.
-    workspace_upper: tuple[float, float, float] = reals(VOXEL_WORKSPACE.upper, -100, 100)
+    workspace_upper: tuple[float, float, float] = number(VOXEL_WORKSPACE.upper, -100, 100)
     # Voxels per axis (the field's name for it). 100 in simulation, 50 on the paper's real robot.
-    voxel_size: int = whole(100, 1, 512)
+    voxel_size: int = number(100, 1, 512)
     # Width of the rotation bins in degrees; 5 makes 72 bins per axis.
-    rotation_bin_deg: float = real(5.0, 0.5, 180)
+    rotation_bin_deg: float = number(5.0, 0.5, 180)
     # Tell the network how many keyposes were executed, as the paper does. Experts take a constant number of keyposes, so
     # the count tells the stage of the task.
-    use_keypose_step: bool = flag(True)
+    use_keypose_step: bool = True
     # Keyposes over which the time feature falls from +1 to -1. When it is not set, a new policy takes one more than the
     # most keyposes of any episode in its dataset (PerAct2 code: 25 for all tasks). Fewer make it a stronger signal for
     # short tasks.
-    keypose_horizon: int | None = whole(None, 2, 1000)
+    keypose_horizon: int | None = number(None, 2, 1000, unset=True)
     # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
     # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/pitfalls.md).
     decode: str = choice("voxel", DECODINGS)
 
     # Channels of the features of a voxel or pixel.
-    channels: int = whole(64, 1, 1024)
+    channels: int = number(64, 1, 1024)
     # Heads of the self-attentions.
-    heads: int = whole(8, 1, 128)
+    heads: int = number(8, 1, 128)
     # Inner over outer width of the feed-forwards.
-    feedforward_multiplier: int = whole(4, 1, 16)
+    feedforward_multiplier: int = number(4, 1, 16)
     # Dropout of attention weights.
-    attention_dropout: float = real(0.1, 0, 0.9)
+    attention_dropout: float = number(0.1, 0, 0.9)
 
     # `learned`, trained with the policy, or `clip:<local path or hub id>` for the paper's frozen CLIP tokens.
     language_encoder: str = LEARNED_LANGUAGE
     # Tokens per instruction (CLIP: 77).
-    language_tokens: int = whole(77, 1, 1024)
+    language_tokens: int = number(77, 1, 1024)
     # Width of a language token (CLIP: 512).
-    language_dim: int = whole(512, 1, 8192)
+    language_dim: int = number(512, 1, 8192)
     # Add language-conditioned filters to the first layer, which find a colour or a height anywhere (departure from the
     # paper). A dense translation head has none.
-    language_filters: bool = flag(False)
+    language_filters: bool = False
 
     # `bfloat16` runs the network under autocast. Geometry, softmax and losses stay in `float32`.
     dtype: str = choice("float32", DTYPES)
     # Compile the network with torch.compile at its first use.
-    compile: bool = flag(False)
+    compile: bool = False
 
     # Move the scene and its labels at random during training.
-    augmentation: bool = flag(True)
+    augmentation: bool = True
     # Largest shift along x, y, z in metres (paper: an eighth of a metre).
-    augmentation_shift_m: tuple[float, float, float] = reals((0.125, 0.125, 0.125), 0, 10)
+    augmentation_shift_m: tuple[float, float, float] = number((0.125, 0.125, 0.125), 0, 10)
     # Largest rotation about the vertical in degrees (paper: 45). Learning in minutes instead of days wants less, see
     # docs/pitfalls.md.
-    augmentation_yaw_deg: float = real(45.0, 0, 180)
+    augmentation_yaw_deg: float = number(45.0, 0, 180)
     # Rotations are multiples of this, in degrees (PerAct2 code: 5).
-    augmentation_yaw_step_deg: float = real(5.0, 0.01, 180)
+    augmentation_yaw_step_deg: float = number(5.0, 0.01, 180)
 
     # `adamw`, or `lamb` as in PerAct2's code, which trained at 5e-4 without warm-up.
     optimizer: str = choice("adamw", OPTIMIZERS)
     # Learning rate.
-    optimizer_lr: float = real(5e-4, 0, 10)
+    optimizer_lr: float = number(5e-4, 0, 10)
     # Weight decay.
-    optimizer_weight_decay: float = real(1e-2, 0, 10)
+    optimizer_weight_decay: float = number(1e-2, 0, 10)
     # Largest gradient norm; 0 for no clipping.
-    optimizer_grad_clip_norm: float = real(5.0, 0, 1e6)
+    optimizer_grad_clip_norm: float = number(5.0, 0, 1e6)
     # `cosine` (with warm-up) or `constant` (PerAct2 code).
     lr_schedule: str = choice("cosine", LR_SCHEDULES)
     # Share of the training steps in which the learning rate rises.
-    warmup_fraction: float = real(0.05, 0, 1)
+    warmup_fraction: float = number(0.05, 0, 1)
     # Learning rate at the end over the one at the peak.
-    final_lr_fraction: float = real(0.02, 0, 1)
+    final_lr_fraction: float = number(0.02, 0, 1)
 
-    trained_instructions: tuple[str, ...] = texts(1000, 1000)  # those of its dataset, filled in by training
+    trained_instructions: tuple[str, ...] = ()  # those of its dataset, filled in by training
 
     def __post_init__(self):
         """Refuse values that no policy can work with.
@@ -238,12 +241,9 @@ class KeyposePolicyConfig(PreTrainedConfig):
         Args:
             dataset_meta: LeRobot's metadata of the dataset.
         """
-        tasks = dataset_meta.tasks
-        self.trained_instructions = () if tasks is None else tuple(str(text) for text in tasks.index)
-        try:
-            check_fields(self)
-        except BadConfig:
-            self.trained_instructions = ()  # too many or too long to be worth a warning
+        tasks = () if dataset_meta.tasks is None else tuple(map(str, dataset_meta.tasks.index))
+        # A dataset of very many sentences has no typical one, so a warning would tell nothing.
+        self.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
         for key, feature in dataset_to_policy_features(dataset_meta.features).items():
             if self.input_features and key in self.input_features:
                 self.input_features[key] = feature

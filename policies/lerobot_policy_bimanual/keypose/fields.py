@@ -3,7 +3,7 @@
 The ranges are wide. They exclude what cannot work, and sizes that would fill the memory of a machine.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field, fields
 from numbers import Integral, Real
 from typing import Any
@@ -15,45 +15,33 @@ CHECK = "check"
 """Key of a field's check in its metadata."""
 
 
-def whole(default: int | None, low: int, high: int) -> Any:
-    """Make a field for a whole number, or None if that is the default."""
-    unset = " or unset" if default is None else ""
-    return _field(default, _within(Integral, low, high), f"a whole number from {low} to {high}{unset}")
+def number(default: float | tuple[float, ...] | None, low: float, high: float, unset: bool = False) -> Any:
+    """Make a field for a number of the default's type, or for as many numbers as the default has.
 
+    Args:
+        default: a default with a fraction, such as 1.0, allows any real number; others allow whole numbers. `low` tells
+            the type if it is None.
+        low: smallest value.
+        high: largest value.
+        unset: whether None is allowed, too.
+    """
+    shown = default if isinstance(default, tuple) else (low if default is None else default,)
+    kind, word = (Real, "number") if isinstance(shown[0], float) else (Integral, "whole number")
+    many = f"{len(shown)} {word}s" if isinstance(default, tuple) else f"a {word}"
 
-def real(default: float, low: float, high: float) -> Any:
-    """Make a field for a number."""
-    return _field(default, _within(Real, low, high), f"a number from {low} to {high}")
+    def check(name: str, value: Any) -> None:
+        values = value if isinstance(default, tuple) else (value,)
+        if value is None and unset:
+            return
+        if not isinstance(values, tuple | list) or len(values) != len(shown) or not all(map(holds, values)):
+            raise BadConfig(
+                f"{name} is {value!r}, but must be {many} from {low} to {high}{' or unset' * unset}"
+            )
 
+    def holds(value: Any) -> bool:
+        return isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high
 
-def wholes(default: tuple[int, ...], low: int, high: int, max_length: int) -> Any:
-    """Make a field for a list of whole numbers."""
-    allowed = f"a list of up to {max_length} whole numbers from {low} to {high}"
-    return _field(default, _within(Integral, low, high), allowed, range(max_length + 1))
-
-
-def reals(default: tuple[float, ...], low: float, high: float) -> Any:
-    """Make a field for as many numbers as the default has."""
-    count = len(default)
-    return _field(
-        default, _within(Real, low, high), f"{count} numbers from {low} to {high}", range(count, count + 1)
-    )
-
-
-def texts(max_length: int, max_characters: int) -> Any:
-    """Make a field for a list of texts, empty by default."""
-    allowed = f"a list of up to {max_length} texts of up to {max_characters} characters"
-    return _field(
-        (),
-        lambda text: isinstance(text, str) and len(text) <= max_characters,
-        allowed,
-        range(max_length + 1),
-    )
-
-
-def flag(default: bool) -> Any:
-    """Make a field for true or false."""
-    return _field(default, lambda value: isinstance(value, bool), "true or false")
+    return field(default=default, metadata={CHECK: check})
 
 
 def choice(default: str, choices: Sequence[str]) -> Any:
@@ -87,21 +75,3 @@ def require_multiple(config: Any, name: str, divisor: int, why: str) -> None:
     value = getattr(config, name)
     if value < divisor or value % divisor:
         raise BadConfig(f"{name}={value} must be a multiple of {divisor}: {why}")
-
-
-def _field(
-    default: Any, holds: Callable[[Any], bool], allowed: str, lengths: Sequence[int] | None = None
-) -> Any:
-    """Make a field for one value, or for a list with one of `lengths`, of which `holds` is true."""
-
-    def check(name: str, value: Any) -> None:
-        values = [value] if lengths is None else value
-        listed = isinstance(values, tuple | list) and (lengths is None or len(values) in lengths)
-        if not (value is default is None or (listed and all(map(holds, values)))):
-            raise BadConfig(f"{name} is {value!r}, but must be {allowed}")
-
-    return field(default=default, metadata={CHECK: check})
-
-
-def _within(kind: type, low: float, high: float) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high

@@ -1,12 +1,12 @@
-"""What all keypose policies share: LeRobot's contract around a network that predicts the next keypose."""
+"""The base of all keypose policies: LeRobot's policy interface around a network that predicts the next keypose."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
 import torch
-from huggingface_hub import ModelCard
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
@@ -24,31 +24,24 @@ from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
-PLUGIN_TAG = "lerobot_policy_bimanual"
-LORA_TARGETS = (
-    r"network\..*"
-    r"((attention|read|answer\.\d+)\.(query|key_value|out)|feed_forward(\.\d+)?\.(widen|narrow))"
-)
-"""Regular expression of whole names of modules, as PEFT reads it: layers of `Attention` and of `FeedForward`."""
-
 
 class KeyposePolicy(PreTrainedPolicy):
     """Predicts, from one RGB-D observation, the next keypose of both arms.
 
-    A subclass says what the network is, and in which form it sees the scene. The policy keeps no state between calls:
-    how far the episode has come stands in the observation.
+    A subclass defines the network and its input. The policy keeps no state between calls: the observation counts the
+    keyposes executed so far.
 
     Args:
         config: the policy's config.
-        dataset_stats: statistics of the dataset, which LeRobot passes in training; for `keypose_horizon`.
-        dataset_meta: the dataset's metadata, which LeRobot passes in training, too; the config keeps what it shows.
-        **kwargs: whatever else LeRobot passes; not needed.
+        dataset_stats: statistics of the dataset, which LeRobot passes in training; they set `keypose_horizon`.
+        dataset_meta: metadata of the dataset, which LeRobot passes in training; see `KeyposePolicyConfig.remember_dataset`.
+        **kwargs: other arguments of LeRobot, not used.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     config_class = KeyposePolicyConfig  # pyright: ignore[reportAssignmentType]
     name = "keypose"  # pyright: ignore[reportAssignmentType]
-    # What FSDP shards as a unit, in the words of LeRobot 0.7 and in accelerate's own.
+    # Units of FSDP's sharding, by the attribute of LeRobot 0.7 and by accelerate's.
     _fsdp_wrap_modules = ("Attention", "FeedForward")
     _no_split_modules = _fsdp_wrap_modules
 
@@ -81,13 +74,13 @@ class KeyposePolicy(PreTrainedPolicy):
 
     @abstractmethod
     def scene(self, observation: Observation) -> Tensor:
-        """The cloud as the network sees it."""
+        """Convert the cloud to the network's input."""
 
     def predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
         """Run the network.
 
         Args:
-            observation: what is seen.
+            observation: the cloud, proprioception and instructions.
             target: the label in training, for heads that are conditioned on it; None at inference.
         """
         language = self.language(observation.instructions)
@@ -95,37 +88,20 @@ class KeyposePolicy(PreTrainedPolicy):
 
     @classmethod
     def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Load the weights of a checkpoint, strictly on every way that LeRobot takes: by default it warns only.
+        """Load the weights of a checkpoint strictly, where LeRobot by default only warns.
 
         Raises:
-            CheckpointError: some are missing, too many, of another shape or not finite.
+            CheckpointError: weights are missing, unknown, of another shape or not finite.
         """
         load_weights(model, Path(model_file))
         return model
-
-    def generate_model_card(  # pyright: ignore[reportIncompatibleMethodOverride]
-        self,
-        dataset_repo_id: str,
-        model_type: str,
-        license: str | None,
-        tags: list[str] | None,
-        cfg: Any = None,
-        dataset_meta: Any = None,
-    ) -> ModelCard:
-        """LeRobot's card of a policy, tagged with the distribution that has to be installed to load it."""
-        tags = [*(tags or []), PLUGIN_TAG]
-        return super().generate_model_card(dataset_repo_id, model_type, license, tags, cfg, dataset_meta)
-
-    def _get_default_peft_targets(self) -> dict[str, Any]:
-        """What LoRA adapts unless told: attentions and feed-forwards of the network, not those of the language."""
-        return {"target_modules": LORA_TARGETS, "modules_to_save": []}
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""
         return [parameter for parameter in self.parameters() if parameter.requires_grad]
 
     def reset(self) -> None:
-        """Nothing to forget between episodes."""
+        """Do nothing: the policy keeps no state."""
 
     def forward(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Training loss on a batch with labels.
@@ -181,7 +157,7 @@ class KeyposePolicy(PreTrainedPolicy):
 
     @torch.no_grad()
     def infer(self, batch: dict[str, Any]) -> tuple[Observation, KeyposePrediction, Tensor]:
-        """What is seen, what is predicted from it, and the next keypose (b, 18) that is chosen."""
+        """Return the observation, the prediction, and the chosen next keypose (b, 18)."""
         self.eval()
         device = next(self.parameters()).device
         with full_precision(device):
@@ -191,10 +167,10 @@ class KeyposePolicy(PreTrainedPolicy):
             return observation, prediction, self._decode(prediction)
 
     def observe(self, batch: dict[str, Any], motion: Tensor | None = None) -> Observation:
-        """What is seen in a batch, moved by (b, 4, 4) world-frame motions if there are any.
+        """Convert a batch to an observation, moved by (b, 4, 4) world-frame transforms if there are any.
 
         Raises:
-            BadObservation: something is missing, of another form, or cannot be true.
+            BadObservation: something is missing, of another shape, or cannot be true.
         """
         self._check_observation(batch)
         observation = observe(
@@ -205,14 +181,9 @@ class KeyposePolicy(PreTrainedPolicy):
         return observation
 
     def target_bins(self, keyposes: Tensor) -> KeyposeBins:
-        """Bins of the labels; positions outside the workspace count as its nearest voxel."""
+        """Bins of the labels, with positions outside the workspace in its nearest voxel."""
         bins = self.codec.encode(keyposes)
-        return KeyposeBins(
-            bins.voxel.clamp(0, self.codec.bins.voxels - 1),
-            bins.rotation,
-            bins.gripper_open,
-            bins.ignore_collisions,
-        )
+        return replace(bins, voxel=bins.voxel.clamp(0, self.codec.bins.voxels - 1))
 
     def _predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
         enabled = self.config.dtype == "bfloat16"
@@ -233,7 +204,7 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
         return LearnedLanguage(**sizes)
     try:
         return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
-    except Exception as error:  # of transformers, safetensors or the Hub, whatever is wrong with the tower
+    except Exception as error:  # transformers, safetensors and the Hub raise many kinds
         reason = " ".join(str(error).split())
         raise BadConfig(
             f"no text tower can be made of language_encoder={config.language_encoder!r}, which must name the folder or "

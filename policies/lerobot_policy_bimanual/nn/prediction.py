@@ -1,8 +1,8 @@
-"""What a keypose network predicts: one categorical distribution per part of the discrete keypose."""
+"""Predictions of a keypose network: one categorical distribution per part of the discrete keypose."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, cast
 
 import torch
 from torch import Tensor
@@ -13,13 +13,12 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 
 @dataclass(frozen=True, eq=False)
 class VoxelCandidates:
-    """The voxels worth choosing from.
+    """The most probable voxels.
 
     Attributes:
         voxel: (b, arms, n, 3) int64.
         score: (b, arms, n) log-probability up to a constant; -inf for padding.
-        offset: (b, arms, n, 3) where in the voxel the position is expected, in voxels from its centre; None for
-            the centre.
+        offset: (b, arms, n, 3) expected position in the voxel, in voxels from its centre; None for the centre.
     """
 
     voxel: Tensor
@@ -46,18 +45,18 @@ class TranslationPrediction(Protocol):
         """Negative log-likelihood (b, arms) in nats of targets.
 
         Args:
-            voxel: (b, arms, 3) int64, the voxels they lie in.
-            offset: (b, arms, 3) where in them, from -0.5 to 0.5 voxels off the centre; None for the centre. Only
-                heads that tell cells of a voxel apart look at it.
+            voxel: (b, arms, 3) int64, the target voxels.
+            offset: (b, arms, 3) position in them, from -0.5 to 0.5 voxels off the centre; None for the centre. Only
+                heads with sub-voxel bins use it.
         """
         ...
 
     def candidates(self) -> VoxelCandidates:
-        """At least the most probable voxel and what is known of its neighbours."""
+        """Give at least the most probable voxel and its neighbours."""
         ...
 
     def probabilities(self) -> Tensor:
-        """Every voxel's probability (b, arms, v, v, v), to look at: too much for training at full size."""
+        """Probabilities (b, arms, v, v, v) of all voxels, for inspection: too large for training at full size."""
         ...
 
 
@@ -81,7 +80,7 @@ class KeyposePrediction:
         """The most probable class of every part.
 
         Args:
-            candidates: those of the translation, by a caller that has asked for them already.
+            candidates: candidates of the translation, if the caller has computed them already.
         """
         return KeyposeBins(
             voxel=(candidates or self.translation.candidates()).best(),
@@ -89,6 +88,13 @@ class KeyposePrediction:
             gripper_open=self.gripper_open.argmax(dim=-1),
             ignore_collisions=self.ignore_collisions.argmax(dim=-1),
         )
+
+
+def neighbours(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """Voxels (..., 27, 3) around voxels (..., 3), themselves included, and which (..., 27) are in the grid."""
+    step = torch.arange(-1, 2, device=voxel.device)
+    around = voxel[..., None, :] + torch.cartesian_prod(step, step, step)
+    return around, ((around >= 0) & (around < size)).all(dim=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,35 +116,30 @@ class JointTranslation:
 
     def candidates(self) -> VoxelCandidates:
         """The candidates of all arms."""
-        parts = [part.candidates() for part in self.parts]
-        offsets = [part.offset for part in parts if part.offset is not None]  # all of them or none
-        return VoxelCandidates(
-            torch.cat([part.voxel for part in parts], dim=1),
-            torch.cat([part.score for part in parts], dim=1),
-            torch.cat(offsets, dim=1) if offsets else None,
-        )
+        return _joined([part.candidates() for part in self.parts])
 
     def probabilities(self) -> Tensor:
-        """Every voxel's probability (b, arms, v, v, v)."""
+        """Probabilities (b, arms, v, v, v) of all voxels."""
         return torch.cat([part.probabilities() for part in self.parts], dim=1)
 
 
 def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:
-    """One prediction for all arms from one-arm predictions."""
-    return KeyposePrediction(
-        translation=JointTranslation(tuple(prediction.translation for prediction in predictions)),
-        rotation=torch.cat([prediction.rotation for prediction in predictions], dim=1),
-        gripper_open=torch.cat([prediction.gripper_open for prediction in predictions], dim=1),
-        ignore_collisions=torch.cat([prediction.ignore_collisions for prediction in predictions], dim=1),
-    )
+    """Join one-arm predictions to one for all arms."""
+    # Not one tensor of all logits: the softmax of a CPU rounds another way for another number of rows.
+    translation = JointTranslation(tuple(prediction.translation for prediction in predictions))
+    return _joined([replace(prediction, translation=translation) for prediction in predictions])
+
+
+def _joined[T](parts: Sequence[T]) -> T:
+    """One dataclass of several, with their tensors concatenated along axis 1, the arms, and all else of the first."""
+    joined = {}
+    for field in fields(cast(Any, parts[0])):
+        values = [getattr(part, field.name) for part in parts]
+        joined[field.name] = torch.cat(values, dim=1) if isinstance(values[0], Tensor) else values[0]
+    return type(parts[0])(**joined)
 
 
 def one_arm(keypose: KeyposeBins, arm: Arm) -> KeyposeBins:
     """One arm's bins (b, 1, ...) of both arms' (b, 2, ...)."""
     index = slice(arm.ordinal, arm.ordinal + 1)
-    return KeyposeBins(
-        keypose.voxel[:, index],
-        keypose.rotation[:, index],
-        keypose.gripper_open[:, index],
-        keypose.ignore_collisions[:, index],
-    )
+    return KeyposeBins(*(getattr(keypose, field.name)[:, index] for field in fields(keypose)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.fields import choice, flag, require_multiple, whole, wholes
+from lerobot_policy_bimanual.keypose.fields import choice, number, require_multiple
 
 TRANSLATION_HEADS = ("dense", "factorised")
 PATCH = 5
@@ -19,26 +19,26 @@ class PerActConfig(KeyposePolicyConfig):
     """
 
     # Width of the Perceiver's input tokens, half voxels and half proprioception.
-    token_dim: int = whole(128, 2, 8192)
+    token_dim: int = number(128, 2, 8192)
     # Perceiver latents per network, shared evenly by the arms that it predicts.
-    num_latents: int = whole(2048, 1, 65536)
+    num_latents: int = number(2048, 1, 65536)
     # Width of the latents.
-    latent_dim: int = whole(512, 1, 8192)
+    latent_dim: int = number(512, 1, 8192)
     # Self-attention blocks per arm.
-    depth: int = whole(6, 1, 64)
+    depth: int = number(6, 1, 64)
     # `dense`, the paper's softmax over all voxels, or `factorised`, the same distribution as patch times voxel in patch,
     # several times cheaper.
     translation_head: str = choice("dense", TRANSLATION_HEADS)
     # With the factorised head, sub-voxel bins per axis, so that `decode=expectation` is finer than a voxel; 0 for none
     # (departure from the paper).
-    voxel_cells: int = whole(0, 0, 100)
+    voxel_cells: int = number(0, 0, 100)
     # With the factorised head, dilations of further convolutions over the projections of the voxel features, which see as
     # many voxels further to every side: [3,9] for targets in free space at 25 voxels (departure from the paper).
-    projection_dilations: tuple[int, ...] = wholes((), 1, 512, max_length=16)
+    projection_dilations: tuple[int, ...] = ()
     # Append the squares of colours and voxel indices to the grid, so that one filter can peak inside a range: at purple,
     # between red and blue, or at the middle drawer (departure from the paper).
-    quadratic_features: bool = flag(False)
-    activation_checkpointing: bool = flag(False)  # recompute the dense head backwards: less memory, more time
+    quadratic_features: bool = False
+    activation_checkpointing: bool = False  # recompute the dense head backwards: less memory, more time
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.
@@ -47,15 +47,20 @@ class PerActConfig(KeyposePolicyConfig):
             BadConfig: as in the base, or they do not.
         """
         super().__post_init__()
+        dilations = self.projection_dilations
+        if (
+            not all(isinstance(dilation, int) and 1 <= dilation <= 512 for dilation in dilations[:16])
+            or dilations[16:]
+        ):
+            raise BadConfig(
+                f"projection_dilations is {dilations!r}, but must be a list of up to 16 whole numbers from 1 to 512"
+            )
         if self.voxel_cells == 1 or (self.voxel_cells and self.translation_head == "dense"):
             raise BadConfig(
                 f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
             )
-        if self.projection_dilations and self.translation_head == "dense":
-            raise BadConfig(
-                f"projection_dilations={list(self.projection_dilations)} must be [] without "
-                "translation_head=factorised"
-            )
+        if dilations and self.translation_head == "dense":
+            raise BadConfig(f"projection_dilations={list(dilations)} needs translation_head=factorised")
         if self.language_filters and self.translation_head == "dense":
             raise BadConfig("language_filters=true needs translation_head=factorised")
         require_multiple(self, "voxel_size", PATCH, "a patch is five voxels wide")

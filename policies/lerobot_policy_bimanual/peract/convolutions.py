@@ -12,10 +12,7 @@ from lerobot_policy_bimanual.peract.config import PATCH
 
 
 class _PadReplicate(torch.autograd.Function):
-    """`F.pad(mode="replicate")` without keeping its input, and with a backward pass that suits channels-last maps.
-
-    PyTorch's own adds up all voxels one by one; but only the border needs it, the inside is a copy.
-    """
+    """`F.pad(mode="replicate")` that keeps no input, with a backward pass that only sums the border of channels-last maps."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, before: int, after: int) -> Tensor:

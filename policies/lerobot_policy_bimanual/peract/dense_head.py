@@ -9,7 +9,7 @@ from torch.utils.checkpoint import checkpoint
 
 from lerobot_policy_bimanual.nn.layers import activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
-from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates, neighbours
 from lerobot_policy_bimanual.peract.config import PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import (
     ActivatedConv3d,
@@ -44,19 +44,17 @@ class DenseTranslation:
         flat = self.logits.flatten(2)
         best = flat.argmax(dim=-1)
         best = torch.stack([best // V**2, best // V % V, best % V], dim=-1)  # (b, arms, 3)
-        step = torch.arange(-1, 2, device=best.device)
-        voxel = best[:, :, None] + torch.cartesian_prod(step, step, step)  # (b, arms, 27, 3)
-        inside = ((voxel >= 0) & (voxel < V)).all(dim=-1)
+        voxel, inside = neighbours(best, V)  # (b, arms, 27, 3)
         index = ((voxel[..., 0] * V + voxel[..., 1]) * V + voxel[..., 2]).clamp(0, V**3 - 1)
         return VoxelCandidates(voxel, flat.gather(-1, index).masked_fill(~inside, -torch.inf))
 
     def probabilities(self) -> Tensor:
-        """Every voxel's probability (b, arms, v, v, v)."""
+        """Probabilities (b, arms, v, v, v) of all voxels."""
         return self.logits.flatten(2).softmax(dim=-1).view_as(self.logits)
 
 
 class SkipConv3d(nn.Module):
-    """3x3x3 convolution of a skip map joined with another map, the skip half computed once for all arms."""
+    """3x3x3 convolution of a skip map concatenated with another map; the skip half is computed once for all arms."""
 
     def __init__(self, channels: int):
         super().__init__()
@@ -64,12 +62,12 @@ class SkipConv3d(nn.Module):
         init_activated(self.conv)
 
     def skip_half(self, skip: Tensor) -> Tensor:
-        """Contribution (b, c, v, v, v) of the skip map, bias included."""
+        """Contribution (b, c, v, v, v) of the skip map, with the bias."""
         channels = self.conv.out_channels
         return F.conv3d(pad_replicate(skip, 1, 1), self.conv.weight[:, :channels], self.conv.bias)
 
     def forward(self, skip_half: Tensor, x: Tensor) -> Tensor:
-        """Join `skip_half(...)` and x (b, c, v + 2, v + 2, v + 2), which has its border already; LeakyReLU."""
+        """Add `skip_half(...)` and the convolution of x (b, c, v + 2, v + 2, v + 2), which is padded already; LeakyReLU."""
         channels = self.conv.out_channels
         return activate(F.conv3d(x, self.conv.weight[:, channels:]).add_(skip_half))
 
@@ -111,9 +109,9 @@ class DenseTranslationHead(nn.Module):
 
     @staticmethod
     def read(
-        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: None
+        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, filters: None
     ) -> tuple[Tensor, Tensor]:
-        """The stem of a grid (b, 10, v, v, v), and its patches (b, p^3, token_dim / 2); without filters of words."""
+        """Compute stem features of a grid (b, 10, v, v, v), and patch tokens (b, p^3, token_dim / 2)."""
         features = stem(grid)
         return features, patchify(features)
 
@@ -124,9 +122,9 @@ class DenseTranslationHead(nn.Module):
 
         Args:
             stem: (b, channels, v, v, v) voxel features.
-            patches: ignored; the factorised head needs them.
-            answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
-            target_voxel: ignored; the factorised head needs it.
+            patches: not used; the factorised head needs them.
+            answers: (b, arms, token_dim, p, p, p) the trunk's features of each patch.
+            target_voxel: not used; the factorised head needs it.
 
         Returns:
             The distribution, and pooled features (b, arms, feature_dim) of stem, answers and fine map.

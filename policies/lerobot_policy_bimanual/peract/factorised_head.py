@@ -1,11 +1,8 @@
-"""A cheaper translation head: the same distribution over voxels, factored into patch and voxel in patch.
+"""A cheaper translation head: the distribution over voxels, factored into patch and voxel in patch.
 
-p(voxel) = p(patch) p(voxel | patch) is exact, so nothing is lost but the second factor is only evaluated for
-the patches that matter: the true one in training, the most probable ones at inference. So it needs no decoder at full
-resolution.
-
-A third factor may tell where in the voxel the position lies: each axis of a voxel is cut into cells, and each voxel
-has one softmax per axis over them. Coarse voxels, which are cheap, then need not mean coarse answers.
+p(voxel) = p(patch) p(voxel | patch) is exact. The second factor is only evaluated for the true patch in training and the
+most probable patches at inference, so there is no decoder at full resolution. A third factor may refine the position:
+each voxel has one softmax per axis over sub-voxel bins (cells), so that coarse, cheap voxels give fine positions.
 """
 
 from collections.abc import Sequence
@@ -23,7 +20,7 @@ from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedConv3d, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
-from lerobot_policy_bimanual.peract.stem_reading import StemReading
+from lerobot_policy_bimanual.peract.stem_features import StemFeatures
 
 BEAM = 8
 """Patches whose voxels are scored at inference."""
@@ -40,11 +37,10 @@ class FactorisedTranslation:
         patch_logits: (b, arms, p^3) float32.
         patches: (b, arms, n) int64, the most probable patches.
         voxel_logits: (b, arms, n, PATCH^3) float32, over the voxels of `patches`.
-        target_voxel_logits: (b, arms, PATCH^3) float32, over the voxels of the target's patch; None if the
-            head was given no target.
-        cell_logits: (b, arms, n, PATCH^3, 3, cells) float32, over the cells along each axis of every voxel of
-            `patches`; no cells if voxels are not cut.
-        target_cell_logits: (b, arms, PATCH^3, 3, cells) float32, likewise of the target's patch.
+        target_voxel_logits: (b, arms, PATCH^3) float32, over the voxels of the target's patch; None without target.
+        cell_logits: (b, arms, n, PATCH^3, 3, cells) float32, over the sub-voxel bins along each axis of every voxel of
+            `patches`; zero cells without sub-voxel bins.
+        target_cell_logits: (b, arms, PATCH^3, 3, cells) float32, for the target's patch; None without target.
     """
 
     patch_logits: Tensor
@@ -55,12 +51,9 @@ class FactorisedTranslation:
     target_cell_logits: Tensor | None
 
     def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
-        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3) that the head was given.
-
-        With that of their cells, if voxels are cut.
-        """
+        """Negative log-likelihood (b, arms) of the target voxels (b, arms, 3), and of their sub-voxel bins if there are any."""
         if self.target_voxel_logits is None or self.target_cell_logits is None:
-            raise ValueError("the head was run without target voxels, so their likelihood is not known")
+            raise ValueError("the head was run without target voxels")
         P = round(self.patch_logits.shape[-1] ** (1 / 3))
         patch, inner = split_voxel(voxel, P)
         coarse = F.cross_entropy(self.patch_logits.flatten(0, 1), patch.flatten(), reduction="none")
@@ -77,7 +70,7 @@ class FactorisedTranslation:
         return loss + within.view_as(cell).sum(dim=-1)
 
     def candidates(self) -> VoxelCandidates:
-        """All voxels of the scored patches with their joint log-probabilities."""
+        """All voxels of the scored patches, with their joint log-probabilities."""
         P = round(self.patch_logits.shape[-1] ** (1 / 3))
         prior = self.patch_logits.log_softmax(dim=-1).gather(-1, self.patches)
         score = prior[..., None] + self.voxel_logits.log_softmax(dim=-1)
@@ -87,7 +80,7 @@ class FactorisedTranslation:
         return VoxelCandidates(voxel.flatten(2, 3), score.flatten(2), self._expected_offset())
 
     def _expected_offset(self) -> Tensor | None:
-        """Where in every voxel of `patches` the position is expected, (b, arms, n * PATCH^3, 3) in voxels."""
+        """Expected position (b, arms, n * PATCH^3, 3) in every voxel of `patches`, in voxels from its centre."""
         cells = self.cell_logits.shape[-1]
         if not cells:
             return None
@@ -95,7 +88,7 @@ class FactorisedTranslation:
         return (self.cell_logits.softmax(dim=-1) @ centres).flatten(2, 3)
 
     def probabilities(self) -> Tensor:
-        """Every voxel's probability (b, arms, v, v, v); patches that were not scored spread theirs evenly."""
+        """Probabilities (b, arms, v, v, v) of all voxels, uniform within the patches that were not scored."""
         P = round(self.patch_logits.shape[-1] ** (1 / 3))
         patch = self.patch_logits.softmax(dim=-1)
         within = patch.new_full((*patch.shape, PATCH**3), PATCH**-3)
@@ -116,15 +109,15 @@ def split_voxel(voxel: Tensor, patches: int) -> tuple[Tensor, Tensor]:
 
 
 class ProjectionConv2d(nn.Conv2d):
-    """A 3 x 3 convolution, and dilated ones that add what lies further away.
+    """A 3 x 3 convolution of a projection of the voxel features, and dilated residual ones.
 
-    Every layer reaches as many voxels further as its dilation. With 3 and 9 after the first one any place up to 13
-    voxels away on either side is reached, each in one way: half of a grid of 25.
+    Every layer reaches as many voxels further as its dilation. With 3 and 9 every voxel up to 13 away is reached, which is
+    half of a grid of 25.
 
     Args:
-        channels: channels of the projections.
-        width: channels of what is made of them.
-        dilations: of the layers after the first; none for the 3 x 3 convolution alone.
+        channels: input channels.
+        width: output channels.
+        dilations: dilations of the layers after the first.
     """
 
     def __init__(self, channels: int, width: int, dilations: Sequence[int]):
@@ -142,10 +135,10 @@ class ProjectionConv2d(nn.Conv2d):
 
 
 class VoxelInPatch(nn.Module):
-    """Scores the voxels of single patches, and their cells.
+    """Scores the voxels of single patches, and their sub-voxel bins.
 
-    From the stem around each voxel, from what lies in line with it along each axis, however far, and from the trunk's
-    answer. Hands come along an axis: where a hand waits above a thing, there is nothing but the thing below.
+    The inputs are the stem features around each voxel, their maxima along the three axis-aligned lines through it, and the
+    trunk's answer. A hand that waits above an object is in empty space: only the line below it shows the object.
     """
 
     def __init__(self, channels: int, token_dim: int, cells: int, dilations: Sequence[int]):
@@ -157,7 +150,7 @@ class VoxelInPatch(nn.Module):
         self.out = nn.Linear(FINE_CHANNELS, 1 + 3 * cells)
 
     def along_lines(self, planes: Sequence[Tensor]) -> list[Tensor]:
-        """What lies along x, y and z: the stem's projections (b, channels, v, v) to (b, FINE_CHANNELS, v, v)."""
+        """Features of the stem's projections along x, y and z: (b, channels, v, v) each to (b, FINE_CHANNELS, v, v)."""
         return [layer(plane) for layer, plane in zip(self.lines, planes, strict=True)]
 
     def forward(
@@ -172,7 +165,7 @@ class VoxelInPatch(nn.Module):
             answers: (b, n, token_dim).
 
         Returns:
-            Logits (b, n, PATCH^3) of the voxels and (b, n, PATCH^3, 3, cells) of their cells, float32.
+            Logits (b, n, PATCH^3) of the voxels and (b, n, PATCH^3, 3, cells) of their sub-voxel bins, float32.
         """
         # (b, n, FINE_CHANNELS, 5, 5, 5)
         hidden = self.stem(crops.flatten(0, 1)).unflatten(0, crops.shape[:2])
@@ -189,10 +182,8 @@ class VoxelInPatch(nn.Module):
 class FactorisedTranslationHead(nn.Module):
     """Logits over patches for every arm, and over the voxels of chosen patches.
 
-    The patches' own features join the trunk's answers, as the voxels' do in the paper's decoder: what lies in a patch
-    need not pass through the latents.
-
-    With `projection_dilations`, what lies along the lines scores the patches, too.
+    The patch tokens are concatenated with the trunk's answers, as the voxel features are in the paper's decoder. With
+    `projection_dilations` the projections score the patches, too.
     """
 
     def __init__(self, config: PerActConfig, *, arms: int):
@@ -209,28 +200,26 @@ class FactorisedTranslationHead(nn.Module):
 
     @staticmethod
     def read(
-        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, words: Tensor | None
-    ) -> tuple[StemReading, Tensor]:
-        """The stem of a grid (b, 10, v, v, v), with the filters that words write, and its patches (b, p^3, token_dim / 2)."""
-        reading = StemReading(grid, stem, patchify, words)
-        return reading, reading.tokens
+        grid: Tensor, stem: PointwiseConv3d, patchify: PatchConv3d, filters: Tensor | None
+    ) -> tuple[StemFeatures, Tensor]:
+        """Compute stem features of a grid (b, 10, v, v, v) with language-conditioned filters, and patch tokens."""
+        features = StemFeatures(grid, stem, patchify, filters)
+        return features, features.tokens
 
     def forward(
-        self, stem: StemReading, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
+        self, stem: StemFeatures, patches: Tensor, answers: Tensor, target_voxel: Tensor | None
     ) -> tuple[FactorisedTranslation, Tensor]:
-        """Score the patches, and the voxels of the patches that matter.
+        """Score the patches, and the voxels of chosen patches.
 
         Args:
             stem: voxel features.
-            patches: (b, token_dim / 2, p, p, p) patch features.
-            answers: (b, arms, token_dim, p, p, p) what the trunk says about each patch.
-            target_voxel: (b, arms, 3) in training: its patch is scored too, and its token feeds the other
-                heads (teacher forcing). None at inference: the most probable patch takes its place.
+            patches: (b, token_dim / 2, p, p, p) patch tokens.
+            answers: (b, arms, token_dim, p, p, p) the trunk's features of each patch.
+            target_voxel: (b, arms, 3) in training, whose patch is scored and whose token feeds the pose heads (teacher
+                forcing). None at inference: the most probable patch takes its place.
 
         Returns:
-            The distribution, and features (b, arms, feature_dim): pooled stem and answers, and the token of
-            the chosen patch. The stem is only max-pooled: a softmax over all voxels would be the one step
-            here that touches every voxel more than once.
+            The distribution, and features (b, arms, feature_dim): stem (max-pooled), answers, and the chosen patch's token.
         """
         A, P = answers.shape[1], answers.shape[-1]
         own = patches[:, None].expand(-1, A, -1, -1, -1, -1)
@@ -269,7 +258,7 @@ class FactorisedTranslationHead(nn.Module):
         return prediction, torch.cat(features, dim=-1)
 
     def _score(
-        self, stem: StemReading, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
+        self, stem: StemFeatures, along_lines: Sequence[Sequence[Tensor]], tokens: Tensor, patches: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Logits of the voxels in patches (b, arms, n): (b, arms, n, PATCH^3), and with (..., 3, cells) of cells."""
         place = _place(patches, round(tokens.shape[2] ** (1 / 3)))  # (b, arms, n, 3)

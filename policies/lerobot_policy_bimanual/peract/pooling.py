@@ -1,4 +1,4 @@
-"""Global descriptions of a feature map: where each channel peaks, and how high."""
+"""Spatial softmax and maximum of every channel of a feature map."""
 
 from typing import Any
 
@@ -8,14 +8,14 @@ from torch import Tensor
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 
 TEMPERATURE = 0.01
-"""Of the spatial softmax (PerAct2 code): close to an arg max, hence float32 throughout."""
+"""Temperature of the spatial softmax (PerAct2 code): close to an arg max, hence float32 throughout."""
 
-SMALLEST_EXPONENT = -60.0
+MIN_EXPONENT = -60.0
 """Exponents are clamped here: exp(-60) still vanishes beside a peak of 1, but exp(-90) would be a denormal
 number, with which CPUs compute ten times slower."""
 
 CHUNK_CPU, CHUNK_GPU = 2**20, 2**26
-"""Numbers handled at a time: what stays in a processor's cache, and what fills a GPU."""
+"""Elements processed at a time: what fits a CPU's cache, and what fills a GPU."""
 
 
 def pool(x: Tensor) -> Tensor:
@@ -36,14 +36,11 @@ def pool(x: Tensor) -> Tensor:
 def _weights(x: Tensor, peak: Tensor) -> Tensor:
     """Softmax over (b, x, y, z, c) before its normalisation, at least float32, in a fresh tensor."""
     scaled = torch.sub(at_least_float32(x), peak[:, None, None, None]).div_(TEMPERATURE)
-    return scaled.clamp_(min=SMALLEST_EXPONENT).exp_()
+    return scaled.clamp_(min=MIN_EXPONENT).exp_()
 
 
 def _argmax(x: Tensor) -> Tensor:
-    """Flat voxel index (b, c) of the maximum of a map (b, x, y, z, c).
-
-    Over lines first: looking for an index in all of the map takes ten times longer than for a maximum.
-    """
+    """Flat voxel index (b, c) of the maximum of a map (b, x, y, z, c), over lines first, which is ten times as fast."""
     lines = x.amax(3).flatten(1, 2)
     line = lines.argmax(1, keepdim=True)  # (b, 1, c)
     along = x.flatten(1, 2).gather(1, line[:, :, None].expand(-1, -1, x.shape[3], -1))  # (b, 1, z, c)
@@ -63,8 +60,8 @@ def _slabs(x: Tensor) -> list[slice]:
 class _Pool(torch.autograd.Function):
     """Maps (b, x, y, z, c) to (b, c, 4): expected x, y, z and the maximum.
 
-    The softmax is never normalised voxel by voxel: its three marginals are sums of one exponential, which the
-    backward pass computes again instead of keeping several copies of the map.
+    The softmax is never normalised voxel by voxel: its three marginals are sums of one exponential, which the backward
+    pass recomputes instead of keeping copies of the map.
     """
 
     @staticmethod

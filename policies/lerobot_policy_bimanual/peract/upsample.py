@@ -1,10 +1,8 @@
-"""Trilinear upsampling, a convolution and its activation, for the price of a small matrix product.
+"""Trilinear upsampling, a convolution and its activation, with twenty times fewer multiplications.
 
-Interpolation and convolution are linear, so they may trade places: every tap of the kernel is applied to the
-coarse map, where it costs 125 times less, and what comes out is interpolated at the place where the tap reads.
-Interpolation works on one axis after the other, so it is a multiplication by a small fixed matrix per axis. This
-is exact, borders and gradients included, and needs about twenty times fewer multiplications than convolving the
-upsampled map.
+Interpolation and convolution are linear, so they commute: every tap of the kernel is applied to the coarse map, and its
+result is interpolated at the positions that the tap reads, by one small fixed matrix per axis. This is exact, borders and
+gradients included.
 """
 
 from typing import Any
@@ -21,7 +19,7 @@ COARSE_TAPS = 3
 """Coarse voxels that a fine kernel reaches along one axis."""
 
 CHUNK_CPU, CHUNK_GPU = 2**21, 2**26
-"""Numbers handled at a time: what stays in a processor's cache, and what fills a GPU."""
+"""Elements processed at a time: what fits a CPU's cache, and what fills a GPU."""
 
 
 def interpolation_weights(position: Tensor, size: int) -> Tensor:
@@ -102,8 +100,8 @@ class UpsampledConv3d(nn.Module):
 class _Interpolate(torch.autograd.Function):
     """Maps windows (b, X, Y, Z, taps * c) of the coarse map to the activated, padded fine map.
 
-    Written as one function because the products of all taps are as large as the fine map, a few times over: they
-    live only a few coarse planes at a time, in the processor's cache, and nothing of them is kept.
+    One function, because the products of all taps are several times as large as the fine map: they are computed for a few
+    coarse planes at a time, and are not kept.
     """
 
     @staticmethod

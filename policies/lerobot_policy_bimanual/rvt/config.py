@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.fields import real, require_multiple, whole
+from lerobot_policy_bimanual.keypose.fields import number, require_multiple
 
 
 @dataclass
@@ -15,18 +15,18 @@ class RVTConfig(KeyposePolicyConfig):
     """
 
     # Pixels per side of every view, and so the voxels per axis from which positions are chosen (RVT code: 220 of both).
-    voxel_size: int = whole(220, 1, 512)
+    voxel_size: int = number(220, 1, 512)
     # Pixels per side of a patch; odd, so that kernels of this width have a centre.
-    patch: int = whole(11, 1, 99)
+    patch: int = number(11, 1, 99)
     # Radius of a rendered point in units of the workspace's half edge.
-    point_radius: float = real(0.012, 0, 0.2)
+    point_radius: float = number(0.012, 0, 0.2)
     # Width of the image tokens outside the attention, half pixels and half proprioception.
-    token_dim: int = whole(128, 8, 8192)
+    token_dim: int = number(128, 8, 8192)
     # Width of the tokens within it.
-    attention_dim: int = whole(512, 1, 8192)
+    attention_dim: int = number(512, 1, 8192)
     # Attention blocks; the first half within each view, the second half over all of them.
-    depth: int = whole(8, 2, 64)
-    heatmap_sigma_px: float = real(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
+    depth: int = number(8, 2, 64)
+    heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
 
     def __post_init__(self):
         """Refuse sizes that do not fit together, too.

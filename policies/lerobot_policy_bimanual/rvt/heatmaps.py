@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.nn.prediction import VoxelCandidates, neighbours
 from lerobot_policy_bimanual.rvt.views import pixels_of_voxels, sum_over_views
 
 CUT_SIGMAS = 3
@@ -61,9 +61,7 @@ class HeatmapTranslation:
         images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits) / K
         planes = sum_over_views(images.flatten(0, 1))
         best = best_voxel(*planes)  # (b arms, 3)
-        step = torch.arange(-1, 2, device=best.device)
-        voxel = best[:, None] + torch.cartesian_prod(step, step, step)  # (b arms, 27, 3)
-        inside = ((voxel >= 0) & (voxel < V)).all(dim=-1)
+        voxel, inside = neighbours(best, V)  # (b arms, 27, 3)
         x, y, z = voxel.clamp(0, V - 1).unbind(2)
         sample = torch.arange(len(best), device=best.device)[:, None]
         xy, xz, yz = planes
@@ -72,7 +70,7 @@ class HeatmapTranslation:
         return VoxelCandidates(voxel.unflatten(0, (B, A)), score.unflatten(0, (B, A)))
 
     def probabilities(self) -> Tensor:
-        """Every voxel's probability (b, arms, v, v, v)."""
+        """Probabilities (b, arms, v, v, v) of all voxels."""
         images = self.logits.flatten(3).softmax(dim=3).view_as(self.logits)
         xy, xz, yz = sum_over_views(images)
         mass = xy[..., :, :, None] + xz[..., :, None, :] + yz[..., None, :, :]

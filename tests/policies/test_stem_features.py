@@ -6,7 +6,7 @@ import torch
 from lerobot_policy_bimanual.nn.layers import LEAK
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.factorised_head import ProjectionConv2d
-from lerobot_policy_bimanual.peract.stem_reading import StemReading
+from lerobot_policy_bimanual.peract.stem_features import StemFeatures
 
 WIDTH = 15
 
@@ -36,7 +36,7 @@ def test_tokens_projections_and_crops_are_those_of_the_map_with_gradients(layers
 
     features = stem(grid)
     expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
-    reading = StemReading(grid, stem, patchify)
+    reading = StemFeatures(grid, stem, patchify)
     actual = [reading.tokens, *reading.planes, reading.crop(place)]
     for got, want in zip(actual, expected, strict=True):
         torch.testing.assert_close(got, want)
@@ -61,7 +61,7 @@ def test_words_change_the_filters_of_their_own_sample_with_gradients(layers):
     features = torch.einsum("bixyz,boi->boxyz", grid, weight) + bias[..., None, None, None]
     features = torch.nn.functional.leaky_relu(features, LEAK)
     expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
-    reading = StemReading(grid, stem, patchify, words)
+    reading = StemFeatures(grid, stem, patchify, words)
     actual = [reading.tokens, *reading.planes, reading.crop(place)]
     probes = [torch.randn_like(each) for each in expected]
     for got, want in zip(actual, expected, strict=True):
@@ -84,7 +84,7 @@ def test_of_equal_voxels_the_first_one_of_a_line_gets_the_gradient(layers, dtype
     with torch.no_grad():
         stem.conv.weight.zero_()[:, 0] = 1
     with torch.autocast("cpu", torch.bfloat16, enabled=dtype == torch.bfloat16):
-        plane = StemReading(grid, stem, patchify).planes[0]
+        plane = StemFeatures(grid, stem, patchify).planes[0]
     plane[0, :, 3, 2].sum().backward()
     assert (stem.conv.weight.grad.flatten(1)[:, 1] / stem.conv.weight.grad.flatten(1)[:, 0] == 5).all()
 

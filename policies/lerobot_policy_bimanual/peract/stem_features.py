@@ -1,7 +1,7 @@
-"""What the factorised head reads of the voxel stem, which is never laid out as a map.
+"""Stem features for the factorised head, without a map of all voxels' features that autograd would keep.
 
-The grid has no gradient and the stem looks at single voxels. So patches, maxima along lines and single crops are made
-from the grid, each in one pass, and going back all of them meet in one gradient map, patch by patch in memory.
+The grid has no gradient and the stem is pointwise. So patch tokens, maxima along lines and crops are computed from the
+grid, each in one pass, and their gradients are summed in one map, whose memory order is patch by patch.
 """
 
 from functools import reduce
@@ -15,18 +15,18 @@ from lerobot_policy_bimanual.nn.layers import LEAK, activate
 from lerobot_policy_bimanual.peract.config import PATCH
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d
 
-TRIFLE = 2.0**-100
-"""Far below what two different numbers differ by, and its multiples are exact."""
+TIE_BREAK = 2.0**-100
+"""Far below the difference of any two different features; its multiples are exact."""
 
 
-class StemReading:
+class StemFeatures:
     """The stem of a batch of voxel grids.
 
     Args:
         grid: (b, c, v, v, v), without gradient.
-        stem: its layer.
-        patchify: the layer that makes tokens of patches that are not centred.
-        words: (b, channels, c + 1), what each sample adds to the stem's filters, the bias last; None for nothing.
+        stem: the pointwise layer.
+        patchify: the layer that makes tokens of patches, which are not centred.
+        filters: (b, channels, c + 1) per sample, added to the stem's weights and bias, the bias last; None for none.
 
     Attributes:
         tokens: (b, p^3, outputs of `patchify`), the last axis of the grid fastest.
@@ -38,28 +38,20 @@ class StemReading:
         grid: Tensor,
         stem: PointwiseConv3d,
         patchify: PatchConv3d,
-        words: Tensor | None = None,
+        filters: Tensor | None = None,
     ):
         self._weight = stem.conv.weight.flatten(1).expand(len(grid), -1, -1)
         self._bias = cast(Tensor, stem.conv.bias).expand(len(grid), -1)
-        if words is not None:
-            self._weight, self._bias = self._weight + words[..., :-1], self._bias + words[..., -1]
+        if filters is not None:
+            self._weight, self._bias = self._weight + filters[..., :-1], self._bias + filters[..., -1]
         self._width = grid.shape[-1]
         p = self._width // PATCH
-        rows = (
-            grid.permute(0, 2, 3, 4, 1)
-            .unflatten(3, (p, PATCH))
-            .unflatten(2, (p, PATCH))
-            .unflatten(1, (p, PATCH))
-        )
-        # (b, p, p, p, i, j, k, c): a patch lies together, as its token wants it
+        rows = grid.permute(0, 2, 3, 4, 1)
+        for axis in (3, 2, 1):
+            rows = rows.unflatten(axis, (p, PATCH))
+        # (b, p, p, p, i, j, k, c): a patch is contiguous, as its token needs it
         self._rows = rows.permute(0, 1, 3, 5, 2, 4, 6, 7).contiguous()
-        layers: tuple[Any, ...] = (
-            self._weight,
-            self._bias,
-            patchify.row_weight(),
-            patchify.conv.bias,
-        )
+        layers: tuple[Any, ...] = (self._weight, self._bias, patchify.row_weight(), patchify.conv.bias)
         if torch.is_autocast_enabled(grid.device.type):
             half = torch.get_autocast_dtype(grid.device.type)
             tokens, *planes = _read(self._rows.to(half), *(each.to(half) for each in layers))
@@ -94,7 +86,7 @@ class StemReading:
 
 
 def row_offsets(width: int, device: torch.device) -> list[Tensor]:
-    """What each x, y and z adds to the number of a voxel's row, (v,) each: patch by patch, then within the patch."""
+    """Contributions (v,) of each x, y and z to the row index of a voxel: patch by patch, then within the patch."""
     along = torch.arange(width, device=device)
     outer, inner = along // PATCH * PATCH**3, along % PATCH
     p = width // PATCH
@@ -158,15 +150,15 @@ def _slices(stem: Tensor, axis: int) -> list[Tensor]:
 
 
 def _winner(slices: list[Tensor], best: Tensor) -> Tensor:
-    """Number of the first slice that holds the maximum `best`, everywhere; int16.
+    """Index of the first slice that holds the maximum `best`, for every element; int16.
 
-    PyTorch's maximum with indices, and its comparisons, look at one number at a time. So the slices are ranked by how
-    little is missing, which is nothing for the winner, less a trifle that tells equals apart.
+    PyTorch's maximum with indices and its comparisons are not vectorised on a CPU. So slices are ranked by their distance
+    from the maximum, less a tie break, with vectorised operations.
     """
     rank = torch.full_like(best, -torch.inf, dtype=torch.promote_types(best.dtype, torch.float32))
     for number, part in enumerate(slices):
-        torch.maximum(rank, torch.sub(part, best).to(rank.dtype).sub_(number * TRIFLE), out=rank)
-    return (rank / -TRIFLE).to(torch.int16)
+        torch.maximum(rank, torch.sub(part, best).to(rank.dtype).sub_(number * TIE_BREAK), out=rank)
+    return (rank / -TIE_BREAK).to(torch.int16)
 
 
 def _plain(plane: Tensor) -> Tensor:
