@@ -24,7 +24,6 @@ import torch.nn.functional as F  # noqa: N812
 from harness import Figures, parser, report
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
-from lerobot_policy_bimanual.training.memory import keep_freed_memory
 from torch import Tensor
 
 from lerobot_bimanual.benchmark.recipes import Recipe
