@@ -15,8 +15,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_replay import DatasetReplayConfig, dataset_replay, parse_episodes
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.replay import replay
-from lerobot_env_bimanual.verification.replayer import Replayer, hashes_of, keyposes_of
+from lerobot_env_bimanual.replay import Replayer, hashes_of, keyposes_of, replay
 
 pytestmark = pytest.mark.sim
 
@@ -74,7 +73,7 @@ def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
 
 
 def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
-    assert dataset_replay(DatasetReplayConfig(root=tampered, episodes="1", workers=1)) == 1
+    assert dataset_replay(DatasetReplayConfig(root=tampered, episode_indices="1", workers=1)) == 1
     assert "episode 1 (lift_ball, seed 1): another state after tick 30" in capsys.readouterr().out
 
 
@@ -104,7 +103,9 @@ def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
     provenance = json.loads(path.read_text())
     provenance["versions"]["mujoco"] = "1.2.3"
     path.write_text(json.dumps(provenance))
-    assert dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert (
+        dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)) == 0
+    )
     assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
 
 
@@ -113,7 +114,9 @@ def test_another_world_is_named(generated, tmp_path, capsys) -> None:
     shutil.copytree(generated / "keyframes", root)
     path = root / PROVENANCE_FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | {"worlds": {"lift_ball": "0123456789ab"}}))
-    assert dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episodes="0", workers=1)) == 0
+    assert (
+        dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)) == 0
+    )
     assert "lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
 
 

@@ -6,13 +6,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import torch
 from lerobot.configs.recipe import MessageTurn, TrainingRecipe
 from lerobot.datasets import LeRobotDataset
-from lerobot.datasets.language import language_feature_info
 from lerobot.lerobot_types import TransitionKey
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.processor.converters import batch_to_transition
@@ -23,8 +20,6 @@ from tiny_clip import save_clip
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
-from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
-from lerobot_env_bimanual.verification.subtasks import EVENTS, LANGUAGE_FEATURES, SUBTASKS, check_subtasks
 from lerobot_policy_bimanual.inspection.loading import batch_of
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
@@ -62,9 +57,7 @@ def annotated(annotated_once, tmp_path) -> Callable[[schema.View], Path]:
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
-def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing_wrong(
-    annotated, capsys, view
-):
+def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing_wrong(annotated, view):
     root = annotated(view)
     dataset = LeRobotDataset("local/annotated", root=root)
     assert dataset.meta.has_language_columns
@@ -77,52 +70,6 @@ def test_lerobot_reads_which_stage_every_row_belongs_to_and_verify_finds_nothing
         said.append(subtask["content"])
     assert list(dict.fromkeys(said)) == STAGES
     assert main(["dataset", "verify", f"--root={root}"]) == 0
-    assert "subtasks " in capsys.readouterr().out
-
-
-def test_a_dataset_without_language_columns_has_nothing_to_check(copy):
-    assert not [*check_subtasks(copy("keyframes"))]
-    assert language_feature_info() == LANGUAGE_FEATURES
-
-
-def with_words(root: Path, change: Callable[[list[list[dict]], list[list]], object]) -> list[str]:
-    """What the check says after a change of what all rows of the first file say."""
-    path = min(root.glob("data/*/*.parquet"))
-    table = pq.read_table(path)
-    words, events = table[SUBTASKS].to_pylist(), table[EVENTS].to_pylist()
-    change(words, events)
-    for key, column in ((SUBTASKS, words), (EVENTS, events)):
-        table = table.set_column(table.column_names.index(key), key, pa.array(column))
-    pq.write_table(table, path)
-    return [fault.text for fault in check_subtasks(root)]
-
-
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        (lambda words, events: words[1].pop(), "other subtasks in some rows"),
-        (lambda words, events: [row.pop() for row in words], "2 subtasks for 3 keyposes"),
-        (
-            lambda words, events: [row[1].update(timestamp=9.0) for row in words],
-            "'squeeze' begins at 9 s, but",
-        ),
-        (lambda words, events: [row[2].update(content="") for row in words], "is no subtask in words"),
-        (lambda words, events: [row[0].update(style="plan") for row in words], "is no subtask in words"),
-        (lambda words, events: events[0].append("clap"), "which nobody here writes"),
-    ],
-)
-def test_words_that_do_not_belong_to_the_keyposes_are_found(annotated, change, fault):
-    faults = with_words(annotated("keyframes"), change)
-    assert faults
-    assert fault in faults[0]
-
-
-def test_columns_that_are_declared_otherwise_than_lerobot_does_are_found(annotated):
-    root = annotated("keyframes")
-    info = root / "meta/info.json"
-    info.write_text(info.read_text().replace(f'"{EVENTS}"', '"language_other"'))
-    faults = [fault.text for fault in METADATA_CHECKS["schema"](root)]
-    assert faults == [f"{EVENTS} is missing", "language_other is not in the schema"]
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)

@@ -1,4 +1,4 @@
-"""The verb `replay`: proof that a dataset's actions do what its rows say."""
+"""The command `dataset replay`: proof that a dataset's actions do what its rows say."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ if TYPE_CHECKING:
     from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_bimanual.dataset.schema import View
     from lerobot_bimanual.episode import EpisodeMeta
-    from lerobot_env_bimanual.replay import ReplayMode, ReplayResult
-    from lerobot_env_bimanual.verification.replayer import Replayer
+    from lerobot_env_bimanual.replay import Replayer, ReplayMode, ReplayResult
 
 
 @dataclass
 class DatasetReplayConfig:
-    """Options of the verb `replay`."""
+    """Options of the command `dataset replay`."""
 
-    root: Path = field(kw_only=True)  # folder of a dataset that `generate` made
+    root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made
     # `joint` plays the column `action` open-loop (view `frames`), `keypose` executes the recorded keyposes (either
     # view). Both compare the state after every tick that is recorded.
     replay: Literal["joint", "keypose"] = "joint"
-    episodes: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
+    episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     workers: int = 0  # processes; 0 takes one per core
 
 
@@ -37,7 +36,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
 
     Examples:
         lerobot-bimanual dataset replay --root=data/lift_ball
-        lerobot-bimanual dataset replay --root=data/lift_ball --replay=keypose --episodes=0:10
+        lerobot-bimanual dataset replay --root=data/lift_ball --replay=keypose --episode_indices=0:10
     """
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
     from lerobot_env_bimanual.workers import WorkerPool
@@ -50,7 +49,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
             "of the same episodes, or use --replay=keypose"
         )
     _warn_of_other_versions(dataset)
-    indices = parse_episodes(config.episodes, len(dataset))
+    indices = parse_episodes(config.episode_indices, len(dataset))
     with WorkerPool(config.workers, _prepare, (dataset.root, config.replay)) as pool:
         results = pool.map(_replay, indices, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))
@@ -59,6 +58,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     for index, reason in unplayed.items():
         print(f"episode {index}: not played: {reason}")
     matches = all(not isinstance(result, str) and result[1].matches for result in played.values())
+    print(f"next: lerobot-bimanual dataset verify --root={config.root}")
     return 0 if matches else 1
 
 
@@ -75,7 +75,7 @@ def parse_episodes(text: str, count: int) -> list[int]:
     ends = (indices[0], indices[-1]) if isinstance(indices, range) and indices else indices
     if not indices or not all(0 <= index < count for index in ends):
         raise BimanualError(
-            f"episodes is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
+            f"episode_indices is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
             f"{count - 1}"
         )
     return list(indices)
@@ -129,7 +129,7 @@ _replayer: Replayer | None = None
 
 
 def _prepare(root: Path, mode: ReplayMode) -> None:
-    from lerobot_env_bimanual.verification.replayer import Replayer
+    from lerobot_env_bimanual.replay import Replayer
 
     global _replayer
     _replayer = Replayer(root, mode)

@@ -40,10 +40,10 @@ def first_of(wrong_rows: ArrayLike, text: str) -> Iterator[Fault]:
 def faults_of[**Arguments](
     check: Callable[Arguments, Iterator[Fault]], *args: Arguments.args, **kwargs: Arguments.kwargs
 ) -> tuple[Fault, ...]:
-    """All that a check finds; if it breaks, that is a finding too, and nobody else's.
+    """All that a check finds; a check that breaks is a finding, too.
 
-    Damaged files make libraries raise nearly anything. What a check cannot look at has not passed, and all other
-    checks and episodes have their say.
+    Damaged files make libraries raise nearly anything. What a check cannot read has not passed, and all other checks
+    and episodes are still reported.
     """
     found: list[Fault] = []
     try:

@@ -1,4 +1,4 @@
-"""Checks of an episode's images that need no simulation; every image is decoded once, whoever looks at it."""
+"""Checks of an episode's images that need no simulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COMPLETE, DEPTH_RANGE = "images complete", "depth range"
 
 
 class ImageInspection:
-    """Looks at the images of one episode while somebody else reads them.
+    """Checks the images of one episode while they are decoded.
 
     Args:
         reader: of the dataset.
@@ -30,7 +30,6 @@ class ImageInspection:
         self._episode = episode
         self._rows = rows
         self._faults: dict[str, list[Fault]] = {COMPLETE: [], DEPTH_RANGE: []}
-        self._broken: set[str] = set()
 
     def images(self) -> Iterator[tuple[str, int, NDArray]]:
         """(key, row, image) of all images, key by key; one that cannot be decoded is the end of its key."""
@@ -47,33 +46,32 @@ class ImageInspection:
         return {check: tuple(faults) for check, faults in self._faults.items()}
 
     @property
-    def whole(self) -> list[str]:
-        """Keys with an image of the right form for every row."""
-        return [key for key in self._reader.shapes if key not in self._broken]
+    def is_whole(self) -> bool:
+        """Whether there is an image of the right form for every row and key."""
+        return not self._faults[COMPLETE]
 
     def _next(self, key: str, row: int, stream: Iterator[NDArray]) -> NDArray | None:
         """The image of a row, if it is there and has the right form."""
         try:
             image = next(stream, None)
         except DatasetError as error:
-            self._miss(key, Fault(str(error), row))
+            self._miss(Fault(str(error), row))
             return None
         if image is None or row >= self._rows:
             if image is not None or row < self._rows:
                 images = f"{row} images" if image is None else "more images"
-                self._miss(key, Fault(f"{key} has {images}, but the episode {self._rows} rows"))
+                self._miss(Fault(f"{key} has {images}, but the episode {self._rows} rows"))
             return None
         form, expected = ((*image.shape, 1)[:3], image.dtype), self._reader.shapes[key]
         if form != (expected, np.uint16 if self._reader.is_depth(key) else np.uint8):
-            self._miss(key, Fault(f"{key} has the form {form[1]} {form[0]}, not {expected}", row))
+            self._miss(Fault(f"{key} has the form {form[1]} {form[0]}, not {expected}", row))
             return None
         if self._reader.is_depth(key):
             self._check_range(key, row, image)
         return image
 
-    def _miss(self, key: str, fault: Fault) -> None:
+    def _miss(self, fault: Fault) -> None:
         self._faults[COMPLETE].append(fault)
-        self._broken.add(key)
 
     def _check_range(self, key: str, row: int, depth_mm: NDArray) -> None:
         low, high = round(DEPTH_MIN_M * MM_PER_M), round(DEPTH_MAX_M * MM_PER_M)

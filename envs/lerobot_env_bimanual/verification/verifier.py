@@ -1,43 +1,43 @@
-"""Verification of a dataset: every check by name, and what it found.
-
-Checks are small functions that yield faults. They come in tables: about the dataset as a whole, about an episode's
-columns, about its images, and about what the simulation, LeRobot's statistics and LeRobot's loader say to both.
-"""
+"""Verification of a dataset's episodes: every check by name, and what it found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.content_hash import EpisodeHash
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode, read_info
-from lerobot_bimanual.dataset.seal import what_is_no_file
+from lerobot_bimanual.dataset.reader import (
+    RecordedDataset,
+    RecordedEpisode,
+    episode_table,
+    frames_per_second,
+    read_table,
+)
 from lerobot_bimanual.episode import Episode
-from lerobot_env_bimanual.verification.bookkeeping import Bookkeeping
-from lerobot_env_bimanual.verification.columns import COLUMN_CHECKS
+from lerobot_env_bimanual.verification.columns import check_bookkeeping, check_key
 from lerobot_env_bimanual.verification.fault import Fault, faults_of
 from lerobot_env_bimanual.verification.images import ImageInspection
-from lerobot_env_bimanual.verification.loader import LeRobotLoader
-from lerobot_env_bimanual.verification.metadata import METADATA_CHECKS
+from lerobot_env_bimanual.verification.metadata import READABLE
 from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
 from lerobot_env_bimanual.verification.simulation import REPLAY, Player, compare_columns
-from lerobot_env_bimanual.verification.statistics import ImageStatistics, StatisticsTable
+from lerobot_env_bimanual.verification.statistics import ImageStatistics, check_episode_statistics
 
-READABLE = "readable"
-"""Whether an episode's table can be read at all; nothing else is checked of one that cannot."""
-
-BOOKKEEPING, STATISTICS, LOADER, IMAGES = "bookkeeping", "statistics", "LeRobot's loader", "images"
+KEY, BOOKKEEPING, STATISTICS, LOADER, IMAGES = (
+    "episode key",
+    "bookkeeping",
+    "statistics",
+    "LeRobot's loader",
+    "images",
+)
 LOADED_ROWS = 2
-"""Rows that are read through LeRobot's loader, of an episode that is looked at closely."""
-
-QUICK_STATISTICS = 2
-"""Streams of images whose statistics are computed again of every other episode, drawn at random."""
+"""Rows of the sampled episode that are read through LeRobot's loader."""
 
 
 @dataclass(frozen=True)
@@ -48,27 +48,16 @@ class Thoroughness:
         simulate: whether episodes are played again; wrong for a dataset of another simulation.
         rendered_rows: rows of every episode whose images are compared with new ones, `ALL_ROWS` for all of them.
         seed: of the draw of rows.
-        cache: folder for LeRobot's loader; none if the dataset's metadata are too damaged for it.
-        closely: episodes that are also read through LeRobot's loader, and the statistics of all of whose images are
-            computed again; None for every one.
+        sampled: the episode that is also read through LeRobot's loader, and the statistics of whose images are computed
+            again; None if there is none.
+        cache: folder for LeRobot's loader.
     """
 
     simulate: bool
     rendered_rows: int
     seed: int = 0
+    sampled: int | None = None
     cache: Path | None = None
-    closely: frozenset[int] | None = None
-
-    def is_close(self, episode: int) -> bool:
-        """Whether an episode is looked at closely."""
-        return self.closely is None or episode in self.closely
-
-    def streams(self, episode: int, keys: Sequence[str]) -> list[str]:
-        """Keys of the images whose statistics are computed again."""
-        if self.is_close(episode):
-            return [*keys]
-        rng = np.random.default_rng([self.seed, episode])
-        return [keys[int(place)] for place in rng.permutation(len(keys))[:QUICK_STATISTICS]]
 
 
 @dataclass(frozen=True)
@@ -92,7 +81,7 @@ class Verifier:
     Args:
         root: folder of the view.
         thoroughness: what is done beyond reading.
-        player: who plays episodes again, perhaps for another view, too.
+        player: plays episodes again, perhaps for another view, too.
     """
 
     def __init__(self, root: Path, thoroughness: Thoroughness, player: Player):
@@ -112,8 +101,7 @@ class Verifier:
         if not episodes:
             return EpisodeReport(index, "", faults)
         (episode,) = episodes
-        for name, check in COLUMN_CHECKS.items():
-            faults[name] = faults_of(check, self._dataset, episode)
+        faults[KEY] = faults_of(check_key, self._dataset, episode)
         faults[BOOKKEEPING] = faults_of(self._check_bookkeeping, episode)
         played = self._play(episode, faults)
         hashes: list[str] = []
@@ -121,7 +109,8 @@ class Verifier:
         return EpisodeReport(index, "".join(hashes), faults)
 
     def _check_bookkeeping(self, episode: RecordedEpisode) -> Iterator[Fault]:
-        yield from self._books.check_rows(episode)
+        entry = self._entries[episode.index]
+        yield from check_bookkeeping(episode, entry, self._sentences, frames_per_second(self._dataset.info))
 
     def _play(self, episode: RecordedEpisode, faults: dict[str, tuple[Fault, ...]]) -> Episode | None:
         """The episode, played again and compared, if it can be."""
@@ -145,22 +134,20 @@ class Verifier:
         faults: dict[str, tuple[Fault, ...]],
         hashes: list[str],
     ) -> Iterator[Fault]:
-        """Decode every image once and show it to all who want to see it; they say what they found by themselves."""
+        """Decode every image once for all checks, which add what they find to `faults`."""
         inspection = ImageInspection(self._reader, episode.index, len(episode))
         digest = EpisodeHash(episode, self._reader.units)
-        features = read_info(self._root)["features"]
-        keys = [*self._reader.shapes]
-        statistics = {
-            key: ImageStatistics(features[key], len(episode))
-            for key in self._thoroughness.streams(episode.index, keys)
-        }
+        is_sampled = episode.index == self._thoroughness.sampled
+        features = self._dataset.info["features"]
+        keys = [*self._reader.shapes] if is_sampled else []
+        statistics = {key: ImageStatistics(features[key]) for key in keys}
+        rows = draw_rows(episode, LOADED_ROWS, self._thoroughness.seed) if is_sampled else []
+        loaded: dict[int, dict[str, NDArray]] = {row: {} for row in rows}
         rendered = self._render(episode, played)
-        loaded_rows = LOADED_ROWS if self._loads(episode.index) else 0
-        loaded = {row: {} for row in draw_rows(episode, loaded_rows, self._thoroughness.seed)}
         for key, row, image in inspection.images():
             digest.add_image(key, image)
-            if key in statistics:
-                statistics[key].add(row, image)
+            if is_sampled:
+                statistics[key].add(image)
             if rendered is not None:
                 rendered.see(key, row, image)
             if row in loaded:
@@ -168,14 +155,12 @@ class Verifier:
         faults |= inspection.faults()
         if rendered is not None:
             faults |= rendered.faults()
-        whole = {key: statistics[key] for key in inspection.whole if key in statistics}
-        unseen = [key for key in keys if key not in statistics]
-        faults[STATISTICS] = faults_of(self._statistics.check, episode, whole, unseen)
-        # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
-        if loaded and len(inspection.whole) == len(keys):
-            faults[LOADER] = faults_of(self._check_loader, episode, loaded)
-        if len(inspection.whole) == len(keys):
+        if inspection.is_whole:
             hashes.append(digest.hexdigest())
+            faults[STATISTICS] = faults_of(check_episode_statistics, self._root, episode, statistics)
+            # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
+            if is_sampled:
+                faults[LOADER] = faults_of(self._check_loader, episode, loaded)
         yield from ()
 
     def _render(self, episode: RecordedEpisode, played: Episode | None) -> RenderedRows | None:
@@ -186,13 +171,27 @@ class Verifier:
         rows = draw_rows(episode, count, self._thoroughness.seed, in_pairs=is_video)
         return RenderedRows(episode, played, rows, is_video)
 
-    def _loads(self, episode: int) -> bool:
-        return self._thoroughness.cache is not None and self._thoroughness.is_close(episode)
-
     def _check_loader(
         self, episode: RecordedEpisode, images: Mapping[int, Mapping[str, NDArray]]
     ) -> Iterator[Fault]:
-        yield from self._loader.check(episode, images)
+        """Some rows of an episode come from LeRobot's loader as they were decoded here."""
+        import datasets.config
+        from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+        datasets.config.HF_DATASETS_CACHE = self._thoroughness.cache
+        loader = LeRobotDataset(
+            "local/verified", root=self._root, episodes=[episode.index], video_backend="pyav"
+        )
+        for row, wanted in images.items():
+            item: dict[str, Any] = loader[row]
+            for key, column in (episode.columns | episode.bookkeeping).items():
+                if not np.array_equal(np.squeeze(item[key]), np.squeeze(column[row])):
+                    yield Fault(f"LeRobot gives {key} as {item[key]}", row)
+            for key, image in wanted.items():
+                if not np.array_equal(_stored(item[key]), image):
+                    yield Fault(f"LeRobot gives another image of {key}", row)
+            if item["task"] != episode.meta.instruction:
+                yield Fault(f"LeRobot gives the sentence {item['task']!r}", row)
 
     @cached_property
     def _dataset(self) -> RecordedDataset:
@@ -203,24 +202,17 @@ class Verifier:
         return ImageReader(self._root)
 
     @cached_property
-    def _books(self) -> Bookkeeping:
-        return Bookkeeping(self._root)
+    def _entries(self) -> list[dict[str, Any]]:
+        return episode_table(self._root, ["episode_index", "dataset_from_index"]).to_pylist()
 
     @cached_property
-    def _statistics(self) -> StatisticsTable:
-        return StatisticsTable(self._root)
-
-    @cached_property
-    def _loader(self) -> LeRobotLoader:
-        assert self._thoroughness.cache is not None
-        return LeRobotLoader(self._root, self._thoroughness.cache)
+    def _sentences(self) -> list[Any]:
+        return read_table(self._root / "meta/tasks.parquet", columns=["task"])["task"].to_pylist()
 
 
-def verify_metadata(root: Path) -> dict[str, tuple[Fault, ...]]:
-    """Checks of a dataset as a whole: check -> what is wrong.
-
-    Where it holds links or pipes that is all that is said, as every other check would follow them.
-    """
-    if odd := what_is_no_file(root):
-        return {READABLE: tuple(Fault(text) for text in odd)}
-    return {name: faults_of(check, root) for name, check in METADATA_CHECKS.items()}
+def _stored(image: Any) -> NDArray:
+    """LeRobot's tensor, RGB (3, H, W) in 0..1 or depth (1, H, W) in mm, as it was stored."""
+    array = np.asarray(image)
+    if array.shape[0] == 1:
+        return np.rint(array[0]).astype(np.uint16)
+    return np.rint(array.transpose(1, 2, 0) * 255).astype(np.uint8)

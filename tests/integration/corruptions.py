@@ -1,0 +1,263 @@
+"""Ways to corrupt a copy of the small dataset of `conftest.py`, each by name, with the check that finds it.
+
+Episode 1 is corrupted where one episode is; its rows are in the first file, after those of episode 0. The checksums are
+written again, so that another check has to find it.
+"""
+
+import io
+import json
+import shutil
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from PIL import Image
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.episode import CONTROL_HZ
+
+ROWS, ENTRIES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
+FRONT, FRONT_DEPTH, WRIST = (
+    schema.image_key("front"),
+    schema.depth_key("front"),
+    schema.image_key("left_wrist"),
+)
+VIDEO = f"videos/{FRONT}/chunk-000/file-000.mp4"
+FRAMES, KEYFRAMES = ("frames",), ("keyframes",)
+
+type Change = Callable[[Path], object]
+
+
+@dataclass(frozen=True)
+class Corruption:
+    """One way to corrupt a dataset.
+
+    Attributes:
+        name: what is done.
+        check: that finds it.
+        change: does it to the folder of a view.
+        views: to which it can be done.
+    """
+
+    name: str
+    check: str
+    change: Change
+    views: tuple[View, ...] = VIEWS
+
+
+def column(
+    key: str, value: Callable[[Any], Any], rows: Sequence[int] | slice = slice(None), file: str = ROWS
+) -> Change:
+    """Changes cells of a column in some rows of episode 1."""
+
+    def change(root: Path) -> None:
+        table = pq.read_table(root / file)
+        values = table[key].to_pylist()
+        for row in np.flatnonzero(np.array(table["episode_index"]) == 1)[rows]:
+            values[row] = value(values[row])
+        field = table.schema.field(key)
+        table = table.set_column(table.column_names.index(key), field, pa.array(values, field.type))
+        pq.write_table(table, root / file)
+
+    return change
+
+
+def element(index: int, value: Callable[[float], float]) -> Callable[[list], list]:
+    """Changes one element of a vector."""
+    return lambda vector: [*vector[:index], value(vector[index]), *vector[index + 1 :]]
+
+
+def json_file(name: str, change: Callable[[dict], object]) -> Change:
+    """Changes the content of a JSON file in place."""
+
+    def rewrite(root: Path) -> None:
+        content = json.loads((root / name).read_text())
+        change(content)
+        (root / name).write_text(json.dumps(content))
+
+    return rewrite
+
+
+def provenance(change: Callable[[dict], object]) -> Change:
+    """Changes the provenance in place."""
+    return json_file(str(PROVENANCE_FILE), change)
+
+
+def content(name: str, data: bytes) -> Change:
+    """Replaces the content of a file."""
+    return lambda root: (root / name).write_bytes(data)
+
+
+def table(change: Callable[[pa.Table], pa.Table], file: str = ROWS) -> Change:
+    """Changes a table as a whole."""
+    return lambda root: pq.write_table(change(pq.read_table(root / file)), root / file)
+
+
+def pixels(key: str, change: Callable[[np.ndarray], np.ndarray], rows: slice = slice(None)) -> Change:
+    """Changes images of the view `keyframes`."""
+
+    def other(cell: dict) -> dict:
+        image = Image.open(io.BytesIO(cell["bytes"]))
+        stored = io.BytesIO()
+        Image.fromarray(change(np.array(image))).save(stored, format=image.format)
+        return cell | {"bytes": stored.getvalue()}
+
+    return column(key, other, rows)
+
+
+def one_pixel(amount: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Adds to one number of an image."""
+
+    def change(image: np.ndarray) -> np.ndarray:
+        image.flat[40] = int(image.flat[40]) + amount
+        return image
+
+    return change
+
+
+def encoded_again(change: Callable[[list[np.ndarray]], list[np.ndarray]]) -> Change:
+    """Changes the frames of the front video and encodes them as before."""
+
+    def rewrite(root: Path) -> None:
+        with av.open(str(root / VIDEO)) as container:
+            frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        with av.open(str(root / VIDEO), "w") as container:
+            stream = container.add_stream("libx264", rate=CONTROL_HZ, options={"crf": "18"})
+            stream.height, stream.width, stream.pix_fmt = *frames[0].shape[:2], "yuv420p"
+            for image in change(frames):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")))
+            container.mux(stream.encode())
+
+    return rewrite
+
+
+def png(width: int, height: int) -> bytes:
+    """A PNG whose header claims a size, without pixels."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+
+
+CORRUPTIONS = (
+    Corruption(
+        "a feature is missing", "schema", json_file("meta/info.json", lambda i: i["features"].pop("tick"))
+    ),
+    Corruption(
+        "depth in metres",
+        "schema",
+        json_file("meta/info.json", lambda i: i["features"][FRONT_DEPTH]["info"].update(depth_unit="m")),
+    ),
+    Corruption("10 rows per second", "description", json_file("meta/info.json", lambda i: i.update(fps=10))),
+    Corruption(
+        "files elsewhere", "description", json_file("meta/info.json", lambda i: i.update(data_path="../{x}"))
+    ),
+    Corruption("info.json is deeply nested", "description", content("meta/info.json", b"[" * 10**5)),
+    Corruption("a row twice", "episodes", table(lambda t: pa.concat_tables([t, t.slice(3, 1)]))),
+    Corruption("a table is cut off", "episodes", lambda root: truncate(root / ROWS)),
+    Corruption(
+        "an episode begins at row 0", "episodes", column("dataset_from_index", lambda _: 0, file=ENTRIES)
+    ),
+    Corruption(
+        "statistics of all rows",
+        "statistics of the dataset",
+        json_file("meta/stats.json", lambda s: s["action"].update(mean=[9.0] * 16)),
+    ),
+    Corruption(
+        "statistics of an episode",
+        "statistics",
+        column("stats/action/max", lambda v: [x + 0.1 for x in v], file=ENTRIES),
+    ),
+    Corruption(
+        "statistics of an episode's images",
+        "statistics",
+        column(f"stats/{FRONT}/mean", lambda v: [[[x[0][0] + 0.1]] for x in v], file=ENTRIES),
+    ),
+    Corruption("provenance is gone", "provenance", lambda root: (root / PROVENANCE_FILE).unlink()),
+    Corruption(
+        "provenance lists an episode twice",
+        "provenance",
+        provenance(lambda p: p["episodes"].append(p["episodes"][0])),
+    ),
+    Corruption(
+        "provenance of other episodes", "episode key", provenance(lambda p: p["episodes"][1].update(seed=7))
+    ),
+    Corruption(
+        "provenance rounds keyposes",
+        "replayed keyposes",
+        provenance(lambda p: p["settings"].update(discretise=100)),
+    ),
+    Corruption("a column is missing", "readable", table(lambda t: t.drop_columns([schema.SEED]))),
+    Corruption("an empty cell", "readable", column(schema.TICK, lambda _: None, [2])),
+    Corruption("another seed in a row", "episode key", column(schema.SEED, lambda _: 77, [3])),
+    Corruption("another sentence", "episode key", column("tasks", lambda _: ["drop it"], file=ENTRIES)),
+    Corruption("time of rows", "bookkeeping", column("timestamp", lambda v: v + 0.05)),
+    Corruption("sentence of rows", "bookkeeping", column("task_index", lambda _: 1)),
+    Corruption("one state hash", "replay", column(schema.STATE_HASH, lambda v: v ^ 1, [2])),
+    Corruption("one tick", "replay", column(schema.TICK, lambda v: v + 1, [-1])),
+    Corruption(
+        "one action by 1e-6",
+        "replayed actions",
+        column(schema.ACTION, element(1, lambda v: v + 1e-6), [2]),
+    ),
+    Corruption(
+        "labels by a centimetre",
+        "replayed keyposes",
+        column(schema.NEXT_KEYPOSE, element(0, lambda v: v + 0.01)),
+    ),
+    Corruption("a keyframe too many", "replayed keyposes", column(schema.KEYFRAME, lambda _: True, [0])),
+    Corruption(
+        "one camera pose",
+        "replayed observations",
+        column(schema.CAMERA_EXTRINSICS, element(3, lambda v: v + 2e-5), [2]),
+    ),
+    Corruption(
+        "not a number", "replayed observations", column(schema.STATE, element(3, lambda _: float("nan")), [2])
+    ),
+    Corruption("video is gone", "images complete", lambda root: (root / VIDEO).unlink(), FRAMES),
+    Corruption("video is cut off", "images complete", lambda root: truncate(root / VIDEO), FRAMES),
+    Corruption(
+        "video of another length",
+        "images complete",
+        lambda root: shutil.copyfile(root / VIDEO.replace("file-000", "file-001"), root / VIDEO),
+        FRAMES,
+    ),
+    Corruption(
+        "video of another camera",
+        "rendered RGB",
+        lambda root: shutil.copyfile(root / VIDEO.replace(FRONT, WRIST), root / VIDEO),
+        FRAMES,
+    ),
+    Corruption("video is a tick late", "rendered RGB", encoded_again(lambda f: [f[0], *f[:-1]]), FRAMES),
+    Corruption(
+        "video in BGR", "rendered RGB", encoded_again(lambda f: [image[..., ::-1] for image in f]), FRAMES
+    ),
+    Corruption("an image is missing", "images complete", column(FRONT, lambda _: None, [1]), KEYFRAMES),
+    Corruption(
+        "an image claims gigabytes",
+        "images complete",
+        column(FRONT, lambda cell: cell | {"bytes": png(60_000, 60_000)}, [1]),
+        KEYFRAMES,
+    ),
+    Corruption("one pixel of colour", "rendered RGB", pixels(FRONT, one_pixel(1), slice(3, 4)), KEYFRAMES),
+    Corruption(
+        "one pixel of depth", "rendered depth", pixels(FRONT_DEPTH, one_pixel(-1), slice(3, 4)), KEYFRAMES
+    ),
+    Corruption("depth beyond its range", "depth range", pixels(FRONT_DEPTH, one_pixel(9000)), KEYFRAMES),
+)
+
+
+def truncate(path: Path) -> None:
+    """Cut a file off."""
+    path.write_bytes(path.read_bytes()[:-100])
