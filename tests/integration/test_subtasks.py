@@ -20,6 +20,7 @@ from tiny_clip import save_clip
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
+from lerobot_env_bimanual.verification.metadata import LANGUAGE_COLUMNS
 from lerobot_policy_bimanual.inspection.loading import batch_of
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
@@ -149,4 +150,4 @@ def test_where_loaders_drop_the_columns_its_training_is_refused(told, annotated_
 def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated):
     batch = batch_of(LeRobotDataset("local/annotated", root=annotated("keyframes")), range(3))
     assert batch[schema.NEXT_KEYPOSE].shape == (3, 18)
-    assert not batch.keys() & LANGUAGE_FEATURES.keys()
+    assert not batch.keys() & set(LANGUAGE_COLUMNS)
