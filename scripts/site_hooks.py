@@ -15,7 +15,7 @@ from mkdocs.structure.pages import Page
 from site_films import FILMS, film_name
 
 from lerobot_bimanual.pages import markdown_table
-from lerobot_bimanual.reports.benchmark_page import read_rows, success_table
+from lerobot_bimanual.reports.benchmark_page import read_results, success_table
 from lerobot_env_bimanual.reports.certified import Certified
 from lerobot_env_bimanual.reports.task_page import TaskPages
 
@@ -97,7 +97,7 @@ def _certified() -> Certified:
 
 def _task_pages() -> dict[str, str]:
     pages = TaskPages(_certified())
-    rows = list(read_rows(RESULTS / "leaderboard").values())
+    rows = list(read_results(RESULTS / "leaderboard").values())
     texts = {}
     for task in pages.tasks:
         scored = [row for row in rows if row.task == task]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
-from lerobot_bimanual.reports.benchmark_page import read_rows, success_table
+from lerobot_bimanual.reports.benchmark_page import read_results, success_table
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
 ROOT = Path(__file__).parents[1]
@@ -31,7 +31,7 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    return markdown_table(success_table(list(read_rows(ROOT / "results/leaderboard").values())))
+    return markdown_table(success_table(list(read_results(ROOT / "results/leaderboard").values())))
 
 
 def _axes() -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from statistics import fmean, stdev
-from typing import TYPE_CHECKING
+from statistics import stdev
 
+import pandas as pd
 from pydantic import ConfigDict
 
-from lerobot_bimanual.benchmark.config import BenchmarkConfig, beyond_recipe, command, shortest_config
+from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
 from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
@@ -20,13 +19,10 @@ from lerobot_bimanual.results.comparison import check_comparable
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.results.statistics import SuccessRate
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
-EXPERT_CERTIFICATE = "expert.json"
-"""The certificate that covers every task."""
+EXPERT_REPORT = "expert.json"
+"""The expert report that covers every task."""
 
 
 class _Worlds(Record):
@@ -38,154 +34,139 @@ class _Worlds(Record):
 
 
 def benchmark_page(
-    rows: Mapping[Path, BenchmarkResult],
+    results: Mapping[Path, BenchmarkResult],
     folder: Path,
-    certificates: Path | None = None,
+    expert_reports: Path | None = None,
     figure: str | None = None,
 ) -> str:
     """The page of results.
 
     Args:
-        rows: by file.
+        results: by file.
         folder: that holds them, for the page to say.
-        certificates: folder of the certificates, of whose worlds the results must be; by default the folder
-            `certificates` beside `folder`, if there is one.
+        expert_reports: folder of expert reports, of whose worlds the results must be; by default the folder
+            `expert_reports` beside `folder`, if there is one.
         figure: link to the figure of these results; None for a page without.
 
     Raises:
-        BimanualError: the results are not comparable, are of other worlds than the certificates, or no command trains one
-            of an installed recipe again. The message names the file.
+        BimanualError: the results are not comparable, are of other worlds than the expert reports, or no command trains
+            one of an installed recipe again. The message names the file.
     """
-    check_comparable(rows)
-    _check_worlds(rows, folder, certificates)
-    ordered = sorted(rows.items(), key=lambda item: (item[1].config.eval_key, item[1].config.policy_id))
-    configs = [(row, _config_of(path, row)) for path, row in ordered]
-    known = [config for _, config in configs if config is not None]
+    check_comparable(results)
+    _check_worlds(results, folder, expert_reports)
+    ordered = sorted(results.items(), key=lambda item: (item[1].config.eval_key, item[1].config.policy_id))
+    installed = [(path, each) for path, each in ordered if each.config.policy in entries(RECIPE_GROUP)]
+    commands, beyond = {}, {}
+    for path, each in installed:
+        try:
+            config = shortest_config(each.config)
+        except BimanualError as error:
+            raise BimanualError(f"{path}: {error}") from error
+        commands[path], beyond[path] = command(config), beyond_recipe(config)
     return render(
         "lerobot_bimanual.reports",
         "benchmark.md",
         recipe=ordered[0][1].config.recipe,
         folder=folder.as_posix(),
-        success=success_table(list(rows.values())),
+        success=success_table(results.values()),
         figure=figure,
-        training=_training_table(configs),
-        command=command(known[-1]) if known else None,
+        training=pd.DataFrame(_training(each, beyond.get(path)) for path, each in ordered),
+        command=[*commands.values()][-1] if commands else None,
     )
 
 
-def read_rows(results: Path) -> dict[Path, BenchmarkResult]:
+def read_results(place: Path) -> dict[Path, BenchmarkResult]:
     """The results in a file, or in the files of a folder, by file.
 
     Raises:
         BimanualError: there are none, one is wrong, or has the name of another result.
     """
-    paths = sorted(results.glob("*.json")) if results.is_dir() else [results]
+    paths = sorted(place.glob("*.json")) if place.is_dir() else [place]
     if not paths:
         raise BimanualError(
-            f"{results} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
+            f"{place} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
         )
-    rows = {path: BenchmarkResult.read(path) for path in paths}
-    for path, row in rows.items():
-        if path.name != row.config.file_name:
+    results = {path: BenchmarkResult.read(path) for path in paths}
+    for path, result in results.items():
+        if path.name != result.config.file_name:
             raise BimanualError(
-                f"{path}: a file with this result must be named {row.config.file_name}; rename it"
+                f"{path}: a file with this result must be named {result.config.file_name}; rename it"
             )
-    return rows
+    return results
 
 
-def _check_worlds(rows: Mapping[Path, BenchmarkResult], folder: Path, certificates: Path | None) -> None:
-    """Results are of the certified worlds; of perturbed worlds there is no such certificate."""
-    path = (certificates or folder.parent / "certificates") / EXPERT_CERTIFICATE
-    if certificates is None and not path.is_file():
+def _check_worlds(results: Mapping[Path, BenchmarkResult], folder: Path, expert_reports: Path | None) -> None:
+    """Results are of the worlds of the experts; of perturbed worlds there is no such report."""
+    report = (expert_reports or folder.parent / "expert_reports") / EXPERT_REPORT
+    if expert_reports is None and not report.is_file():
         return
-    worlds = _Worlds.read(path).worlds
-    for row_path, row in rows.items():
-        if row.world != worlds.get(row.task) and not row.config.perturb:
+    worlds = _Worlds.read(report).worlds
+    for path, result in results.items():
+        if result.world != worlds.get(result.task) and not result.config.perturb:
             raise BimanualError(
-                f"{row_path}: world of {row.task} is {row.world!r}, but {worlds.get(row.task)!r} in {path}; measure "
-                "both in one world"
+                f"{path}: world of {result.task} is {result.world!r}, but {worlds.get(result.task)!r} in {report}; "
+                "measure both in one world"
             )
 
 
-def _config_of(path: Path, row: BenchmarkResult) -> BenchmarkConfig | None:
-    """What trains a row again; None if its policy is not installed."""
-    if row.config.policy not in entries(RECIPE_GROUP):
-        return None
-    try:
-        return shortest_config(row.config)
-    except BimanualError as error:
-        raise BimanualError(f"{path}: {error}") from error
-
-
-def success_table(rows: Sequence[BenchmarkResult]) -> pd.DataFrame:
+def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
     """The policies, the expert and the open-loop baseline side by side, one line per task."""
-    import pandas as pd
-
-    cells: defaultdict[str, defaultdict[str, list[BenchmarkResult]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        cells[row.config.eval_key][row.config.policy_id].append(row)
-    policies = sorted({row.config.policy_id for row in rows})
-    baselines = {place: next(iter(cells[place].values()))[0].rates for place in sorted(cells)}
-    lines = [
-        [
-            f"`{place}`",
-            *(success_cell(cells[place].get(policy, [])) for policy in policies),
-            str(rates["expert"].successes),
-            _score(rates["open_loop"]),
-        ]
-        for place, rates in baselines.items()
-    ]
-    if len(lines) > 1:
-        means = [mean_cell([cells[place].get(policy, []) for place in baselines]) for policy in policies]
-        others = [
-            f"{fmean(rates[name].rate for rates in baselines.values()):.1%}"
-            for name in ("expert", "open_loop")
-        ]
-        lines.append([f"mean of {len(lines)}", *means, *others])
-    return pd.DataFrame(lines, columns=["task", *(f"`{name}`" for name in policies), "expert", "open loop"])
-
-
-def mean_cell(cells: Sequence[Sequence[BenchmarkResult]]) -> str:
-    """Mean over tasks, each with the mean of its trainings; of a policy that was scored on all of them."""
-    if not all(cells):
-        return ABSENT
-    return f"{fmean(fmean(row.rates['policy'].rate for row in rows) for rows in cells):.1%}"
+    table = pd.DataFrame(
+        {
+            "task": each.config.eval_key,
+            "policy": each.config.policy_id,
+            "seed": each.config.seed,
+            "rate": each.rates["policy"],
+            "expert": each.rates["expert"],
+            "open_loop": each.rates["open_loop"],
+        }
+        for each in results
+    ).sort_values(["task", "policy", "seed"])
+    table["share"] = table.rate.map(lambda rate: rate.rate)
+    by_task, by_cell = table.groupby("task"), table.groupby(["task", "policy"])
+    shown = by_cell.rate.apply(_success_cell).unstack().fillna(ABSENT).add_prefix("`").add_suffix("`")
+    baselines = by_task[["expert", "open_loop"]].first()
+    shown["expert"] = baselines.expert.map(lambda rate: str(rate.successes))
+    shown["open loop"] = baselines.open_loop.map(_score)
+    shown.index = [f"`{task}`" for task in shown.index]
+    if len(shown) > 1:
+        means = by_cell.share.mean().unstack().mean(skipna=False)  # of policies that were scored on all tasks
+        means = [*means, *(baselines[name].map(lambda rate: rate.rate).mean() for name in baselines)]
+        shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
+    return shown.rename_axis("task").reset_index()
 
 
-def success_cell(rows: Sequence[BenchmarkResult]) -> str:
-    """Success of no training, of one, or of several in the order of their seeds."""
-    ordered = sorted(rows, key=lambda row: row.config.seed)
-    rates = [row.rates["policy"] for row in ordered]
-    if len(rates) < 2:
-        return _score(rates[0]) if rates else ABSENT
+def _training(result: BenchmarkResult, beyond: str | None) -> dict[str, object]:
+    """Line of the table of trainings.
+
+    Args:
+        result: of the training.
+        beyond: flags beyond those of the recipe; None if the recipe is not installed.
+    """
+    config = result.config
+    validated = (
+        f"{each.step}: {sum(episode.success for episode in each.episodes)}/{len(each.episodes)}"
+        for each in result.validation
+    )
+    return {
+        "task": f"`{config.eval_key}`",
+        "policy": f"`{config.policy_id}`",
+        "demos": len(result.demonstrations.seeds),
+        "steps": f"{result.checkpoint_step} of {config.steps}",
+        "minutes": f"{result.training_seconds / 60:.1f}",
+        "machine": result.machine.gpu or f"{result.machine.cpus} cores",
+        "on `val`, by steps": ", ".join(validated),
+        "beyond the recipe": NOT_INSTALLED if beyond is None else f"`{beyond}`" if beyond else ABSENT,
+    }
+
+
+def _success_cell(rates: pd.Series) -> str:
+    """Success of one training, or of several."""
+    if len(rates) == 1:
+        return _score(rates.iloc[0])
     shares = [rate.rate for rate in rates]
     counts = ", ".join(f"{rate.successes}/{rate.trials}" for rate in rates)
-    return f"{counts}: {fmean(shares):.1%} ± {stdev(shares):.1%}"
-
-
-def _training_table(trained: Sequence[tuple[BenchmarkResult, BenchmarkConfig | None]]) -> pd.DataFrame:
-    import pandas as pd
-
-    lines = []
-    for row, config in trained:
-        validated = (
-            f"{each.step}: {sum(episode.success for episode in each.episodes)}/{len(each.episodes)}"
-            for each in row.validation
-        )
-        words = None if config is None else beyond_recipe(config)
-        lines.append(
-            {
-                "task": f"`{row.config.eval_key}`",
-                "policy": f"`{row.config.policy_id}`",
-                "demos": len(row.demonstrations.seeds),
-                "steps": f"{row.checkpoint_step} of {row.config.steps}",
-                "minutes": f"{row.training_seconds / 60:.1f}",
-                "machine": row.machine.gpu or f"{row.machine.cpus} cores",
-                "on `val`, by steps": ", ".join(validated),
-                "beyond the recipe": NOT_INSTALLED if words is None else f"`{words}`" if words else ABSENT,
-            }
-        )
-    return pd.DataFrame(lines)
+    return f"{counts}: {sum(shares) / len(shares):.1%} ± {stdev(shares):.1%}"
 
 
 def _score(rate: SuccessRate) -> str:

@@ -6,7 +6,7 @@ import yaml
 from huggingface_hub import EvalResultEntry, eval_result_entries_to_yaml
 
 from lerobot_bimanual.output_file import write_file
-from lerobot_bimanual.reports.benchmark_page import read_rows
+from lerobot_bimanual.reports.benchmark_page import read_results
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 
 
@@ -26,7 +26,7 @@ def write_hub_results(results: Path, folder: Path, benchmark: str) -> list[Path]
         UnwritableOutput: a file cannot be written.
     """
     written = []
-    for path, row in read_rows(results).items():
+    for path, row in read_results(results).items():
         entries = eval_result_entries_to_yaml([entry_of(row, benchmark)])
         file = folder / f"{path.stem}.yaml"
         write_file(file, yaml.safe_dump(entries, sort_keys=False, allow_unicode=True))

@@ -10,7 +10,7 @@ from made_up_ladders import CERTIFICATE, LADDER, ladder, rung
 from sample_results import RESULT, proved, put, reported, variant
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
 from lerobot_bimanual.reports.hub_results import write_hub_results
 from lerobot_bimanual.reports.robustness_page import robustness_page
@@ -34,7 +34,7 @@ def another_training(results: Path, config: dict | None = None, **fields) -> Pat
 
 
 def page_of(results: Path, **options) -> str:
-    page = benchmark_page(read_rows(results), results, **options)
+    page = benchmark_page(read_results(results), results, **options)
     return page.replace(results.as_posix(), "RESULTS")
 
 
@@ -94,10 +94,10 @@ def test_a_page_says_how_a_result_departs_from_todays_recipe(config, flags, resu
 
 def test_a_folder_without_results_and_a_result_under_another_name_are_refused(results: Path, tmp_path: Path):
     with pytest.raises(BimanualError, match="holds no results; `lerobot-bimanual policy benchmark` writes"):
-        read_rows(tmp_path)
+        read_results(tmp_path)
     (results / "lift_ball_mine_small_seed1000.json").rename(results / "better.json")
     with pytest.raises(BimanualError, match=r"better\.json: .*must be named lift_ball_mine_small"):
-        read_rows(results)
+        read_results(results)
 
 
 def test_results_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):

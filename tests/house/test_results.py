@@ -14,7 +14,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve,
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.checksums import sha256
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
@@ -47,7 +47,7 @@ CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir
 def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
     folder = Path("results/leaderboard")
-    page = benchmark_page(read_rows(folder), folder, figure="results.png")
+    page = benchmark_page(read_results(folder), folder, figure="results.png")
     assert (ROOT / "docs" / "results.md").read_text() == page
     assert described("results.png") == success_figure([*map(BenchmarkResult.read, ROWS)]).description
 

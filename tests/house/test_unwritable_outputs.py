@@ -55,7 +55,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("lerobot_env_bimanual.workers.WorkerPool.__init__", refuse)
     monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
-    monkeypatch.setattr("lerobot_bimanual.reports.benchmark_page.read_rows", refuse)
+    monkeypatch.setattr("lerobot_bimanual.reports.benchmark_page.read_results", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.results_compare.BenchmarkResult.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
     monkeypatch.setattr("lerobot_bimanual.benchmark.pipeline.subprocess.Popen", refuse)

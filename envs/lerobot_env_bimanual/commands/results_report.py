@@ -92,7 +92,7 @@ def _write_markdown(config: ResultsReportConfig) -> None:
 def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart]:
     """The page, and the figure to which it links."""
     from lerobot_bimanual.ladder.result import LadderResult, is_ladder
-    from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_rows
+    from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_figures import heat_map
     from lerobot_bimanual.reports.robustness_page import robustness_page
     from lerobot_bimanual.reports.success_figure import success_figure
@@ -102,7 +102,7 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
     if paths and is_ladder(paths[0]):
         results = {path.stem: LadderResult.read(path) for path in paths}
         return robustness_page(results, link), heat_map(results)
-    rows = read_rows(place)
+    rows = read_results(place)
     return benchmark_page(rows, place, config.expert_reports, link), success_figure([*rows.values()])
 
 
