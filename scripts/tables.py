@@ -1,4 +1,4 @@
-"""Write the tables that change with the leaderboard and the registry into README.md and docs/robustness.md.
+"""Write the tables of tasks, results and perturbations into README.md and docs/robustness.md.
 
 Each table is between two comments of its page. Usage: tables.py
 """
@@ -10,6 +10,7 @@ import pandas as pd
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import read_results, success_table
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
@@ -34,6 +35,17 @@ def _results() -> str:
     return markdown_table(success_table(list(read_results(ROOT / "results/leaderboard").values())))
 
 
+def _tasks() -> str:
+    specs = sorted((get_task(name).spec for name in list_tasks()), key=lambda spec: spec.id)
+    rows = {
+        "task": [f"`{spec.name}`" for spec in specs],
+        "instruction": [spec.instructions[0] for spec in specs],
+        "variations": [str(len(spec.variations)) for spec in specs],
+        "suites": [", ".join(spec.taxonomy.suites) for spec in specs],
+    }
+    return markdown_table(pd.DataFrame(rows), True)
+
+
 def _axes() -> str:
     axes = sorted((get_axis(name) for name in list_axes()), key=lambda axis: axis.group)
     rows = {
@@ -47,7 +59,11 @@ def _axes() -> str:
     return markdown_table(pd.DataFrame(rows), True)
 
 
-TABLES = {"results": ("README.md", _results), "axes": ("docs/robustness.md", _axes)}
+TABLES = {
+    "tasks": ("README.md", _tasks),
+    "results": ("README.md", _results),
+    "axes": ("docs/robustness.md", _axes),
+}
 """By name: the page that holds the table, and what writes it."""
 
 if __name__ == "__main__":

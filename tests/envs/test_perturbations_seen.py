@@ -295,8 +295,8 @@ def test_all_surfaces_of_the_room_are_others_and_nothing_else_is():
 # -- words ------------------------------------------------------------------------------------------------
 
 
-def test_every_task_has_two_instructions_at_each_level():
-    assert set(paraphrases()) == set(list_tasks())
+def test_a_task_with_other_words_has_two_instructions_at_each_level():
+    assert set(paraphrases()) <= set(list_tasks())
     for templates in paraphrases().values():
         assert list(templates) == ["1", "2", "3"]
         assert {len(sentences) for sentences in templates.values()} == {2}
@@ -305,7 +305,7 @@ def test_every_task_has_two_instructions_at_each_level():
 def test_no_instruction_of_the_training_is_among_them_and_each_is_another_one():
     sentences = [
         template.format(**variation.words)
-        for task in list_tasks()
+        for task in paraphrases()
         for variation in get_task(task).spec.variations
         for template in itertools.chain(*paraphrases()[task].values())
     ]
@@ -319,7 +319,7 @@ def test_no_instruction_of_the_training_is_among_them_and_each_is_another_one():
     assert len({sentence.lower().strip(" .?!") for sentence in sentences}) == len(sentences)
 
 
-@pytest.mark.parametrize("task", list_tasks())
+@pytest.mark.parametrize("task", paraphrases())
 def test_words_of_the_variation_that_are_in_every_instruction_are_in_these(task):
     spec = get_task(task).spec
     for variation in spec.variations:

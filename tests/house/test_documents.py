@@ -40,19 +40,6 @@ def test_every_page_is_in_the_navigation_of_the_site() -> None:
     assert {path.name for path in ROOT.glob("docs/*.md")} <= named
 
 
-def test_the_task_table_of_the_readme_is_the_registry() -> None:
-    from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
-
-    specs = sorted((get_task(name).spec for name in list_tasks()), key=lambda spec: spec.id)
-    rows = [
-        f"| `{spec.name}` | {spec.instructions[0]} | {len(spec.variations)} | {', '.join(spec.taxonomy.suites)} |"
-        for spec in specs
-    ]
-    section = (ROOT / "README.md").read_text().partition("## Tasks\n")[2].partition("\n## ")[0]
-    shown = [line for line in section.splitlines() if line.startswith("| `")]
-    assert shown == rows, "\n".join(["the table of tasks in README.md should be", *rows])
-
-
 def test_the_table_of_the_schema_names_every_column() -> None:
     from lerobot_bimanual.dataset import schema
 
