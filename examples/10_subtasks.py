@@ -19,8 +19,8 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.datasets.io_utils import load_info, write_info
 from lerobot.datasets.language import language_feature_info
 
+from lerobot_bimanual.dataset.checksums import write_checksums
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP
-from lerobot_bimanual.dataset.seal import write_seal
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 
@@ -52,7 +52,7 @@ def annotate(view: Path) -> None:
     info = load_info(view)
     info.features = {**info.features, **language_feature_info()}
     write_info(info, view)
-    write_seal(view)
+    write_checksums(view)
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.checksums import sha256
+from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.checksums import sha256
+from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.output_file import check_output_folder

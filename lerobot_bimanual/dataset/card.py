@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from huggingface_hub import DatasetCardData
+from numpy.typing import NDArray
+from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.picture import PICTURE_FILE, write_picture
+from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.reader import read_info
+from lerobot_bimanual.dataset.reader import RecordedDataset, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
 from lerobot_bimanual.output_file import write_file
@@ -23,6 +27,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CARD_FILE = Path("README.md")
+PICTURE_FILE = Path("meta", "first_episode.jpg")
+PICTURE_CAMERA = "front"
+TILE_HEIGHT, GAP = 160, 4
+"""Sizes in the picture, in pixels."""
+
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
 
@@ -61,7 +70,7 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
     provenance = Provenance.of_dataset(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
-    write_picture(root)
+    _write_picture(root)
     text = dataset_card(provenance, read_info(root), repo_id, tags)
     write_file(root / CARD_FILE, text)
 
@@ -122,3 +131,30 @@ def _columns(info: dict) -> pd.DataFrame:
         if meaning is not None:  # the others are LeRobot's own bookkeeping
             rows.append((f"`{key}`", feature["dtype"], " x ".join(map(str, feature["shape"])), meaning))
     return pd.DataFrame(rows, columns=["column", "type", "shape", "meaning"])
+
+
+def _write_picture(root: Path) -> None:
+    """Draw the first episode in one strip, from the start over every keypose to the end.
+
+    It is seen by the front camera, or by the first camera that the dataset stores.
+
+    Raises:
+        UnwritableOutput: the picture cannot be written.
+    """
+    dataset = RecordedDataset(root)
+    camera = PICTURE_CAMERA if PICTURE_CAMERA in dataset.cameras else dataset.cameras[0]
+    shown = {0, *np.flatnonzero(dataset.episode(0).columns[schema.KEYFRAME]).tolist()}
+    images = ImageReader(root).images(0, schema.image_key(camera))
+    tiles = [_tile(image) for row, image in enumerate(images) if row in shown]
+    lefts = np.cumsum([0, *(tile.width + GAP for tile in tiles)]).tolist()
+    strip = Image.new("RGB", (lefts[-1] - GAP, TILE_HEIGHT), "white")
+    for tile, left in zip(tiles, lefts, strict=False):  # the last left is where another tile would begin
+        strip.paste(tile, (left, 0))
+    drawn = BytesIO()
+    strip.save(drawn, "JPEG", quality=85)
+    write_file(root / PICTURE_FILE, drawn.getvalue())  # through no link, which may lead into the Hub's cache
+
+
+def _tile(rgb: NDArray[np.uint8]) -> Image.Image:
+    height, width, _ = rgb.shape
+    return Image.fromarray(rgb).resize((round(width * TILE_HEIGHT / height), TILE_HEIGHT))

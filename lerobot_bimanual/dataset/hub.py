@@ -20,10 +20,9 @@ from huggingface_hub.errors import (
 )
 from huggingface_hub.utils import validate_repo_id
 
-from lerobot_bimanual.dataset.card import CARD_FILE, write_card
-from lerobot_bimanual.dataset.picture import PICTURE_FILE
+from lerobot_bimanual.dataset.card import CARD_FILE, PICTURE_FILE, write_card
+from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
-from lerobot_bimanual.dataset.seal import seal_problems, write_seal
 from lerobot_bimanual.errors import BimanualError, DatasetError
 
 TransportError: type[Exception] = HfHubHTTPError.__bases__[0]
@@ -36,7 +35,7 @@ def pushable_folder(root: Path) -> Path:
     """`root`, if one whole dataset of this package lies there and says where it comes from.
 
     Raises:
-        DatasetError: there is none, there are two, it has no provenance, or it is not as it was sealed.
+        DatasetError: there is none, there are two, it has no provenance, or it is not as it was published.
         SchemaMismatch: the dataset is of another package or version.
     """
     if views := views_below(root):
@@ -49,7 +48,7 @@ def pushable_folder(root: Path) -> Path:
             f"{root} does not say where it comes from, as after an edit with LeRobot's tools, so it can have no card. "
             "Generate a dataset of what you want to share, or push this one with LeRobotDataset.push_to_hub"
         )
-    if problem := next(seal_problems(root, rewritten=(CARD_FILE, PICTURE_FILE)), None):
+    if problem := next(checksum_problems(root, rewritten=(CARD_FILE, PICTURE_FILE)), None):
         raise DatasetError(
             f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
             "it, or generate it again"
@@ -95,7 +94,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
     another branch gets none, and is loaded with `revision=branch`.
 
     Args:
-        root: folder of the dataset; its card is written again with the name of the repository, and sealed anew.
+        root: folder of the dataset; its card and its checksums are written again with the name of the repository.
         repo_id: USER/NAME or ORGANISATION/NAME.
         branch: branch instead of `main`; made if it does not exist.
         tags: further tags of the card.
@@ -107,7 +106,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
         BimanualError: the Hub refuses or cannot be reached; what was uploaded so far is not uploaded again.
     """
     write_card(root, repo_id, tags)
-    write_seal(root)
+    write_checksums(root)
     hub = HfApi()
     with _plain_errors(repo_id):
         if branch is not None:

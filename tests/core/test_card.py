@@ -10,8 +10,7 @@ from huggingface_hub import DatasetCard
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.card import write_card
-from lerobot_bimanual.dataset.picture import PICTURE_FILE
+from lerobot_bimanual.dataset.card import PICTURE_FILE, write_card
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.errors import DatasetError
 

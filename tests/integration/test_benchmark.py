@@ -11,7 +11,7 @@ from rich.console import Console
 
 from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
 from lerobot_bimanual.benchmark.run import run
-from lerobot_bimanual.checksums import sha256
+from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 
 ROOT = Path(__file__).parents[2]

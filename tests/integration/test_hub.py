@@ -13,10 +13,10 @@ from huggingface_hub import DatasetCard
 from PIL import Image
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.picture import PICTURE_FILE
+from lerobot_bimanual.dataset.card import PICTURE_FILE
+from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.dataset.seal import seal_problems
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -106,7 +106,7 @@ def test_a_stranger_with_an_empty_cache_loads_it_by_name(published, dataset, des
     assert (length, shape, dtype) == (len(np.concatenate(labels)), [1, 24, 32], "torch.float32")
     assert Path(root).is_relative_to(desk.folder)
     assert RecordedDataset(root).provenance == RecordedDataset(dataset).provenance
-    assert list(seal_problems(Path(root))) == []
+    assert list(checksum_problems(Path(root))) == []
 
 
 def test_a_stranger_trains_on_it_by_name(published, desk, tiny_flags) -> None:

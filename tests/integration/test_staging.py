@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual.cli import main
+from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, write_checksums
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-from lerobot_bimanual.dataset.seal import SEAL_FILE, write_seal
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, make_dataset, settings_of
@@ -174,7 +174,7 @@ VIDEO = "videos/observation.images.front/chunk-000/file-001.mp4"
 def rewrite_provenance(root: Path, view: str, change: Callable[[dict], object]) -> None:
     """Change the provenance and list the new checksum."""
     edit(root / view / PROVENANCE_FILE, change)
-    write_seal(root / view)
+    write_checksums(root / view)
 
 
 def exchange_views(root: Path) -> None:
@@ -191,7 +191,7 @@ def exchange_views(root: Path) -> None:
         (lambda root: (root / "frames" / VIDEO).write_bytes(b"0"), f"{VIDEO} has changed"),
         (lambda root: (root / "keyframes/data/more.parquet").touch(), r"more\.parquet does not belong here"),
         (lambda root: (root / "keyframes/data/link").symlink_to("/etc/passwd"), "data/link is a link"),
-        (lambda root: (root / "frames" / SEAL_FILE).unlink(), f"{SEAL_FILE} is missing"),
+        (lambda root: (root / "frames" / CHECKSUMS_FILE).unlink(), f"{CHECKSUMS_FILE} is missing"),
         (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), "does not say any more what it is"),
         (exchange_views, "it holds another view"),
         (

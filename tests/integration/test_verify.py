@@ -11,9 +11,9 @@ from lerobot.utils.constants import DEFAULT_FEATURES
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
+from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
 from lerobot_bimanual.dataset.content_hash import content_hash
 from lerobot_bimanual.dataset.reader import BOOKKEEPING, COLUMN_TYPES, read_info
-from lerobot_bimanual.dataset.seal import seal_problems, write_seal
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
@@ -52,8 +52,8 @@ def findings(root: Path, check: str, player: Player) -> dict[str, str]:
 def test_a_corruption_is_found_by_its_check_and_by_the_checksums(corruption, view, copy, player) -> None:
     root = copy(view)
     corruption.change(root)
-    assert list(seal_problems(root)), "the checksums do not find it"
-    write_seal(root)
+    assert list(checksum_problems(root)), "the checksums do not find it"
+    write_checksums(root)
     found = findings(root, corruption.check, player)
     assert corruption.check in found
     assert "checksums" not in found
@@ -97,7 +97,7 @@ def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, m
     opened = []
     monkeypatch.setattr("datasets.features.image.xopen", lambda *args, **_: opened.append(args))
     for root, episode in ((cells, 1), (playlist, 0)):
-        write_seal(root)
+        write_checksums(root)
         thoroughness = Thoroughness(
             simulate=False, rendered_rows=0, sampled=episode, cache=tmp_path / "cache"
         )
@@ -155,7 +155,7 @@ def test_not_replayed_is_not_passed(copy, capsys, field, other, remark) -> None:
     root = copy("keyframes")
     c.provenance(lambda origin: origin[field].update(other))(root)
     write_card(root, "local/small")
-    write_seal(root)
+    write_checksums(root)
     assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 3
     printed = capsys.readouterr().out
     assert f"not replayed, so not passed: {remark}" in printed

@@ -30,9 +30,9 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     Examples:
         lerobot-bimanual dataset regenerate --provenance=lift_ball.json --root=data/lift_ball
     """
+    from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, is_as_published
     from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
     from lerobot_bimanual.dataset.reader import find_view
-    from lerobot_bimanual.dataset.seal import SEAL_FILE, is_as_sealed
     from lerobot_env_bimanual.commands.dataset_generate import make_dataset
     from lerobot_env_bimanual.experts.world_version import other_worlds
     from lerobot_env_bimanual.generation.processes import ProcessExecutor
@@ -42,9 +42,9 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     place = Path(os.path.abspath(config.provenance))  # noqa: PTH100  without `..`, but through no link
     dataset = place.parent.parent
     is_in_place = place == dataset / PROVENANCE_FILE
-    if is_in_place and (dataset / SEAL_FILE).exists() and not is_as_sealed(dataset, PROVENANCE_FILE):
+    if is_in_place and (dataset / CHECKSUMS_FILE).exists() and not is_as_published(dataset, PROVENANCE_FILE):
         raise DatasetError(
-            f"{config.provenance} is not the file that was published with its dataset, as {dataset / SEAL_FILE} shows: "
+            f"{config.provenance} is not the file that was published with its dataset, as {dataset / CHECKSUMS_FILE} shows: "
             "restore it, or copy it elsewhere to make what it says now"
         )
     if others := provenance.other_versions():

@@ -57,9 +57,9 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
         job: folders of the shards, each with a folder of this view; new folder of the dataset; its provenance.
     """
     from lerobot_bimanual.dataset.card import write_card
+    from lerobot_bimanual.dataset.checksums import write_checksums
     from lerobot_bimanual.dataset.merging import merge_datasets
     from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-    from lerobot_bimanual.dataset.seal import write_seal
 
     shards, folder, provenance = job
     with plain_write_errors(folder):
@@ -67,7 +67,7 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
         _sort_keys(folder / "meta" / "stats.json")
         provenance.write(folder / PROVENANCE_FILE)
         write_card(folder, provenance.settings["repo_id"])
-        write_seal(folder)
+        write_checksums(folder)
 
 
 def _record(

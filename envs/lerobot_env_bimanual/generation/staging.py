@@ -22,9 +22,9 @@ from typing import Self
 
 from filelock import FileLock, Timeout
 
+from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.schema import VIEWS
-from lerobot_bimanual.dataset.seal import seal_problems
 from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.generation.origin import Origin
@@ -115,7 +115,7 @@ class Staging:
             self.origin.refuse_at(self.root, _origin_of(place))
         for view in self._settings.views:
             folder = view_folder(self.root, self._settings, view)
-            problem = next(seal_problems(folder), None) if folder.is_dir() else "the view is missing"
+            problem = next(checksum_problems(folder), None) if folder.is_dir() else "the view is missing"
             if problem is None and Provenance.load(folder / PROVENANCE_FILE).view != view:
                 problem = "it holds another view"
             if problem is not None:

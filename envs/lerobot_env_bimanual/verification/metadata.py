@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.checksums import checksum_problems, what_is_no_file
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -22,7 +23,6 @@ from lerobot_bimanual.dataset.reader import (
     episode_table,
     read_info,
 )
-from lerobot_bimanual.dataset.seal import seal_problems, what_is_no_file
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.versions import STAMPED_PACKAGES
 from lerobot_env_bimanual.verification.fault import Fault, faults_of
@@ -47,7 +47,7 @@ def verify_metadata(root: Path) -> dict[str, tuple[Fault, ...]]:
 
 def check_checksums(root: Path) -> Iterator[Fault]:
     """Every file is as it was published."""
-    yield from map(Fault, seal_problems(root))
+    yield from map(Fault, checksum_problems(root))
 
 
 def check_description(root: Path) -> Iterator[Fault]:

@@ -1,0 +1,215 @@
+"""The checksums of a dataset find whatever is not as it was published, and nothing else is read."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lerobot_bimanual.dataset.checksums import (
+    CHECKSUMS_FILE,
+    checksum_problems,
+    is_as_published,
+    sha256,
+    write_checksums,
+)
+from lerobot_bimanual.errors import DatasetError
+
+FILES = (
+    "README.md",
+    "data/chunk-000/file-000.parquet",
+    "meta/info.json",
+    "videos/front/chunk-000/file-000.mp4",
+)
+CHECKSUMS = CHECKSUMS_FILE.as_posix()
+
+
+def make_files(root: Path) -> None:
+    for name in FILES:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(f"content of {name}")
+
+
+@pytest.fixture
+def published(tmp_path) -> Path:
+    root = tmp_path / "dataset"
+    make_files(root)
+    write_checksums(root)
+    return root
+
+
+def test_what_was_published_has_no_problems_and_sha256sum_agrees(published) -> None:
+    assert list(checksum_problems(published)) == []
+    check = ["sha256sum", "--check", "--strict", CHECKSUMS]
+    listed = subprocess.run(check, cwd=published, capture_output=True, text=True, check=True).stdout
+    assert listed.splitlines() == [f"{name}: OK" for name in FILES]
+
+
+def replace_by_link(path: Path) -> None:
+    """The content stays the same, but it lies elsewhere."""
+    elsewhere = path.parents[path.parts[::-1].index("dataset")] / f"elsewhere {path.name}"
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+
+
+@pytest.mark.parametrize("name", FILES[:2])
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (Path.unlink, "is missing"),
+        (lambda path: path.write_text(path.read_text() + " "), "has changed since it was written"),
+        (replace_by_link, "is a link, and no dataset needs one: it is not followed"),
+        (lambda path: (path.unlink(), path.mkdir()), "is missing"),
+        (lambda path: (path.unlink(), os.mkfifo(path)), "is neither a file nor a folder"),
+    ],
+)
+def test_a_damaged_file_is_named(published, name, damage, problem) -> None:
+    damage(published / name)
+    assert f"{name} {problem}" in list(checksum_problems(published))
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "data/chunk-000/file-001.parquet", "data/.cache", "meta/x/y"])
+def test_a_stray_file_is_named(published, name) -> None:
+    (published / name).parent.mkdir(parents=True, exist_ok=True)
+    (published / name).touch()
+    assert list(checksum_problems(published)) == [
+        f"{name} does not belong here: {CHECKSUMS} does not list it"
+    ]
+
+
+@pytest.mark.parametrize("name", [".gitattributes", ".cache/huggingface/x.metadata", ".git/HEAD"])
+def test_what_the_hub_and_git_add_is_no_stray(published, name) -> None:
+    (published / name).parent.mkdir(parents=True, exist_ok=True)
+    (published / name).touch()
+    assert list(checksum_problems(published)) == []
+    write_checksums(published)
+    assert name not in (published / CHECKSUMS).read_text()
+
+
+def line(name: str) -> str:
+    return f"{'0' * 64}  {name}\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda _: b"\xff\xfe", "codec can't decode"),
+        (lambda text: text[:-1], "its last line is cut off"),
+        (lambda text: text + text.splitlines(keepends=True)[0], "line 5 lists README.md once more"),
+        (lambda text: text + line("../secret").encode(), "line 5 leads out of the folder"),
+        (lambda text: text + line("/etc/passwd").encode(), "line 5 leads out of the folder"),
+        (lambda text: text + line("./README.md").encode(), "takes a detour"),
+        (lambda text: text.upper(), "line 1 is not a hash"),
+        (lambda text: b"x" * (2**26 + 1), "exceeds the 64 MB limit"),
+        (lambda text: text + line(CHECKSUMS).encode(), f"{CHECKSUMS} is missing"),
+        (lambda text: text + line("a\tb").encode(), r"'a\\tb' is missing"),
+    ],
+)
+def test_a_list_that_is_damaged_or_leads_elsewhere_is_named(published, change, problem) -> None:
+    secret = published.parent / "secret"
+    os.mkfifo(secret)  # whoever opens it never comes back
+    (published / CHECKSUMS).write_bytes(change((published / CHECKSUMS).read_bytes()))
+    problems = list(checksum_problems(published))
+    assert any(re.search(problem, text) for text in problems), problems
+    assert all("\n" not in text for text in problems)
+
+
+def test_a_dataset_without_a_list_is_told_in_one_sentence(published) -> None:
+    (published / CHECKSUMS).unlink()
+    (problem,) = checksum_problems(published)
+    assert problem.startswith(f"{CHECKSUMS} is missing, so it is unknown which files belong here")
+
+
+def test_names_that_no_terminal_shows_are_told_escaped(published) -> None:
+    (published / os.fsdecode(b"data/\xff\x1b")).touch()
+    (problem,) = checksum_problems(published)
+    assert problem.startswith(r"'data/\udcff\x1b' does not belong here")
+
+
+def test_only_plain_files_with_plain_names_are_listed(published) -> None:
+    (published / "data/link").symlink_to("/etc/passwd")
+    with pytest.raises(DatasetError, match="data/link is a link"):
+        write_checksums(published)
+    (published / "data/link").unlink()
+    (published / "data/a\nb").touch()
+    with pytest.raises(DatasetError, match=r"no list of hashes can hold the name 'data/a\\nb'"):
+        write_checksums(published)
+
+
+def test_files_about_to_be_rewritten_may_differ_but_be_no_links(published) -> None:
+    card = Path("README.md")
+    (published / card).write_text("of another repository")
+    assert list(checksum_problems(published, rewritten=[card])) == []
+    (published / card).unlink()
+    assert list(checksum_problems(published, rewritten=[card])) == []
+    (published / card).symlink_to("/etc/passwd")
+    assert list(checksum_problems(published, rewritten=[card])) != []
+
+
+def test_a_download_in_the_cache_of_the_hub_is_as_published(published, tmp_path) -> None:
+    """There every file is a link from the snapshot to a blob; other links lead nowhere."""
+    snapshot, blobs = tmp_path / "cache/snapshots/abc", tmp_path / "cache/blobs"
+    shutil.copytree(published, snapshot)
+    blobs.mkdir()
+    for path in [path for path in snapshot.rglob("*") if path.is_file()]:
+        blob = blobs / sha256(path)
+        path.rename(blob)
+        path.symlink_to(blob)
+    assert list(checksum_problems(snapshot)) == []
+    (snapshot / FILES[0]).unlink()
+    (snapshot / FILES[0]).symlink_to(published / FILES[0])
+    assert f"{FILES[0]} is a link, and no dataset needs one: it is not followed" in list(
+        checksum_problems(snapshot)
+    )
+
+
+def test_one_file_is_compared_without_reading_the_others(published) -> None:
+    info = Path("meta/info.json")
+    (published / "README.md").write_text("changed")
+    assert is_as_published(published, info)
+    assert not is_as_published(published, Path("README.md"))
+    (published / info).write_text("changed")
+    assert not is_as_published(published, info)
+    assert not is_as_published(published, Path("meta/absent.json"))
+    (published / CHECKSUMS).write_bytes(b"\xff")
+    assert not is_as_published(published, Path("data/chunk-000/file-000.parquet"))
+
+
+NAMES = st.sampled_from([*FILES, "../secret", "/etc/passwd", "..", "", "data", "data//a", CHECKSUMS])
+LINES = st.builds(
+    "{}{}{}\n".format,
+    st.text("0123456789abcdef", min_size=63, max_size=65),
+    st.sampled_from(["  ", " *", " "]),
+    NAMES | st.text(max_size=20),
+)
+
+
+@pytest.fixture(scope="module")
+def published_once(tmp_path_factory) -> Path:
+    """A dataset with a pipe beside it, which blocks for ever when it is opened."""
+    root = tmp_path_factory.mktemp("fuzz") / "dataset"
+    os.mkfifo(root.with_name("secret"))
+    make_files(root)
+    return root
+
+
+@pytest.mark.fuzz
+@given(data=st.data())
+def test_any_change_of_the_list_is_told(published_once, data) -> None:
+    write_checksums(published_once)
+    right = (published_once / CHECKSUMS).read_bytes()
+    place, removed = data.draw(st.integers(0, len(right))), data.draw(st.integers(0, 80))
+    added = data.draw(
+        st.binary(max_size=80) | st.lists(LINES, max_size=3).map(lambda lines: "".join(lines).encode())
+    )
+    changed = data.draw(st.just(right[:place] + added + right[place + removed :]) | st.just(added))
+    (published_once / CHECKSUMS).write_bytes(changed)
+    problems = list(checksum_problems(published_once))
+    assert bool(problems) == (
+        sorted(changed.splitlines()) != sorted(right.splitlines()) or changed[-1:] != b"\n"
+    )
+    assert all(isinstance(problem, str) and problem.isprintable() for problem in problems)
