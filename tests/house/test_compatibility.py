@@ -6,7 +6,8 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import GROUP
 from lerobot_bimanual.distributions import entries
 
@@ -41,4 +42,4 @@ def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
 def test_a_benchmark_passes_no_flag_of_an_experiment_tracker() -> None:
     for policy in entries(GROUP):
         plan = Plan.of(BenchmarkConfig(policy=policy))
-        assert not [flag for flag in plan.training_flags() if flag.partition(".")[0] in TRACKERS]
+        assert not [flag for flag in plan.settings.training if flag.partition(".")[0] in TRACKERS]

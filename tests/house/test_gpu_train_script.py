@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.plan import Plan
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "gpu_train.sh"
 SECONDS_PER_STEP = 0.5

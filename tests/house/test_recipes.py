@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import PROTOCOLS
 
 PACKAGES = Path(__file__).parents[2] / "policies" / "lerobot_policy_bimanual"

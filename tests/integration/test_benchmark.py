@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.plan import BenchmarkConfig, Plan
+from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.run import run
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.results.benchmark import BenchmarkResult
@@ -47,7 +48,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert [validation.step for validation in row.validation] == [2, 4]
     assert [episode.seed for episode in row.episodes] == [0, 1]
     assert row.rates["expert"].rate == 1
-    assert row.dataset.seeds == (0, 1)
+    assert row.demonstrations.seeds == (0, 1)
     assert row.checkpoint_sha256 == sha256(plan.weights(row.checkpoint_step))
     assert row.training_seconds > 0
 
@@ -90,6 +91,6 @@ def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Pat
     assert done.returncode == 0, done.stderr
     scored = [BenchmarkResult.read(path) for path in sorted(rows.glob("*.json"))]
     assert [row.task for row in scored] == list(tasks)
-    assert {row.learner for row in scored} == {"peract2_on_lift_ball.push_box"}
+    assert {row.config.policy_id for row in scored} == {"peract2_on_lift_ball.push_box"}
     assert len({row.checkpoint_sha256 for row in scored}) == 1
     assert "`peract2_on_lift_ball.push_box`" in page.read_text()
