@@ -1,4 +1,4 @@
-"""The teleoperator: a gamepad that moves a pair of leader arms, one stick per hand."""
+"""The teleoperator `bimanual_gamepad`: a gamepad moves a pair of leader arms, one stick per hand."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_robot_bimanual.config_bimanual_gamepad import BimanualGamepadConfig
-from lerobot_robot_bimanual.gamepad import Gamepad, Grip, Half
+from lerobot_robot_bimanual.gamepad import Gamepad, GamepadState, HalfState
 from lerobot_robot_bimanual.leader import Leader
 
 logger = logging.getLogger(__name__)
 
-AT_REST = Grip(dict.fromkeys(ARMS, Half()))
+AT_REST = GamepadState(dict.fromkeys(ARMS, HalfState()))
 HELP = """\
 the left half moves the left hand, the right half the right one
 stick              up, down (x, towards the right arm's base and back)   left, right (y)
@@ -60,7 +60,7 @@ class BimanualGamepad(Leader[Gamepad]):
                 self._arms.switch_gripper(arm)
             self._move(arm, half)
 
-    def _move(self, arm: Arm, half: Half) -> None:
+    def _move(self, arm: Arm, half: HalfState) -> None:
         up, left = self._beyond_dead_zone(half.up), self._beyond_dead_zone(-half.right)
         offset, turn = np.zeros(3), np.zeros(3)
         if half.shoulder:
@@ -77,11 +77,11 @@ class BimanualGamepad(Leader[Gamepad]):
         )
         if self._arms.move(arm, offset * step_m, turn * step_rad):
             self._stuck.discard(arm)
-        elif arm not in self._stuck:  # said once, not twenty times a second
+        elif arm not in self._stuck:  # printed once, not twenty times a second
             self._stuck.add(arm)
             sys.stderr.write(f"\a{arm} arm cannot go there\n")
 
     def _beyond_dead_zone(self, value: float) -> float:
-        """A stick's way, 0 within the dead zone and from there without a jump to -1 or 1."""
+        """Rescale a stick's deflection: 0 within the dead zone, and continuous from there to -1 or 1."""
         beyond = max(0.0, abs(value) - self.config.dead_zone) / (1 - self.config.dead_zone)
         return float(np.copysign(min(beyond, 1.0), value))

@@ -1,4 +1,4 @@
-"""The teleoperator: a keyboard that moves a pair of leader arms in steps."""
+"""The teleoperator `bimanual_keyboard`: the keys of a terminal move a pair of leader arms in steps."""
 
 from __future__ import annotations
 

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
+from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
+from lerobot_env_bimanual.conditions import check
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.table import Table
 from lerobot_robot_bimanual.viewer import Viewer
 
 logger = logging.getLogger(__name__)
@@ -28,6 +30,49 @@ AT_HOME_RAD = 1e-3
 """Both hands count as sent home when no joint target is further from it than this."""
 AWAY_RAD = 0.05
 """A hand has left home when one of its joint targets was as far from it as this."""
+
+
+class UntimedEnv(BimanualEnv):
+    """The environment without a time limit, as people need longer than experts.
+
+    An episode that is solved, or whose simulation became unstable, does not change any more until the next one.
+    """
+
+    @property
+    def _truncated(self) -> bool:
+        return False
+
+    def tick(self, joint_action: NDArray[np.float32]) -> None:
+        """Simulate 50 ms towards a joint action (16,) within the limits, unless the episode is over."""
+        if self.progress.terminated:
+            return
+        self._tick(joint_action)
+        if self.progress.terminated:
+            self._finish_video()
+            self.log_outcome()
+
+    def log_outcome(self) -> None:
+        """Log the outcome of the episode so far."""
+        progress = self.progress
+        if progress.succeeded:
+            verdict = "solved"
+        else:
+            conditions = check(self._conditions, self.scene, known=progress.conditions)
+            unmet = [name for name, met in conditions.items() if not met]
+            verdict = progress.failure or f"not solved, unmet: {', '.join(unmet)}"
+        logger.info(
+            "%s: %s after %d ticks, state %s",
+            self.episode_name,
+            verdict,
+            progress.ticks,
+            self.state_hash(),
+        )
+
+    @property
+    def episode_name(self) -> str:
+        """Name of the episode: task, perturbation, variation, split and seed."""
+        world = f"{self.task} with {self.options.perturb}" if self.options.perturb else self.task
+        return f"{world}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"
 
 
 class BimanualSim(Robot):
@@ -56,7 +101,7 @@ class BimanualSim(Robot):
         self.cameras = () if self._options.obs == "state" else self._options.camera_names
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
-        self._table: Table | None = None
+        self._env: UntimedEnv | None = None
         self._viewer: Viewer | None = None
         self._next_seed = config.seed
         self._command = self._home
@@ -79,7 +124,7 @@ class BimanualSim(Robot):
     @property
     def is_connected(self) -> bool:
         """Whether there is a world."""
-        return self._table is not None
+        return self._env is not None
 
     @property
     def is_calibrated(self) -> bool:
@@ -94,18 +139,18 @@ class BimanualSim(Robot):
 
     @property
     @check_if_not_connected
-    def table(self) -> Table:
+    def env(self) -> UntimedEnv:
         """The world, with the running or finished episode.
 
         Raises:
             DeviceNotConnectedError: there is none before `connect`.
         """
-        assert self._table is not None
-        return self._table
+        assert self._env is not None
+        return self._env
 
     @check_if_already_connected
     def connect(self, calibrate: bool = True) -> None:
-        """Build the world and lay the first episode on the table.
+        """Build the world and reset the first episode.
 
         Raises:
             DeviceAlreadyConnectedError: there is a world already.
@@ -113,15 +158,15 @@ class BimanualSim(Robot):
             InvalidChoice: a perturbation finds nothing to change in the task.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
-        table = Table(self.config.task, options=self._options)
-        self._viewer = Viewer(table.scene) if self.config.viewer else None
+        env = UntimedEnv(self.config.task, options=self._options)
+        self._viewer = Viewer(env.scene) if self.config.viewer else None
         self._next_seed = self.config.seed
         try:
-            self._begin_episode(table)
+            self._begin_episode(env)
         except BaseException:
-            self._close(table)
+            self._close(env)
             raise
-        self._table = table
+        self._env = env
         self._show()
 
     def get_observation(self) -> dict[str, Any]:
@@ -130,8 +175,8 @@ class BimanualSim(Robot):
         Raises:
             DeviceNotConnectedError: before `connect`.
         """
-        self._keep_up(self.table)
-        observed = self.table.observe()
+        self._keep_up(self.env)
+        observed = self.env.observe()
         state = observed[env_key(schema.STATE)]
         observation: dict[str, Any] = dict(zip(schema.JOINT_NAMES, state.tolist(), strict=True))
         observation |= observed.get(PIXELS, {})
@@ -154,19 +199,19 @@ class BimanualSim(Robot):
             InvalidAction: names are missing or unknown, or a value is no finite number. The world did not change.
             DeviceNotConnectedError: before `connect`.
         """
-        table = self.table
+        env = self.env
         command = self._read(action)
-        self._keep_up(table)
+        self._keep_up(env)
         self._command = command
         distance_rad = float(np.abs(by_arm(command - self._home)[:, :JOINTS_PER_ARM]).max())
         if self._has_left_home and distance_rad < AT_HOME_RAD:
-            if not table.progress.terminated:
-                table.tell()
-            self._begin_episode(table)
+            if not env.progress.terminated:
+                env.log_outcome()
+            self._begin_episode(env)
         else:
             self._has_left_home |= distance_rad > AWAY_RAD
             if not self.config.real_time:
-                table.tick(command)
+                env.tick(command)
         self._show()
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
@@ -176,35 +221,35 @@ class BimanualSim(Robot):
         Raises:
             DeviceNotConnectedError: before `connect`.
         """
-        table = self.table
-        if table.progress.ticks and not table.progress.terminated:
-            table.tell()
-        self._close(table)
-        self._table = None
+        env = self.env
+        if env.progress.ticks and not env.progress.terminated:
+            env.log_outcome()
+        self._close(env)
+        self._env = None
 
-    def _close(self, table: Table) -> None:
+    def _close(self, env: UntimedEnv) -> None:
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
-        table.close()
+        env.close()
 
-    def _begin_episode(self, table: Table) -> None:
-        table.reset(seed=self._next_seed)
+    def _begin_episode(self, env: UntimedEnv) -> None:
+        env.reset(seed=self._next_seed)
         self._next_seed += 1
         self._command, self._has_left_home = self._home, False
         self._began_s = time.perf_counter()
-        logger.info('%s: "%s"', table.name_of_episode, table.task_description)
+        logger.info('%s: "%s"', env.episode_name, env.task_description)
 
     def _show(self) -> None:
         if self._viewer is not None:
             self._viewer.show()
 
-    def _keep_up(self, table: Table) -> None:
+    def _keep_up(self, env: UntimedEnv) -> None:
         """In real time, go on with the last action for all the ticks that have passed."""
         if self.config.real_time:
             due = int((time.perf_counter() - self._began_s) / TICK_S)
-            while table.progress.ticks < due and not table.progress.terminated:
-                table.tick(self._command)
+            while env.progress.ticks < due and not env.progress.terminated:
+                env.tick(self._command)
 
     def _read(self, action: dict[str, Any]) -> np.ndarray:
         """The command (16,) float32 that an action means."""

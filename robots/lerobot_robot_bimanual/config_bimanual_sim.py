@@ -19,16 +19,16 @@ class BimanualSimConfig(RobotConfig):
         BimanualError: another option is outside its choices.
     """
 
-    # What lies on the table: the name of one task.
+    # Name of the task.
     task: str = "push_box"
     # Index of the variation of every episode, or `any` to draw one per episode.
     variation: int | str = ANY_VARIATION
-    # `train`, `val` or `test`: the same seed means different episodes in each. Evaluations are played on `test`, so
-    # what is recorded for training starts elsewhere by default.
+    # `train`, `val` or `test`: the same seed means different episodes in each. The default keeps recorded episodes apart
+    # from those of evaluations, which are on `test`.
     split: str = "train"
     # Seed of the first episode; every further one has the next.
     seed: int = 0
-    # What is different from the world as it is, as `AXIS:LEVEL`, several separated by commas.
+    # Perturbations of the nominal world, as `AXIS:LEVEL`, several separated by commas.
     perturb: str = EnvOptions.perturb
     # Cameras of the observation, separated by commas. (Not LeRobot's cameras: these need no address.)
     cameras: str = EnvOptions.cameras
@@ -36,12 +36,12 @@ class BimanualSimConfig(RobotConfig):
     image_size: int | str = EnvOptions.image_size
     # `rgb`, `rgbd` (also depth in millimetres) or `state` (no images).
     obs: str = "rgb"
-    # Off: an action is one tick of 50 ms, however long the caller takes, and the same actions lead to the same state,
-    # bit for bit. On: the world does not wait, and goes on with the last action as fast as the clock.
+    # Off: an action is one tick of 50 ms, and the same actions lead to the same state, bit for bit. On: the simulation
+    # follows the clock, and repeats the last action until the next one.
     real_time: bool = False
-    # Whether a window shows the world; needs a display.
+    # Open a window that shows the simulation; needs a display.
     viewer: bool = False
-    # Folder for a film of every episode.
+    # Folder for a video of every episode.
     video_dir: str | None = None
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A gamepad whose left half belongs to the left hand and whose right half belongs to the right one."""
+"""Read a gamepad whose left half controls the left hand and whose right half controls the right one."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from lerobot_bimanual.errors import BimanualError
 FULL = 32767
 """Value of an axis at its end."""
 PRESSED = 0.5
-"""Share of a trigger's way from which it counts as held."""
+"""Share of a trigger's travel from which it counts as held."""
 
 AXES = {Arm.LEFT: ("LEFTX", "LEFTY", "TRIGGERLEFT"), Arm.RIGHT: ("RIGHTX", "RIGHTY", "TRIGGERRIGHT")}
 BUTTONS = {Arm.LEFT: ("LEFTSHOULDER", "LEFTSTICK"), Arm.RIGHT: ("RIGHTSHOULDER", "RIGHTSTICK")}
 
 
 class NoGamepad(BimanualError):
-    """There is no gamepad, or nothing that could read it."""
+    """No gamepad is connected, or pygame is not installed."""
 
 
 @dataclass(frozen=True)
-class Half:
-    """How one hand holds its half.
+class HalfState:
+    """State of one half of a gamepad.
 
     Attributes:
-        right: of the stick, -1 (left) to 1.
-        up: of the stick, -1 (down, towards oneself) to 1.
-        shoulder: whether the upper button at the edge is held.
-        trigger: whether the lower one is.
+        right: deflection of the stick, -1 (left) to 1.
+        up: deflection of the stick, -1 (down) to 1.
+        shoulder: whether the shoulder button is held.
+        trigger: whether the trigger is held.
         stick: whether the stick is pressed in.
     """
 
@@ -44,15 +44,15 @@ class Half:
 
 
 @dataclass(frozen=True)
-class Grip:
-    """How a gamepad is held at one moment.
+class GamepadState:
+    """State of a gamepad at one moment.
 
     Attributes:
-        halves: of both hands.
-        start: whether the button in the middle is pressed.
+        halves: its halves, by hand.
+        start: whether the start button is pressed.
     """
 
-    halves: Mapping[Arm, Half]
+    halves: Mapping[Arm, HalfState]
     start: bool = False
 
 
@@ -87,29 +87,29 @@ class Gamepad:
 
     @property
     def name(self) -> str:
-        """What it calls itself."""
+        """Name of the make."""
         return self._pad.name
 
-    def read(self) -> Grip:
-        """How it is held now.
+    def read(self) -> GamepadState:
+        """Read the present state.
 
         Raises:
-            NoGamepad: it has been disconnected.
+            NoGamepad: the gamepad has been disconnected.
         """
         self._sdl.update()
         if not self._pad.attached():
             raise NoGamepad("the gamepad has been disconnected: connect it and start the command again")
-        return Grip({arm: self._half(arm) for arm in ARMS}, self._is_pressed("START"))
+        return GamepadState({arm: self._half(arm) for arm in ARMS}, self._is_pressed("START"))
 
     def stop(self) -> None:
-        """Let go of it; it may be opened again."""
+        """Release the gamepad; it may be opened again."""
         self._pad.quit()
         self._sdl.quit()
 
-    def _half(self, arm: Arm) -> Half:
+    def _half(self, arm: Arm) -> HalfState:
         right, down, trigger = (self._axis(name) for name in AXES[arm])
         shoulder, stick = (self._is_pressed(name) for name in BUTTONS[arm])
-        return Half(right, -down, shoulder, trigger > PRESSED, stick)
+        return HalfState(right, -down, shoulder, trigger > PRESSED, stick)
 
     def _axis(self, name: str) -> float:
         return max(-1.0, self._pad.get_axis(getattr(self._pygame, f"CONTROLLER_AXIS_{name}")) / FULL)

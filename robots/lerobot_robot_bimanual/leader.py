@@ -1,4 +1,4 @@
-"""What every device that moves the leader arms has in common: LeRobot's contract of a teleoperator."""
+"""Base of the teleoperators: LeRobot's interface around a pair of virtual leader arms and an input device."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ from lerobot_robot_bimanual.leader_arms import LeaderArms
 
 
 class Device(Protocol):
-    """What an operator holds."""
+    """An input device of an operator."""
 
     def stop(self) -> None:
-        """Let go of it; it may be opened again."""
+        """Release the device; it may be opened again."""
         ...
 
 
 class Leader[D: Device](Teleoperator):
-    """A pair of leader arms, which a device moves.
+    """A pair of virtual leader arms, which an input device moves.
 
-    LeRobot shows a teleoperator nothing of the robot, so this one has arms of its own, like the leader arms of real
-    robots: they begin at home, and their joints are the action. No display is needed.
-
-    Where LeRobot hands over from a policy to a person (`lerobot-rollout --strategy.type=dagger`), it moves these arms
-    to where the robot is.
+    A teleoperator of LeRobot does not see the robot, so this one has arms of its own, like leader arms of real robots:
+    they begin at home, and their joints are the action. Where LeRobot hands over from a policy to a person
+    (`lerobot-rollout --strategy.type=dagger`), it moves these arms to where the robot is.
     """
 
     def __init__(self, config: TeleoperatorConfig):
@@ -39,15 +37,15 @@ class Leader[D: Device](Teleoperator):
 
     @abc.abstractmethod
     def _open(self) -> D:
-        """The device, ready to be read."""
+        """Open the device."""
 
     @abc.abstractmethod
     def _follow(self, device: D) -> None:
-        """Move the arms by what was done to the device since the last call."""
+        """Move the arms by the device's input since the last call."""
 
     @abc.abstractmethod
     def _forget(self, device: D) -> None:
-        """Have no effect of what was done to the device since the last call."""
+        """Discard the device's input since the last call."""
 
     @property
     def action_features(self) -> dict[str, Any]:
@@ -56,7 +54,7 @@ class Leader[D: Device](Teleoperator):
 
     @property
     def feedback_features(self) -> dict[str, Any]:
-        """Where the robot is, by the same names."""
+        """Joints of the robot, by the same names."""
         return self.action_features
 
     @property
@@ -66,7 +64,7 @@ class Leader[D: Device](Teleoperator):
 
     @property
     def is_calibrated(self) -> bool:
-        """Arms in thought always are."""
+        """Virtual arms always are."""
         return True
 
     def calibrate(self) -> None:
@@ -83,17 +81,17 @@ class Leader[D: Device](Teleoperator):
 
     @check_if_already_connected
     def connect(self, calibrate: bool = True) -> None:
-        """Begin to read the device.
+        """Open the device.
 
         Raises:
-            BimanualError: it is not there; the class of the device says which error.
-            DeviceAlreadyConnectedError: it is being read.
+            BimanualError: the device is not there.
+            DeviceAlreadyConnectedError: it is open already.
         """
         self._device = self._open()
 
     @check_if_not_connected
     def get_action(self) -> dict[str, float]:
-        """The leader arms' joints after what was done to the device since the last call.
+        """Joints of the leader arms after the device's input since the last call.
 
         Raises:
             DeviceNotConnectedError: before `connect`.
@@ -104,7 +102,7 @@ class Leader[D: Device](Teleoperator):
 
     @check_if_not_connected
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Move the leader arms to where the robot is; what was done to the device until now is forgotten.
+        """Move the leader arms to where the robot is, and discard the device's input until now.
 
         Args:
             feedback: joint targets and openings by name, of which some may be missing.
@@ -119,7 +117,7 @@ class Leader[D: Device](Teleoperator):
 
     @check_if_not_connected
     def disconnect(self) -> None:
-        """Let go of the device.
+        """Release the device.
 
         Raises:
             DeviceNotConnectedError: before `connect`.

@@ -1,4 +1,4 @@
-"""Two arms in thought, which an operator moves hand by hand; their joints are what the robot is sent."""
+"""Virtual leader arms controlled per hand in Cartesian space; their joints are the teleoperator's action."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from lerobot_env_bimanual.robots.kinematics import EXACT, LIMIT_SAFETY_RAD
 
 Array = NDArray[np.floating]
 
-HOMEWARDS = 0.02
-"""Share of the way to the posture at home from which the joints of a step are sought, so that elbows do not drift."""
-LARGEST_STEP_RAD = 0.5
-"""Of a joint in one step; beyond it the arm would have to change its posture."""
+HOME_PULL = 0.02
+"""Share of the way to the home posture that the initial guess of every step takes, so that elbows do not drift."""
+MAX_JOINT_STEP_RAD = 0.5
+"""Largest change of a joint in one step; beyond it the arm would switch to another posture."""
 MAX_NEWTON_STEPS = 10
-LEAST_SINGULAR = 1e-3
+MIN_SINGULAR_SHARE = 1e-3
 """Singular values smaller than this share of the largest count as zero."""
 
 
 class LeaderArms:
-    """Joints and openings of both arms, at home at first.
+    """Joints and openings of both arms, initially at home.
 
     Args:
-        arm_pair: whose kinematics, home and joint limits hold.
+        arm_pair: the arms, with their kinematics, home posture and joint limits.
 
     Attributes:
         joint_action: (16,) float32, see `lerobot_bimanual.joint_action`.
@@ -43,11 +43,11 @@ class LeaderArms:
         self.go_home()
 
     def go_home(self) -> None:
-        """Both arms home, hands open."""
+        """Move both arms home and open the hands."""
         self.joint_action = np.array([*self._arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
 
     def go_to(self, joint_action: ArrayLike) -> None:
-        """Both arms as a joint action (16,) has them, within the limits."""
+        """Move both arms to a joint action (16,), within the limits."""
         pair = self._arm_pair
         lower = [*(pair.joint_lower + LIMIT_SAFETY_RAD), 0.0] * len(ARMS)
         upper = [*(pair.joint_upper - LIMIT_SAFETY_RAD), 1.0] * len(ARMS)
@@ -58,10 +58,10 @@ class LeaderArms:
         return self._arm_pair.kinematics[arm].pose(self._joints(arm))
 
     def move(self, arm: Arm, offset_m: ArrayLike, turn_rad: ArrayLike) -> bool:
-        """Move and turn a hand; where the arm cannot follow, it stays as it is.
+        """Move and turn a hand, or leave it where it is if the arm cannot follow.
 
         Args:
-            arm: whose hand.
+            arm: arm of the hand.
             offset_m: (3,) along the world's axes.
             turn_rad: (3,) rotation vector in the world's axes.
 
@@ -87,19 +87,19 @@ class LeaderArms:
         return by_arm(self.joint_action)[arm.ordinal, :JOINTS_PER_ARM].astype(np.float64)
 
     def _posture(self, arm: Arm, target: Pose) -> Array | None:
-        """The joints (7,) at a pose, by Newton's method from the present ones.
+        """Joints (7,) at a pose, by Newton's method from the present ones; None if there are none nearby.
 
-        The nearest solutions of the closed form jump, and then end, where a hand is moved far to the side.
+        The nearest solution of the closed form is not continuous where a hand moves far to the side.
         """
         kinematics, start = self._arm_pair.kinematics[arm], self._joints(arm)
         wanted = kinematics.in_base(target.matrix)
-        joints = start + HOMEWARDS * (self._arm_pair.home_joints - start)
+        joints = start + HOME_PULL * (self._arm_pair.home_joints - start)
         for _ in range(MAX_NEWTON_STEPS):
             poses, jacobians = kinematics.poses_and_jacobians(joints[None])
             turn_rad = rotation_vector(wanted[:3, :3] @ poses[0, :3, :3].T)
             error = np.concatenate([wanted[:3, 3] - poses[0, :3, 3], turn_rad])
             if np.abs(error).max() < EXACT:
-                is_near = np.abs(joints - start).max() < LARGEST_STEP_RAD
+                is_near = np.abs(joints - start).max() < MAX_JOINT_STEP_RAD
                 return joints if is_near and kinematics.within_limits(joints) else None
-            joints = joints + np.linalg.pinv(jacobians[0], rcond=LEAST_SINGULAR) @ error
+            joints = joints + np.linalg.pinv(jacobians[0], rcond=MIN_SINGULAR_SHARE) @ error
         return None

@@ -1,4 +1,4 @@
-"""Keys struck in a terminal, shared with LeRobot's own controls."""
+"""Read keys of a terminal that LeRobot's own controls read, too."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ WRITTEN = {"up": "\x1b[A", "down": "\x1b[B", "right": "\x1b[C", "left": "\x1b[D"
     "space": " ",
     "backspace": "\x7f",
 }
-"""What a terminal sends for the keys that LeRobot calls by a name."""
+"""Characters that a terminal sends for the keys that LeRobot names."""
 
 
 class NoTerminal(BimanualError):
-    """Standard input is no terminal, so there are no keys to read."""
+    """Standard input is not a terminal, so there are no keys to read."""
 
     def __init__(self) -> None:
         super().__init__(
-            "bimanual_keyboard reads keys from the terminal, but standard input is none: start the command in a "
-            "terminal, without a pipe or a redirection"
+            "bimanual_keyboard reads keys from the terminal, but standard input is not a terminal: start the command "
+            "without a pipe or a redirection"
         )
 
 
 class TerminalKeys:
     """Keys by name, in the order in which they were struck.
 
-    `lerobot-record` listens to the terminal as well (next, re-record, quit), and a terminal gives each key only once. So
-    while these keys are read, standard input is a terminal of our own, to which all other keys are passed on.
+    `lerobot-record` reads the terminal as well (next, re-record, quit), and a terminal gives each key only once. So while
+    these keys are read, standard input is a pseudo terminal that all other keys are passed to.
 
     Args:
         names: the keys that are kept.
 
     Raises:
-        NoTerminal: standard input is none.
+        NoTerminal: standard input is not a terminal.
     """
 
     def __init__(self, names: Collection[str]):
@@ -56,7 +56,7 @@ class TerminalKeys:
         self._listener.start()  # keeps the descriptor of the terminal
         self._others, substitute = pty.openpty()
         os.set_blocking(self._others, False)
-        # It stays open for good: LeRobot's listener still reads it when we are gone.
+        # It stays open: LeRobot's listener still reads it after `stop`.
         sys.stdin = os.fdopen(substitute, closefd=False)
 
     def struck(self) -> list[str]:
@@ -76,5 +76,5 @@ class TerminalKeys:
         if key in self._names:
             self._struck.put(key)
         else:
-            with contextlib.suppress(BlockingIOError):  # nobody reads them
+            with contextlib.suppress(BlockingIOError):  # no listener reads them
                 os.write(self._others, WRITTEN.get(key, key).encode())

@@ -14,11 +14,11 @@ from lerobot_env_bimanual.world.scene import Scene
 
 
 class NoDisplay(BimanualError):
-    """A window was asked for where there is no display."""
+    """A window was requested where there is no display."""
 
     def __init__(self) -> None:
         super().__init__(
-            "--robot.viewer=true opens a window, but there is no display: leave it out and film the episodes with "
+            "--robot.viewer=true opens a window, but there is no display: leave it out and record videos with "
             "--robot.video_dir=FOLDER, or use a session with DISPLAY or WAYLAND_DISPLAY set"
         )
 
@@ -27,10 +27,10 @@ class Viewer:
     """A window that shows a copy of the scene, so that a mouse in it changes nothing in the simulation.
 
     Args:
-        scene: what is shown.
+        scene: the scene.
 
     Raises:
-        NoDisplay: there is none.
+        NoDisplay: there is no display.
     """
 
     def __init__(self, scene: Scene):

@@ -14,7 +14,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_robot_bimanual.bimanual_gamepad import HELP, BimanualGamepad
+from lerobot_robot_bimanual.bimanual_gamepad import BimanualGamepad
 from lerobot_robot_bimanual.config_bimanual_gamepad import BimanualGamepadConfig
 from lerobot_robot_bimanual.gamepad import FULL, NoGamepad
 
@@ -126,14 +126,6 @@ def test_a_stick_moves_and_turns_its_own_hand(leader, pad, arm, modifier, stick,
     assert max(before[other].distance_to(after[other])) < 1e-6
 
 
-def test_both_hands_move_at_the_same_time(leader, pad):
-    before = poses(leader)
-    after = hold(leader, pad, LEFTX=-1.0, RIGHTX=1.0)
-    moved_m = {arm: after[arm].position - before[arm].position for arm in ARMS}
-    assert np.allclose(moved_m[Arm.LEFT], (0, 0.01, 0), atol=1e-5)
-    assert np.allclose(moved_m[Arm.RIGHT], (0, -0.01, 0), atol=1e-5)
-
-
 def test_a_stick_that_is_let_go_moves_nothing_and_speed_begins_at_nothing(leader, pad):
     before = leader.get_action()
     hold(leader, pad, LEFTX=0.14, RIGHTY=-0.14)
@@ -176,13 +168,9 @@ def test_the_leader_arms_go_where_the_robot_is_and_what_is_held_meanwhile_counts
 
 
 def test_lerobot_makes_it_from_its_config(pad, tmp_path):
-    config = BimanualGamepadConfig(calibration_dir=tmp_path)
-    assert config.type == "bimanual_gamepad"
-    leader = make_teleoperator_from_config(config)
-    assert isinstance(leader, BimanualGamepad)
+    leader = make_teleoperator_from_config(BimanualGamepadConfig(calibration_dir=tmp_path))
     assert tuple(leader.action_features) == schema.JOINT_NAMES
     leader.connect()
-    assert leader.is_connected
     leader.disconnect()
     assert not pad.is_open
     with pytest.raises(DeviceNotConnectedError):
@@ -210,8 +198,3 @@ def test_a_speed_that_no_servo_should_be_sent_is_refused(option):
     (name,) = option
     with pytest.raises(InvalidChoice, match=name):
         BimanualGamepadConfig(**option)
-
-
-def test_the_help_names_every_control():
-    for word in ("stick", "shoulder", "trigger", "pressed in", "start"):
-        assert word in HELP

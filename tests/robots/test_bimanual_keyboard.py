@@ -142,7 +142,7 @@ def test_without_a_terminal_there_is_one_clear_error(monkeypatch, tmp_path):
     with Path("/dev/null").open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)
         teleoperator = BimanualKeyboard(BimanualKeyboardConfig(calibration_dir=tmp_path))
-        with pytest.raises(NoTerminal, match="start the command in a terminal"):
+        with pytest.raises(NoTerminal, match="without a pipe"):
             teleoperator.connect()
     with pytest.raises(DeviceNotConnectedError):
         teleoperator.get_action()
