@@ -23,4 +23,4 @@ lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --control=blind
     echo "the blind control scores more than it should; on few episodes that happens"
 
 # The first of them as a video and in pictures, the policy beside the expert.
-lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --image_size=128 --checkpoint="$POLICY" --video --output="$OUT/view"
+lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --checkpoint="$POLICY" --video --output="$OUT/view"

@@ -109,4 +109,4 @@ def test_a_row_of_the_sheet_shows_every_level_and_an_axis_that_changes_no_image_
 
 def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path):
     with pytest.raises(InvalidChoice, match=r"\.jpg"):
-        task_perturbations(TaskPerturbationsConfig(picture=tmp_path / "axes.bmp"))
+        task_perturbations(TaskPerturbationsConfig(output=tmp_path / "axes.bmp"))

@@ -61,7 +61,7 @@ def test_a_video_shows_another_world_and_says_which(capsys) -> None:
 
 @pytest.mark.slow
 def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
-    flags = ("--task=handover_item_easy", "--first_seed=1", "--image_size=128", "--output=films")
+    flags = ("--task=handover_item_easy", "--first_seed=1", "--output=films")
     assert main(["task", "view", *flags, f"--checkpoint={CHECKPOINT}"]) == 0
     told = capsys.readouterr().out
     assert "there is no display, so a video of expert and policy is written" in told
@@ -116,7 +116,6 @@ raise SystemExit(main(["task", "view", "--task=lift_ball"]))
         ("--checkpoint=nowhere", "no checkpoint at nowhere"),
         ("--perturb=fog:1", "fog"),
         ("--perturb=grip_force:9", "with levels 0 to 3"),
-        ("--video_dir=films", "--output says where its video goes"),
         ("--output=/proc/films", "cannot write /proc/films"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The verb `perturbations`: what can be made different about a world."""
+"""The command `task perturbations`."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ WIDTH = 110
 
 @dataclass
 class TaskPerturbationsConfig:
-    """Options of the verb `perturbations`."""
+    """Flags of `task perturbations`."""
 
-    # What kind of difference the axes make.
+    # Kind of the axes.
     group: Literal["all", "seen", "clutter", "bodies", "arms", "words", "time"] = "all"
-    # File of a contact sheet, .jpg or .png: what is seen of each axis at each level.
-    picture: Path | None = None
-    task: str = "push_box"  # of the picture
-    seed: int = 0  # of the picture's episode, of the split `val`
-    workers: int = 0  # processes for the picture; 0 takes one per core
+    # Contact sheet, .jpg or .png: what is seen of each axis at each level. By default the axes are listed.
+    output: Path | None = None
+    task: str = "push_box"  # task of the contact sheet
+    first_seed: int = 0  # seed of the contact sheet's episode, in the split `val`
+    workers: int = 0  # processes; 0 takes one per core
 
 
 def task_perturbations(config: TaskPerturbationsConfig) -> None:
-    """List the axes along which a world can be made different: levels, units, and where the numbers come from.
+    """List the axes of perturbation: levels, units, and where the numbers come from.
 
-    `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the verbs, take them by name.
+    `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the commands, take them by name.
 
     Examples:
         lerobot-bimanual task perturbations --group=seen
-        lerobot-bimanual task perturbations --group=seen --picture=outputs/perturbations.jpg --task=push_box
+        lerobot-bimanual task perturbations --group=seen --output=outputs/perturbations.jpg --task=push_box
     """
     from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 
     axes = [axis for name in list_axes() if config.group in ("all", (axis := get_axis(name)).group)]
-    if config.picture is not None:
-        _draw(config, axes, config.picture)
+    if config.output is not None:
+        _draw(config, axes, config.output)
         return
     width = shutil.get_terminal_size((WIDTH, 24)).columns
     for axis in axes:
@@ -62,13 +62,13 @@ def _draw(config: TaskPerturbationsConfig, axes: list[Axis], picture: Path) -> N
     from lerobot_env_bimanual.workers import WorkerPool
     from lerobot_env_bimanual.world.arena import build_spec
 
-    check_range("seed", config.seed, 0)
+    check_range("first_seed", config.first_seed, 0)
     if picture.suffix not in (".jpg", ".png"):
-        raise InvalidChoice("picture", str(picture), "a file that ends in .jpg or .png")
+        raise InvalidChoice("output", str(picture), "a file that ends in .jpg or .png")
     check_output_file(picture)
     task = get_task(config.task).spec
     model = build_spec(task.props, PANDA_PAIR)
-    rows = [Row(axis.name, task.name, config.seed) for axis in axes if axis.applies_to(task, model)]
+    rows = [Row(axis.name, task.name, config.first_seed) for axis in axes if axis.applies_to(task, model)]
     with WorkerPool(config.workers) as pool:
         panels = list(pool.map(draw_row, rows, "perturbations", "axis", name=lambda row: row.axis))
     if not any(panels):

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.errors import check_range
 from lerobot_env_bimanual.options import EnvOptions
 
 
 @dataclass
-class TaskViewConfig(EnvOptions):
-    """Flags of `task view`, and all options of the environment."""
+class TaskViewConfig:
+    """Flags of `task view`."""
 
     task: str = "lift_ball"  # name of one task
+    variation: str = "any"  # index, or `any` (drawn per episode)
+    split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
     first_seed: int = 0  # seed of the first episode
-    episodes: int = 1  # episodes of which there are videos
+    episodes: int = 1  # number of episodes of which videos are written
+    perturb: str = ""  # perturbations AXIS:LEVEL, separated by commas
     # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a video the expert and the policy
     # side by side in the same episode.
     checkpoint: Path | None = None
@@ -33,14 +38,14 @@ def task_view(config: TaskViewConfig) -> None:
 
     Where there is none, or with `--video`, a video and a contact sheet are written instead.
 
-    A policy is shown what the options say, so give those it was trained with, as to `lerobot-eval`. LeRobot calls
-    whatever a checkpoint's files name: look at a stranger's with `policy check` first.
+    A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
+    name: check a stranger's with `policy check` first.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
         lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --video
         lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --video
-        lerobot-bimanual task view --task=handover_item_easy --image_size=128 --video \
+        lerobot-bimanual task view --task=handover_item_easy --video \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     from lerobot_bimanual.output_file import check_output_folder
@@ -48,10 +53,6 @@ def task_view(config: TaskViewConfig) -> None:
 
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    if config.video_dir is not None or config.results_dir is not None:
-        raise BimanualError(
-            "task view keeps no videos and records of the environment: --output says where its video goes"
-        )
     reason = "--video was given" if config.video else no_window()
     if reason:
         # Before MuJoCo is loaded; a display may be there that does not open.
@@ -60,6 +61,9 @@ def task_view(config: TaskViewConfig) -> None:
         _write_videos(config, reason)
     else:
         _perform(config)
+    show_next(
+        "lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{config.task}"
+    )
 
 
 def _write_videos(config: TaskViewConfig, reason: str) -> None:
@@ -75,7 +79,7 @@ def _write_videos(config: TaskViewConfig, reason: str) -> None:
         from lerobot_env_bimanual.policy_player import policy_player
 
         players["policy"] = policy_player(config.checkpoint)
-    env = BimanualEnv(config.task, options=_shown(config))
+    env = BimanualEnv(config.task, options=_options(config))
     print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
@@ -99,12 +103,16 @@ def _perform(config: TaskViewConfig) -> None:
     if config.checkpoint is not None:
         name, player = "policy", policy_player(config.checkpoint)
     print(KEYS)
-    env = BimanualEnv(config.task, options=_shown(config))
+    env = BimanualEnv(config.task, options=_options(config))
     Performance(env, player, name, ShownEpisode(config.first_seed), mujoco_window).run()
     env.close()
 
 
-def _shown(config: TaskViewConfig) -> EnvOptions:
-    """The options; an expert looks at no images, so none are drawn for it."""
-    options = EnvOptions(**config.keywords())
-    return options if config.checkpoint is not None else replace(options, obs="state")
+def _options(config: TaskViewConfig) -> EnvOptions:
+    """Options of the environment: what the checkpoint sees, and no images for an expert, which needs none."""
+    chosen = {"variation": config.variation, "split": config.split, "perturb": config.perturb}
+    if config.checkpoint is None:
+        return EnvOptions(obs="state", **chosen)
+    from lerobot_env_bimanual.checkpoint import Checkpoint
+
+    return EnvOptions(**chosen | Checkpoint.read(config.checkpoint).options)
