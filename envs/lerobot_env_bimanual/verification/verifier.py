@@ -178,7 +178,8 @@ class Verifier:
         import datasets.config
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-        datasets.config.HF_DATASETS_CACHE = self._thoroughness.cache
+        if self._thoroughness.cache is not None:
+            datasets.config.HF_DATASETS_CACHE = self._thoroughness.cache
         loader = LeRobotDataset(
             "local/verified", root=self._root, episodes=[episode.index], video_backend="pyav"
         )
