@@ -3,7 +3,7 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
-.PHONY: help setup watch demo certificates test test-slow test-all fuzz check format bench docs lock build clean
+.PHONY: help setup watch demo expert-reports test test-slow test-all fuzz check format bench docs lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,8 +23,8 @@ watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minut
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
 
-certificates: setup  ## Certify every expert and control anew, and write docs/tasks.md (an hour or more)
-	scripts/certify.sh
+expert-reports: setup  ## Evaluate every expert and baseline again, and write docs/tasks.md (an hour or more)
+	scripts/expert_reports.sh
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)
 	$(PYTEST) -m "not slow and not gpu"

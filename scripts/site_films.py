@@ -10,12 +10,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FILMS = ROOT / "build/films"
-CERTIFICATE = ROOT / "results/certificates/expert.json"
+REPORT = ROOT / "results/expert_reports/expert.json"
 
 
 def main() -> None:
     """Film them."""
-    worlds = json.loads(CERTIFICATE.read_text(encoding="utf-8"))["worlds"]
+    worlds = json.loads(REPORT.read_text(encoding="utf-8"))["worlds"]
     missing = [task for task in worlds if not (FILMS / f"{film_name(task)}.mp4").is_file()]
     if not missing:
         return
@@ -32,7 +32,7 @@ def main() -> None:
 
 def film_name(task: str) -> str:
     """Name of a task's film, without suffix: it says in which world it was taken."""
-    return f"{task}-{json.loads(CERTIFICATE.read_text(encoding='utf-8'))['worlds'][task]}"
+    return f"{task}-{json.loads(REPORT.read_text(encoding='utf-8'))['worlds'][task]}"
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What MkDocs asks for while it builds the site: pages that are generated, and files of the repository that pages name.
 
-The home page is README.md. Every page of a task is written from the registry, the certificates and the board of results.
+The home page is README.md. Every page of a task is written from the registry, the expert reports and the board of results.
 What a page links to outside docs/ becomes a page, too, below repository/.
 """
 
@@ -16,7 +16,7 @@ from site_films import FILMS, film_name
 
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import read_results, success_table
-from lerobot_env_bimanual.reports.certified import Certified
+from lerobot_env_bimanual.reports.expert_tables import ExpertReports
 from lerobot_env_bimanual.reports.task_page import TaskPages
 
 ROOT = Path(__file__).parents[1]
@@ -42,7 +42,7 @@ def on_config(config: MkDocsConfig) -> None:
     """Add the tasks' pages to the navigation."""
     assert config.nav is not None
     pages: list[Any] = next(entry[TASKS_ENTRY] for entry in config.nav if TASKS_ENTRY in entry)
-    pages += [{task: f"tasks/{task}.md"} for task in _certified().tasks]
+    pages += [{task: f"tasks/{task}.md"} for task in _expert_reports().tasks]
 
 
 def on_files(files: Files, config: MkDocsConfig) -> None:
@@ -91,12 +91,12 @@ _SOURCES: dict[str, Path] = {}
 """Where in the repository the text of a page comes from."""
 
 
-def _certified() -> Certified:
-    return Certified.read(RESULTS / "certificates")
+def _expert_reports() -> ExpertReports:
+    return ExpertReports.read(RESULTS / "expert_reports")
 
 
 def _task_pages() -> dict[str, str]:
-    pages = TaskPages(_certified())
+    pages = TaskPages(_expert_reports())
     rows = list(read_results(RESULTS / "leaderboard").values())
     texts = {}
     for task in pages.tasks:

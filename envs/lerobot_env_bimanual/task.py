@@ -79,8 +79,8 @@ class TaskSpec:
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
-        strain_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
-            (`lerobot_env_bimanual.experts.strain`) are too low for it; the task's file says why.
+        load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
+            (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
         random_rate: share of episodes that random keyposes may solve; beyond 0 the task's file says how.
     """
 
@@ -93,7 +93,7 @@ class TaskSpec:
     success: tuple[Condition, ...]
     horizon_ticks: int
     needs_both_arms: bool = False
-    strain_bounds: Mapping[str, float] = field(default_factory=dict)
+    load_bounds: Mapping[str, float] = field(default_factory=dict)
     random_rate: float = 0.0
 
     def variation_index(self, variation: object) -> int | None:

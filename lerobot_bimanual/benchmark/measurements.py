@@ -8,6 +8,7 @@ from pydantic import ConfigDict
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.record import BadRecord, Record
 
 
@@ -29,24 +30,6 @@ class _LeRobotEvaluation(_Partial):
     """Part of `lerobot-eval`'s `eval_info.json`."""
 
     per_task: tuple[_TaskResult, ...]
-
-
-class _ReportedEpisode(_Partial):
-    task: str
-    variation: int
-    seed: int
-    success: bool
-    failure: str
-    state_hash: str
-
-
-class _Report(_Partial):
-    """Part of the report of the expert or a baseline."""
-
-    control: str
-    split: str
-    worlds: dict[str, str]
-    episodes: tuple[_ReportedEpisode, ...]
 
 
 def read_successes(path: Path, seeds: Sequence[int]) -> tuple[Episode, ...]:
@@ -93,26 +76,24 @@ def read_record(path: Path, seeds: Sequence[int], counted: Sequence[Episode]) ->
     return record.model_copy(update={"episodes": episodes})
 
 
-def read_report(path: Path, agent: str, task: str, seeds: Sequence[int]) -> tuple[str, tuple[Episode, ...]]:
+def read_report(path: Path, player: str, task: str, seeds: Sequence[int]) -> tuple[str, tuple[Episode, ...]]:
     """World and episodes, sorted by variation and seed, of the report of the expert or a baseline on one task.
 
     Raises:
-        BadRecord: the file is not such a report, or of another agent, split, task or other seeds.
+        BadRecord: the file is not such a report, or of another player, split, task or other seeds.
     """
-    report = _Report.read(path)
-    expected = {"control": {"open_loop": "blind"}.get(agent, agent), "split": "test"}
-    found = {name: getattr(report, name) for name in expected}
-    played = {(episode.task, episode.seed) for episode in report.episodes}
-    if found != expected or played != {(task, seed) for seed in seeds} or [*report.worlds] != [task]:
+    report = ExpertReport.read(path)
+    found = (report.player, report.discretise, report.split, report.tasks, [*report.seeds])
+    if found != (player, 0, "test", [task], [*seeds]):
         raise BadRecord(
-            f"{path} is not of {agent} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
+            f"{path} is not of {player} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
             "to measure again"
         )
-    episodes = [
-        Episode.of(**episode.model_dump(exclude={"task"}) | {"failure": episode.failure or None})
-        for episode in sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
-    ]
-    return report.worlds[task], tuple(episodes)
+    kept = ("seed", "variation", "success", "failure", "state_hash")
+    episodes = sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
+    return report.worlds[task], tuple(
+        Episode(**{name: getattr(episode, name) for name in kept}) for episode in episodes
+    )
 
 
 def check_one_world(worlds: dict[Path, str], task: str) -> None:

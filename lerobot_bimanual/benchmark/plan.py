@@ -86,10 +86,12 @@ class Plan:
         """The result's file."""
         return self.output / "results" / self.settings.file_name
 
-    def report(self, agent: str) -> Path:
+    def report(self, player: str) -> Path:
         """Report of the expert or of a baseline on the test seeds."""
         seeds = self.seeds("test")
-        return self.folder / f"{perturbed(f'{agent}_{seeds.start}_{seeds.stop}', self.settings.perturb)}.json"
+        return (
+            self.folder / f"{perturbed(f'{player}_{seeds.start}_{seeds.stop}', self.settings.perturb)}.json"
+        )
 
     def checkpoint(self, step: int) -> Path:
         """The policy after so many steps."""
@@ -138,15 +140,16 @@ class Plan:
         words = ["lerobot-bimanual", "dataset", "generate", *_words(options)]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
-    def baseline(self, agent: str) -> Command:
+    def baseline(self, player: str) -> Command:
         """Score the expert or a baseline on the test seeds."""
-        settings, seeds, report = self.settings, self.seeds("test"), self.report(agent)
+        settings, seeds, report = self.settings, self.seeds("test"), self.report(player)
         options = {
             "task": settings.task,
             "variation": settings.variation,
             "split": "test",
-            "seeds": f"{seeds.start}:{seeds.stop}",
-            "control": {"open_loop": "blind"}.get(agent, agent),
+            "first_seed": seeds.start,
+            "episodes": len(seeds),
+            "player": player,
             **_unless_empty("perturb", settings.perturb),
             "workers": self.workers,
             "output": str(report),

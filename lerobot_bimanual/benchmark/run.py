@@ -73,10 +73,10 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     provenance = _provenance(plan)
     shared = Pipeline(plan.folder, console)
     worlds, reports = {}, {}
-    for agent in BASELINES:
-        shared.run(plan.baseline(agent))
-        path = plan.report(agent)
-        worlds[path], reports[agent] = read_report(path, agent, settings.task, plan.seeds("test"))
+    for player in BASELINES:
+        shared.run(plan.baseline(player))
+        path = plan.report(player)
+        worlds[path], reports[player] = read_report(path, player, settings.task, plan.seeds("test"))
     if settings.demos_perturb == settings.perturb:  # otherwise the worlds differ by intention
         worlds[plan.dataset] = provenance.worlds.get(settings.task, "none")
     check_one_world(worlds, settings.task)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.ladder.result import LadderResult, is_ladder
-from lerobot_bimanual.reports.robustness_comparison import LadderComparison
+from lerobot_bimanual.reports.robustness_comparison import RobustnessComparison
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
+from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 
@@ -24,7 +24,7 @@ class ResultsCompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
-    # PNG: the difference on each task, with its errors; of ladders, both rung by rung
+    # PNG: the difference on each task, with its errors; of robustness results, both by condition
     figure: Path | None = None
 
 
@@ -39,27 +39,29 @@ def results_compare(config: ResultsCompareConfig) -> None:
     once, with the mean over its trainings, and the p-value is that of the exact sign-flip permutation test. It is about these
     trainings; whether others would differ likewise, the second error says.
 
-    Two results of `ladder` on one task are paired on every rung that both have.
+    Two results of `policy robustness` on one task are paired on every condition that both have.
 
     Examples:
         lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual results compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
-        lerobot-bimanual results compare --first=outputs/ladder/peract2.json --second=outputs/ladder/act.json
+        lerobot-bimanual results compare --first=outputs/robustness/peract2.json --second=outputs/robustness/act.json
         lerobot-bimanual results compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
     if config.figure is not None:
         from lerobot_bimanual.reports.charts import check_chart_file
 
         check_chart_file(config.figure)
-    if is_ladder(config.first) or is_ladder(config.second):
-        ladders = LadderComparison(LadderResult.read(config.first), LadderResult.read(config.second))
-        ladders.print()
-        for line in ladders.remarks():
+    if is_robustness_result(config.first) or is_robustness_result(config.second):
+        sweeps = RobustnessComparison(
+            RobustnessResult.read(config.first), RobustnessResult.read(config.second)
+        )
+        sweeps.print()
+        for line in sweeps.remarks():
             print(line)
         if config.figure is not None:
             from lerobot_bimanual.reports.robustness_figures import heat_map
 
-            heat_map({"first": ladders.first, "second": ladders.second}).save(config.figure)
+            heat_map({"first": sweeps.first, "second": sweeps.second}).save(config.figure)
         return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")

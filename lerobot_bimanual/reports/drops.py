@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from lerobot_bimanual.ladder.result import LadderResult, Rung
 from lerobot_bimanual.results.comparison import Pairing
+from lerobot_bimanual.results.robustness import PolicyCondition, RobustnessResult
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 
@@ -29,20 +29,20 @@ class Drop:
     """A condition beside the nominal world.
 
     Attributes:
-        rung: the condition.
+        condition: the condition.
         pairing: outcomes in the nominal world, first, and on the condition.
         p_holm: McNemar's exact p-value, two-sided, corrected by Holm for the number of axes with a valid condition of this
             level; None if the condition is not valid.
     """
 
-    rung: Rung
+    condition: PolicyCondition
     pairing: Pairing
     p_holm: float | None
 
     @property
     def difference(self) -> float:
         """Success on the condition less nominal success."""
-        return (self.pairing.only_second - self.pairing.only_first) / len(self.rung.episodes)
+        return (self.pairing.only_second - self.pairing.only_first) / len(self.condition.episodes)
 
     @property
     def is_significant(self) -> bool:
@@ -50,54 +50,60 @@ class Drop:
         return self.p_holm is not None and self.p_holm <= SIGNIFICANT
 
 
-def drops_of(result: LadderResult) -> dict[str, Drop]:
+def drops_of(result: RobustnessResult) -> dict[str, Drop]:
     """Every condition beside the nominal world, by name."""
     pairings = {
-        rung.name: Pairing.of(result.level_0.solved, rung.solved) for rung in result.rungs if rung.level
+        condition.name: Pairing.of(result.nominal.solved, condition.solved)
+        for condition in result.conditions
+        if condition.level
     }
     corrected = corrected_by_level(
-        (rung for rung in result.rungs if rung.level and rung.is_certified), pairings
+        (condition for condition in result.conditions if condition.level and condition.is_valid), pairings
     )
     return {
         name: Drop(result.by_name[name], pairing, corrected.get(name)) for name, pairing in pairings.items()
     }
 
 
-def corrected_by_level(rungs: Iterable[Rung], pairings: Mapping[str, Pairing]) -> dict[str, float]:
+def corrected_by_level(
+    conditions: Iterable[PolicyCondition], pairings: Mapping[str, Pairing]
+) -> dict[str, float]:
     """McNemar's exact p-values, corrected by Holm for the number of conditions of the same level.
 
     Args:
-        rungs: valid conditions.
+        conditions: valid conditions.
         pairings: of these conditions and perhaps others, by name.
 
     Returns:
         By the names of the conditions.
     """
     by_level: defaultdict[int, list[str]] = defaultdict(list)
-    for rung in rungs:
-        by_level[rung.level].append(rung.name)
+    for condition in conditions:
+        by_level[condition.level].append(condition.name)
     corrected: dict[str, float] = {}
     for names in by_level.values():
         corrected |= zip(names, holm([pairings[name].p_value for name in names]), strict=True)
     return corrected
 
 
-def level_sums(result: LadderResult) -> dict[int, SuccessRate]:
+def level_sums(result: RobustnessResult) -> dict[int, SuccessRate]:
     """Success over the valid conditions of each level; a level without one is left out."""
     sums: dict[int, SuccessRate] = {}
-    for rung in result.rungs:
-        if rung.is_certified:
-            rate, before = rung.rates["policy"], sums.get(rung.level, SuccessRate(0, 0))
-            sums[rung.level] = SuccessRate(before.successes + rate.successes, before.trials + rate.trials)
+    for condition in result.conditions:
+        if condition.is_valid:
+            rate, before = condition.rates["policy"], sums.get(condition.level, SuccessRate(0, 0))
+            sums[condition.level] = SuccessRate(
+                before.successes + rate.successes, before.trials + rate.trials
+            )
     return sums
 
 
-def print_drops(result: LadderResult) -> None:
+def print_drops(result: RobustnessResult) -> None:
     """Print one line per condition; lost and won are the episodes solved only in the nominal world, and only there."""
     rows = []
     found, axes = drops_of(result), {axis.name: axis for axis in result.axes}
-    for rung in result.rungs:
-        rates, axis, drop = rung.rates, axes.get(rung.axis), found.get(rung.name)
+    for condition in result.conditions:
+        rates, axis, drop = condition.rates, axes.get(condition.axis), found.get(condition.name)
         low, high = rates["policy"].interval
         paired = ("", "", "")
         if drop is not None:
@@ -106,24 +112,24 @@ def print_drops(result: LadderResult) -> None:
             paired = (changed, f"{drop.pairing.p_value:.3g}", p_holm)
         rows.append(
             (
-                rung.name,
-                "" if axis is None else f"{axis.magnitudes[rung.level - 1]:g}",
+                condition.name,
+                "" if axis is None else f"{axis.magnitudes[condition.level - 1]:g}",
                 rates["policy"].successes,
                 f"{low:.0%} to {high:.0%}",
                 rates["expert"].successes,
-                rates["blind"].successes,
+                rates["open_loop"].successes,
                 *paired,
             )
         )
-    title = f"{result.policy} on {result.task}, the same {len(result.level_0.episodes)} episodes"
+    title = f"{result.policy} on {result.task}, the same {len(result.nominal.episodes)} episodes"
     print_table(HEADINGS, rows, title)
 
 
-def remarks(result: LadderResult) -> Iterator[str]:
+def remarks(result: RobustnessResult) -> Iterator[str]:
     """Sums over valid conditions, and what is in no sum."""
     said = (f"level {level}: {rate.successes} of {rate.trials}" for level, rate in level_sums(result).items())
     yield f"valid conditions together: {'; '.join(said) or 'none'}"
-    if invalid := [rung.name for rung in result.rungs if not rung.is_certified]:
+    if invalid := [condition.name for condition in result.conditions if not condition.is_valid]:
         yield f"not valid, since the expert solves too few, and in no sum: {', '.join(invalid)}"
     if result.not_applicable:
         yield f"not applicable to {result.task}: {', '.join(result.not_applicable)}"

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from lerobot_bimanual.ladder.result import LEVEL_0, AxisRecord, LadderResult, Rung, rung_name
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.reports.charts import (
     BLUE,
@@ -23,6 +22,13 @@ from lerobot_bimanual.reports.charts import (
 )
 from lerobot_bimanual.reports.drops import SIGNIFICANT, Drop, drops_of
 from lerobot_bimanual.reports.trainings import by_policy
+from lerobot_bimanual.results.robustness import (
+    NOMINAL,
+    AxisRecord,
+    PolicyCondition,
+    RobustnessResult,
+    condition_name,
+)
 
 LEVELS = range(1, MAX_LEVEL + 1)
 MAX_POLICIES = 6
@@ -51,7 +57,7 @@ class Column:
 
     task: str
     policy: str
-    trainings: Sequence[LadderResult]
+    trainings: Sequence[RobustnessResult]
 
     def share(self, condition: str) -> float | None:
         """Share of episodes solved, in the mean over trainings; None if one of them was not evaluated."""
@@ -61,18 +67,22 @@ class Column:
 
     def is_valid(self, condition: str) -> bool:
         """Whether the expert solves enough in all of them."""
-        return all(result.by_name[condition].is_certified for result in self.trainings)
+        return all(result.by_name[condition].is_valid for result in self.trainings)
 
     @property
     def origin(self) -> str:
         """The policy's type and weights, or how often it was trained."""
         first, *others = self.trainings
-        return f"{len(others) + 1} trainings" if others else f"{first.policy} {first.checkpoint_sha256[:8]}"
+        return (
+            f"{len(others) + 1} trainings"
+            if others
+            else f"{first.policy} {first.config.checkpoint_sha256[:8]}"
+        )
 
     @property
     def description(self) -> str:
         """What was solved, in words."""
-        shares = {rung.name: self.share(rung.name) for rung in self.trainings[0].rungs}
+        shares = {condition.name: self.share(condition.name) for condition in self.trainings[0].conditions}
         said = (
             f"{name} {share:.0%}"
             for name, share in shares.items()
@@ -82,7 +92,7 @@ class Column:
 
 
 @styled
-def heat_map(results: Mapping[str, LadderResult]) -> Chart:
+def heat_map(results: Mapping[str, RobustnessResult]) -> Chart:
     """One line per axis, one column per policy; the policies of a task side by side.
 
     Args:
@@ -107,7 +117,10 @@ def heat_map(results: Mapping[str, LadderResult]) -> Chart:
 
 
 def _draw_block(panel: Axes, columns: Sequence[Column], axes: Sequence[AxisRecord]) -> None:
-    names = [[LEVEL_0] * MAX_LEVEL, *([rung_name(axis.name, level) for level in LEVELS] for axis in axes)]
+    names = [
+        [NOMINAL] * MAX_LEVEL,
+        *([condition_name(axis.name, level) for level in LEVELS] for axis in axes),
+    ]
     shares = np.array(
         [[column.share(name) for column in columns for name in row] for row in names], dtype=float
     )
@@ -126,7 +139,7 @@ def _draw_block(panel: Axes, columns: Sequence[Column], axes: Sequence[AxisRecor
         panel.text(column, row, f"{100 * share:.0f}", ha="center", va="center", fontsize=7, color=color)
     for row, column in np.argwhere(np.isfinite(shares) & ~valid):
         panel.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, hatch=HATCH, linewidth=0))
-    panel.set_yticks(range(len(names)), [LEVEL_0, *(f"{axis.name} ({axis.group})" for axis in axes)])
+    panel.set_yticks(range(len(names)), [NOMINAL, *(f"{axis.name} ({axis.group})" for axis in axes)])
     panel.set_xticks(
         [MAX_LEVEL * number + (MAX_LEVEL - 1) / 2 for number in range(len(columns))],
         [f"{column.policy}\n{column.origin}" for column in columns],
@@ -140,17 +153,17 @@ def _draw_block(panel: Axes, columns: Sequence[Column], axes: Sequence[AxisRecor
 
 
 @styled
-def sweep_figure(result: LadderResult) -> Chart:
+def sweep_figure(result: RobustnessResult) -> Chart:
     """One small chart per axis, by group and name: policy, expert and open-loop baseline against level."""
     found = drops_of(result)
     axes = sorted(result.axes, key=lambda axis: (axis.group, axis.name))
     rows = max(1, -(-len(axes) // COLUMNS))
-    count = len(result.level_0.episodes)
+    count = len(result.nominal.episodes)
     title = f"{result.policy} on {result.task}, the same {count} episodes at every level"
     figure = new_figure(1.6 * rows + 1.1, title, *SWEEP_NOTES)
     panels = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).flatten()
     for axis, panel in zip(axes, panels, strict=False):
-        _draw_axis(panel, axis, [result.level_0, *result.of_axis(axis.name)], found)
+        _draw_axis(panel, axis, [result.nominal, *result.of_axis(axis.name)], found)
     for panel in panels[len(axes) :]:
         panel.set_axis_off()
     if axes:
@@ -158,24 +171,31 @@ def sweep_figure(result: LadderResult) -> Chart:
     return Chart(figure, _description(result, found))
 
 
-def _draw_axis(panel: Axes, axis: AxisRecord, rungs: Sequence[Rung], found: Mapping[str, Drop]) -> None:
-    levels = [rung.level for rung in rungs]
-    low, high = np.transpose([rung.rates["policy"].interval for rung in rungs])
+def _draw_axis(
+    panel: Axes, axis: AxisRecord, conditions: Sequence[PolicyCondition], found: Mapping[str, Drop]
+) -> None:
+    levels = [condition.level for condition in conditions]
+    low, high = np.transpose([condition.rates["policy"].interval for condition in conditions])
     panel.fill_between(levels, low, high, color=BLUE, alpha=0.2, linewidth=0)
     for key, label, style, color in (
-        ("blind", "open loop", "x:", GREY),
+        ("open_loop", "open loop", "x:", GREY),
         ("expert", "expert", "^--", INK),
         ("policy", "policy, 95 % interval", "o-", BLUE),
     ):
-        rates = [rung.rates[key].rate for rung in rungs]
+        rates = [condition.rates[key].rate for condition in conditions]
         panel.plot(levels, rates, style, color=color, label=label, markersize=3.5, linewidth=1)
-    for rung in rungs:
-        drop = found.get(rung.name)
+    for condition in conditions:
+        drop = found.get(condition.name)
         if drop is not None and drop.is_significant:
-            panel.plot(rung.level, rung.rates["policy"].rate, "D", color=VERMILION, markersize=5)
-        if not rung.is_certified:
+            panel.plot(condition.level, condition.rates["policy"].rate, "D", color=VERMILION, markersize=5)
+        if not condition.is_valid:
             panel.axvspan(
-                rung.level - 0.5, rung.level + 0.5, fill=False, hatch=HATCH, linewidth=0, edgecolor="0.85"
+                condition.level - 0.5,
+                condition.level + 0.5,
+                fill=False,
+                hatch=HATCH,
+                linewidth=0,
+                edgecolor="0.85",
             )
     magnitudes = ", ".join(f"{magnitude:g}" for magnitude in axis.magnitudes)
     described = textwrap.shorten(f"{magnitudes} {axis.unit}", 36, placeholder=" ...")
@@ -186,17 +206,17 @@ def _draw_axis(panel: Axes, axis: AxisRecord, rungs: Sequence[Rung], found: Mapp
     panel.tick_params(length=0, labelsize=7)
 
 
-def _description(result: LadderResult, found: Mapping[str, Drop]) -> str:
-    def counts(rung: Rung) -> str:
-        rates = rung.rates
+def _description(result: RobustnessResult, found: Mapping[str, Drop]) -> str:
+    def counts(condition: PolicyCondition) -> str:
+        rates = condition.rates
         return (
             f"{rates['policy'].successes} of {rates['policy'].trials} (expert {rates['expert'].successes}, "
-            f"open loop {rates['blind'].successes})"
+            f"open loop {rates['open_loop'].successes})"
         )
 
-    said = [f"{result.policy} on {result.task}: {LEVEL_0} {counts(result.level_0)}."]
-    for rung in result.rungs[1:]:
-        p_holm = found[rung.name].p_holm
+    said = [f"{result.policy} on {result.task}: {NOMINAL} {counts(result.nominal)}."]
+    for condition in result.conditions[1:]:
+        p_holm = found[condition.name].p_holm
         remark = "not valid" if p_holm is None else f"p (Holm) {p_holm:.3g}"
-        said.append(f"{rung.name} {counts(rung)}, {remark}.")
+        said.append(f"{condition.name} {counts(condition)}, {remark}.")
     return " ".join(said)

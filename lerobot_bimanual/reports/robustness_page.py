@@ -6,24 +6,24 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.ladder.result import (
-    LEAST_EXPERT_RATE,
-    LEVEL_0,
-    AxisRecord,
-    LadderResult,
-    rung_name,
-    short_name,
-)
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.reports.drops import SIGNIFICANT, Drop, drops_of, level_sums
 from lerobot_bimanual.reports.trainings import Distance, Trainings, policy_name
+from lerobot_bimanual.results.robustness import (
+    MIN_EXPERT_RATE,
+    NOMINAL,
+    AxisRecord,
+    RobustnessResult,
+    condition_name,
+    short_name,
+)
 from lerobot_bimanual.results.statistics import SuccessRate
 
 if TYPE_CHECKING:
     import pandas as pd
 
-type Results = Mapping[str, LadderResult]
+type Results = Mapping[str, RobustnessResult]
 """Robustness results by name."""
 
 LEVELS = range(1, MAX_LEVEL + 1)
@@ -38,14 +38,14 @@ def robustness_page(results: Results, figure: str | None = None) -> str:
         figure: link to the heat map of these results; None for a page without.
     """
     spread, distances = _trainings(results)
-    by_task: defaultdict[str, dict[str, LadderResult]] = defaultdict(dict)
+    by_task: defaultdict[str, dict[str, RobustnessResult]] = defaultdict(dict)
     for name, result in results.items():
         by_task[result.task][name] = result
     return render(
         "lerobot_bimanual.reports",
         "robustness.md",
         significant=SIGNIFICANT,
-        min_expert_rate=LEAST_EXPERT_RATE,
+        min_expert_rate=MIN_EXPERT_RATE,
         figure=figure,
         all_tasks=_all_tasks(results),
         spread=spread,
@@ -54,21 +54,21 @@ def robustness_page(results: Results, figure: str | None = None) -> str:
     )
 
 
-def _axis_names(results: Sequence[LadderResult]) -> list[str]:
+def _axis_names(results: Sequence[RobustnessResult]) -> list[str]:
     """Axes of any of the results, by group and name."""
     return [name for _, name in sorted({(axis.group, axis.name) for each in results for axis in each.axes})]
 
 
 def _conditions(axes: Sequence[str]) -> dict[str, list[str]]:
     """Names of conditions by axis, the nominal one first."""
-    return {LEVEL_0: [LEVEL_0]} | {axis: [rung_name(axis, level) for level in LEVELS] for axis in axes}
+    return {NOMINAL: [NOMINAL]} | {axis: [condition_name(axis, level) for level in LEVELS] for axis in axes}
 
 
 def _all_tasks(results: Results) -> pd.DataFrame | None:
     """Success on each condition over the tasks where it is valid, of every policy that was evaluated on several tasks."""
     import pandas as pd
 
-    by_policy: defaultdict[str, list[LadderResult]] = defaultdict(list)
+    by_policy: defaultdict[str, list[RobustnessResult]] = defaultdict(list)
     for name, result in results.items():
         by_policy[policy_name(name, result)].append(result)
     table = {}
@@ -86,10 +86,10 @@ def _all_tasks(results: Results) -> pd.DataFrame | None:
     return pd.DataFrame({"axis": [*conditions], **columns})
 
 
-def _share(results: Sequence[LadderResult], condition: str) -> str:
+def _share(results: Sequence[RobustnessResult], condition: str) -> str:
     """Percent solved of the episodes of a condition where it is valid."""
     found = [each.by_name[condition] for each in results if condition in each.by_name]
-    rates = [each.rates["policy"] for each in found if each.is_certified]
+    rates = [each.rates["policy"] for each in found if each.is_valid]
     if not rates:
         return ABSENT
     return f"{sum(rate.successes for rate in rates) / sum(rate.trials for rate in rates):.0%}"
@@ -136,12 +136,12 @@ def _task(task: str, results: Results) -> dict[str, Any]:
     labels += [f"valid conditions of level {level}" for level in LEVELS]
     columns, lines = {}, []
     for name, result in results.items():
-        drops, sums, nominal = drops_of(result), level_sums(result), result.level_0
+        drops, sums, nominal = drops_of(result), level_sums(result), result.nominal
         played = {axis.name for axis in result.axes}
         columns[short_name(name, result)] = [
             counts_text(nominal.rates["policy"]),
             *(
-                " ".join(_cell(drops.get(rung_name(axis, level))) for level in LEVELS)
+                " ".join(_cell(drops.get(condition_name(axis, level))) for level in LEVELS)
                 if axis in played
                 else ""
                 for axis in names
@@ -149,9 +149,9 @@ def _task(task: str, results: Results) -> dict[str, Any]:
             *(counts_text(sums[level]) if level in sums else "" for level in LEVELS),
         ]
         lines.append(
-            f"{name}: {result.policy}, weights {result.checkpoint_sha256[:12]}, {result.options['split']} seeds "
-            f"{nominal.seeds[0]} to {nominal.seeds[-1]}, batches of {result.batch_size}; nominal: expert "
-            f"{counts_text(nominal.rates['expert'])}, open loop {counts_text(nominal.rates['blind'])}."
+            f"{name}: {result.policy}, weights {result.config.checkpoint_sha256[:12]}, {result.config.options['split']} seeds "
+            f"{nominal.seeds[0]} to {nominal.seeds[-1]}, batches of {result.config.batch_size}; nominal: expert "
+            f"{counts_text(nominal.rates['expert'])}, open loop {counts_text(nominal.rates['open_loop'])}."
         )
     return {
         "name": task,
@@ -175,7 +175,7 @@ def _cell(drop: Drop | None) -> str:
     """Successes; in bold where they differ from nominal; in brackets where the condition is not valid."""
     if drop is None:
         return ABSENT
-    solved = str(drop.rung.rates["policy"].successes)
+    solved = str(drop.condition.rates["policy"].successes)
     if drop.p_holm is None:
         return f"({solved})"
     return f"**{solved}**" if drop.is_significant else solved

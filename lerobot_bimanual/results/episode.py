@@ -1,5 +1,6 @@
 """One played episode: what became of it, and, where it was recorded, what proves it."""
 
+from collections.abc import Sequence
 from typing import Annotated, Self
 
 import numpy as np
@@ -12,6 +13,8 @@ from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+StateHash = Annotated[str, Field(pattern="^([0-9a-f]{16}|[0-9a-f]{64})$")]
+"""SHA-256 of a state of the simulation, or its first 16 hexadecimal digits."""
 
 
 class Proof(Record):
@@ -69,7 +72,7 @@ class Episode(Record):
     ticks: NonNegativeInt | None = None
     keyposes: NonNegativeInt | None = None
     first_met_tick: NonNegativeInt | None = None
-    state_hash: Annotated[str, Field(pattern="^([0-9a-f]{16}|[0-9a-f]{64})$")] | None = None
+    state_hash: StateHash | None = None
     proof: Proof | None = None
 
     @model_validator(mode="after")
@@ -103,6 +106,6 @@ ProvedEpisodes = Annotated[Episodes, AfterValidator(_proved)]
 """Episodes of one task that can be played again."""
 
 
-def success_rate(episodes: tuple[Episode, ...] | list[Episode]) -> SuccessRate:
+def success_rate(episodes: Sequence[Episode]) -> SuccessRate:
     """Successes among episodes."""
     return SuccessRate(sum(episode.success for episode in episodes), len(episodes))

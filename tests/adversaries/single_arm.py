@@ -13,7 +13,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
-from lerobot_env_bimanual.experts.controls import play_script
+from lerobot_env_bimanual.experts.baselines import play_script
 from lerobot_env_bimanual.experts.runner import Move, Player
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation

@@ -19,9 +19,10 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Pro
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult, Machine, Validation
 from lerobot_bimanual.results.evaluation import EvaluationRecord, perturbed
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
 from lerobot_bimanual.versions import installed_versions
 
-OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "blind": "x...", "val": ".x", "test": "xx.."}
+OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
 
 
 class Programs:
@@ -57,7 +58,7 @@ class Programs:
             case [_, "dataset", "generate"]:
                 self._generate(Path(flags["root"]))
             case [_, "expert", "evaluate"]:
-                self._report(Path(flags["output"]), flags["control"])
+                self._report(Path(flags["output"]), flags["player"])
             case ["lerobot-eval", *_]:
                 self._evaluate(Path(flags["output_dir"]), flags["env.split"], flags.get("env.perturb", ""))
             case _:
@@ -84,14 +85,21 @@ class Programs:
             skipped=(),
         ).write(root / PROVENANCE_FILE)
 
-    def _report(self, path: Path, control: str) -> None:
+    def _report(self, path: Path, player: str) -> None:
         episodes = [
-            episode.model_dump(exclude_none=True) | {"task": "lift_ball", "failure": episode.failure or ""}
-            for episode in reported(OUTCOMES[control])
+            EpisodeOutcome(**{"ticks": 7} | episode.model_dump(exclude_none=True), task="lift_ball")
+            for episode in reported(OUTCOMES[player])
         ]
-        head = {"control": control, "discretise": 0, "split": "test", "episodes": episodes}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(head | {"worlds": {"lift_ball": self.worlds[control]}}))
+        ExpertReport(
+            schema_version=1,
+            player=player,
+            split="test",
+            first_seed=episodes[0].seed,
+            n_seeds=len({episode.seed for episode in episodes}),
+            versions={},
+            worlds={"lift_ball": self.worlds[player]},
+            episodes=tuple(episodes),
+        ).write(path)
 
     def _evaluate(self, folder: Path, split: str, perturb: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -162,7 +170,10 @@ def test_a_network_for_a_suite_bears_the_suites_name_though_its_demonstrations_n
 @pytest.mark.parametrize(
     ("what", "message"),
     [
-        ("blind", r"open_loop_0_4\.json is of the world ba98.* of lift_ball, but .*expert_0_4\.json of 0123"),
+        (
+            "open_loop",
+            r"open_loop_0_4\.json is of the world ba98.* of lift_ball, but .*expert_0_4\.json of 0123",
+        ),
         ("demonstrations", r"keyframes_128_2 is of the world ba98.*expert_0_4\.json of 0123456789ab"),
         ("test", r"lift_ball_test_record\.json is of the world ba98.*expert_0_4\.json of 0123456789ab"),
     ],

@@ -1,14 +1,13 @@
 """Charts show the numbers of the results, say them in words, and can be read without colours."""
 
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import pytest
-from made_up_ladders import LADDER, ladder, rung
 from matplotlib.colors import to_rgb
 from PIL import Image
 from sample_results import trained
+from sample_robustness import ROBUSTNESS, condition, result
 
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.reports.charts import INK, Chart, check_chart_file
@@ -55,22 +54,25 @@ def test_a_difference_is_drawn_with_its_errors_and_filled_if_it_is_significant()
 
 
 def test_a_heat_map_shows_the_mean_of_trainings_and_hatches_what_is_not_valid():
-    again = ladder(checkpoint_sha256="1f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:]))
-    panel = heat_map({"lift_ball_mine": LADDER, "lift_ball_mine_seed2000": again}).figure.axes[0]
+    changed = (condition("", 0, "xxxxxx...."), *ROBUSTNESS.conditions[1:])
+    again = result({"checkpoint_sha256": "1f" * 32}, conditions=changed)
+    panel = heat_map({"lift_ball_mine": ROBUSTNESS, "lift_ball_mine_seed2000": again}).figure.axes[0]
     assert [text.get_text() for text in panel.texts] == ["80", "100", "80", "20", "90", "40", "0"]
     assert len(panel.patches) == 1
     assert panel.texts[3].get_color() != INK
 
 
 def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
-    harmless = tuple(replace(each, episodes=LADDER.level_0.episodes) for each in LADDER.rungs)
+    harmless = tuple(
+        each.model_copy(update={"episodes": ROBUSTNESS.nominal.episodes}) for each in ROBUSTNESS.conditions
+    )
     marked = [
         [line.get_xdata()[0] for line in panel.get_lines() if line.get_marker() == "D"]
-        for result in (LADDER, ladder(rungs=harmless))
-        for panel in sweep_figure(result).figure.axes[:2]
+        for each in (ROBUSTNESS, result(conditions=harmless))
+        for panel in sweep_figure(each).figure.axes[:2]
     ]
     assert marked == [[], [3], [], []]
-    assert sweep_figure(ladder(axes=(), rungs=LADDER.rungs[:1])).png()
+    assert sweep_figure(result(axes=(), conditions=ROBUSTNESS.conditions[:1])).png()
 
 
 def test_charts_say_in_words_what_they_show(snapshot):
@@ -81,8 +83,8 @@ def test_charts_say_in_words_what_they_show(snapshot):
     charts = {
         "success": success_figure([trained("xx..", policy="mine", seed=seed) for seed in range(5)]),
         "difference": difference_figure({"lift_ball": twice}),
-        "heat map": heat_map({"a": LADDER, "b": ladder(policy="yours", task="push_box")}),
-        "sweep": sweep_figure(LADDER),
+        "heat map": heat_map({"a": ROBUSTNESS, "b": result({"policy": "yours", "task": "push_box"})}),
+        "sweep": sweep_figure(ROBUSTNESS),
     }
     assert {name: chart.description for name, chart in charts.items()} == snapshot
 

@@ -1,13 +1,12 @@
 """Pages of results: what does not belong together is refused, and the tables are those of the results."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 from huggingface_hub import parse_eval_result_entries
-from made_up_ladders import CERTIFICATE, LADDER, ladder, rung
 from sample_results import RESULT, proved, put, reported, variant
+from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition, result
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
@@ -114,27 +113,26 @@ def test_results_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_pat
 
 
 def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
-    again = ladder(
-        checkpoint_sha256="1f" * 32,
-        rungs=(LADDER.level_0, rung("camera_moved", 1, "xxxxx....."), *LADDER.rungs[2:]),
-    )
-    worse = ladder(checkpoint_sha256="2f" * 32, rungs=(rung("", 0, "xxxxxx...."), *LADDER.rungs[1:]))
+    changed = (ROBUSTNESS.nominal, condition("camera_moved", 1, "xxxxx....."), *ROBUSTNESS.conditions[2:])
+    again = result({"checkpoint_sha256": "1f" * 32}, conditions=changed)
+    fewer = (condition("", 0, "xxxxxx...."), *ROBUSTNESS.conditions[1:])
+    worse = result({"checkpoint_sha256": "2f" * 32}, conditions=fewer)
     results = {
-        "lift_ball_mine": LADDER,
+        "lift_ball_mine": ROBUSTNESS,
         "lift_ball_mine_seed2000": again,
         "lift_ball_mine_seed3000": again,  # the same weights are no further training
         "lift_ball_yours": worse,
-        "lift_ball_yours_seed7": replace(worse, checkpoint_sha256="3f" * 32),
-        "push_box_mine": ladder(task="push_box"),
+        "lift_ball_yours_seed7": result({"checkpoint_sha256": "3f" * 32}, conditions=fewer),
+        "push_box_mine": result({"task": "push_box"}),
     }
     assert robustness_page(results, "map.png") == snapshot
 
 
 def test_a_page_of_one_robustness_result_has_no_tables_of_several():
-    page = robustness_page({"lift_ball_mine": LADDER})
+    page = robustness_page({"lift_ball_mine": ROBUSTNESS})
     assert "## All tasks" not in page
     assert "## Trainings" not in page
 
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):
-    assert expert_robustness_page({"lift_ball": CERTIFICATE}) == snapshot
+    assert expert_robustness_page({"lift_ball": EXPERT_REPORT}) == snapshot

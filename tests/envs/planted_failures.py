@@ -11,7 +11,7 @@ from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.instruction_scripts import Script
-from lerobot_env_bimanual.experts.replanning import rereading
+from lerobot_env_bimanual.experts.replanning import replanning
 from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.hold_after_done import HoldAfterDone
@@ -40,10 +40,10 @@ def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -
 
 
 @cache
-def rereading_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
+def replanning_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
     """Keyposes (n, 18) of the expert who reads the scene again where things are moved, in variation 0."""
     env, moves = BimanualEnv(task, obs="state", perturb=perturb), []
-    run_episode(env, seed, rereading(), moves.append, variation=0)
+    run_episode(env, seed, replanning(), moves.append, variation=0)
     env.close()
     return np.array([move.action for move in moves])
 

@@ -13,7 +13,7 @@ from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.controls import make_control
+from lerobot_env_bimanual.experts.baselines import make_player
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.experts.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.gl import mujoco
@@ -175,7 +175,7 @@ def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():
 def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     env = shared("handover_item_easy", "nudge", 3)
     assert not run_expert(env, 0, variation=0).success  # it read the scene once
-    looks_again = run_episode(env, 0, make_control("rereading", 0), variation=0)
+    looks_again = run_episode(env, 0, make_player("replanning", 0), variation=0)
     recorder = Recorder("handover_item_easy", env.options.split, ("front",), (64, 64), perturb="nudge:3")
     outcome, episode = recorder.record(0, 0)
     recorder.close()
@@ -185,7 +185,7 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
 
 def test_where_nothing_is_nudged_both_do_what_the_expert_does(shared):
     env = shared("handover_item_easy")
-    outcomes = [run_episode(env, 2, make_control(name, 2)) for name in ("expert", "rereading")]
+    outcomes = [run_episode(env, 2, make_player(name, 2)) for name in ("expert", "replanning")]
     assert outcomes[0].success
     assert outcomes[1:] == outcomes[:1]
 

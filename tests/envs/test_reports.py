@@ -1,4 +1,4 @@
-"""Tables from certificates."""
+"""Tables from expert reports."""
 
 import shutil
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.expert_report import ExpertReportConfig, expert_report
-from lerobot_env_bimanual.reports.certified import Certified, movable_items, success_table
+from lerobot_env_bimanual.reports.expert_tables import ExpertReports, movable_items, success_table
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, PAPER
 from lerobot_env_bimanual.tasks.registry import list_tasks
 
@@ -26,19 +26,25 @@ def test_movable_items_are_free_objects_doors_drawers_and_buttons():
     assert movable_items("put_item_in_drawer") == 4  # three drawers and the item
 
 
-def test_the_page_in_the_documentation_is_what_the_certificates_say(tmp_path, monkeypatch):
+def test_the_page_in_the_documentation_is_what_the_reports_say(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     expert_report(ExpertReportConfig(output=tmp_path / "tasks.md"))
     assert (tmp_path / "tasks.md").read_text() == (ROOT / "docs" / "tasks.md").read_text()
 
 
 def test_what_was_not_played_is_marked(tmp_path):
-    for name in ("expert",):
-        shutil.copy(ROOT / "results" / "certificates" / f"{name}.json", tmp_path)
-    rows = success_table(Certified.read(tmp_path)).set_index("task")
+    shutil.copy(ROOT / "results" / "expert_reports" / "expert.json", tmp_path)
+    rows = success_table(ExpertReports.read(tmp_path)).set_index("task")
     assert [*rows.loc["`push_box`"]] == ["100/100", *["–"] * 5]
 
 
-def test_a_folder_without_certificates_is_refused_with_the_command_that_makes_them(tmp_path):
+def test_a_folder_without_reports_is_refused_with_the_command_that_writes_them(tmp_path):
     with pytest.raises(BimanualError, match="expert evaluate --variation=each"):
-        expert_report(ExpertReportConfig(certificates=tmp_path))
+        expert_report(ExpertReportConfig(expert_reports=tmp_path))
+
+
+def test_a_report_under_another_players_name_is_refused(tmp_path):
+    shutil.copy(ROOT / "results" / "expert_reports" / "expert.json", tmp_path)
+    shutil.copy(tmp_path / "expert.json", tmp_path / "noop.json")
+    with pytest.raises(BimanualError, match=r"noop\.json: player is 'expert', but must be 'noop'"):
+        ExpertReports.read(tmp_path)

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 VARIABLES = {"TASKS": "lift_ball push_box", "PATH": "/usr/bin:/bin"}
 
 
-@pytest.mark.parametrize("name", ["board", "certify"])
+@pytest.mark.parametrize("name", ["board", "expert_reports"])
 @pytest.mark.parametrize(("code", "goes_on"), [(130, False), (143, False), (1, True)])
 def test_a_script_ends_where_it_was_stopped(name: str, code: int, goes_on: bool, tmp_path: Path) -> None:
     script = tmp_path / "scripts" / f"{name}.sh"

@@ -9,12 +9,12 @@ from lerobot_bimanual import cli
 from lerobot_bimanual.output_file import UnwritableOutput, write_file
 
 ROWS = Path(__file__).parents[2] / "results" / "leaderboard"
-CERTIFICATES = ROWS.parent / "certificates"
+REPORTS = ROWS.parent / "expert_reports"
 
 COMMANDS: dict[str, Callable[[Path], list[str]]] = {
-    "certify": lambda place: ["expert", "evaluate", "--task=lift_ball", f"--output={place}"],
+    "expert evaluate": lambda place: ["expert", "evaluate", "--task=lift_ball", f"--output={place}"],
     "render": lambda place: ["task", "render", "--task=lift_ball", f"--output={place / 'folder'}"],
-    "report": lambda place: ["expert", "report", f"--certificates={CERTIFICATES}", f"--output={place}"],
+    "report": lambda place: ["expert", "report", f"--expert_reports={REPORTS}", f"--output={place}"],
     "compare's figure": lambda place: [
         "results",
         "compare",
@@ -30,9 +30,10 @@ COMMANDS: dict[str, Callable[[Path], list[str]]] = {
         "--task=handover_item_easy",
         f"--output={place}",
     ],
-    "certify-rungs": lambda place: [
+    "expert evaluate --axes": lambda place: [
         "expert",
-        "evaluate-perturbed",
+        "evaluate",
+        "--axes=all",
         "--task=lift_ball",
         f"--output={place / 'folder'}",
     ],
@@ -54,7 +55,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("work has begun")
 
     monkeypatch.setattr("lerobot_env_bimanual.workers.WorkerPool.__init__", refuse)
-    monkeypatch.setattr("lerobot_env_bimanual.reports.certified.Certified.read", refuse)
+    monkeypatch.setattr("lerobot_env_bimanual.reports.expert_tables.ExpertReports.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.reports.benchmark_page.read_results", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.results_compare.BenchmarkResult.read", refuse)
     monkeypatch.setattr("lerobot_bimanual.commands.policy_benchmark.check_task", lambda _: None)
@@ -73,7 +74,7 @@ PLACES = {"below a file": "file/page", "on a device": "/proc/self/page", "a fold
         for verb in COMMANDS
         for place in PLACES
         if place != "a folder"
-        or verb not in ("render", "benchmark", "certify-rungs", "inspect")  # which write into one
+        or verb not in ("render", "benchmark", "expert evaluate --axes", "inspect")  # which write into one
     ],
 )
 def test_an_output_that_cannot_be_written_is_named_before_the_work(verb, place, tmp_path, capsys):

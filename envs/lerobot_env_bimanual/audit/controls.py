@@ -11,13 +11,13 @@ from tqdm import tqdm
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.audit.episodes import placement_hash
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.campaign import Campaign
-from lerobot_env_bimanual.experts.certificate import STATE_HASH_DIGITS
-from lerobot_env_bimanual.experts.control_names import ControlName
-from lerobot_env_bimanual.experts.outcome import Job
+from lerobot_env_bimanual.experts.report import STATE_HASH_DIGITS
 from lerobot_env_bimanual.options import ANY_VARIATION
+from lerobot_env_bimanual.sweep.evaluator import Evaluator
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task
 
 
@@ -50,7 +50,7 @@ def _placements(
     return found
 
 
-def control_problems(row: BenchmarkResult, campaign: Campaign, seeds: Iterable[int]) -> Iterator[str]:
+def control_problems(row: BenchmarkResult, campaign: Evaluator, seeds: Iterable[int]) -> Iterator[str]:
     """What a row says of expert and blind that is not so.
 
     Args:
@@ -59,23 +59,23 @@ def control_problems(row: BenchmarkResult, campaign: Campaign, seeds: Iterable[i
         seeds: of the sample.
     """
     seeds = list(seeds)
-    claims: dict[ControlName, list[Episode]] = {
+    claims: dict[PlayerName, list[Episode]] = {
         "expert": [episode for episode in row.expert if episode.seed in seeds],
-        "blind": [episode for episode in row.open_loop if episode.seed in seeds],
+        "open_loop": [episode for episode in row.open_loop if episode.seed in seeds],
     }
     for control, episodes in claims.items():
         yield from _control_problems(campaign, row.task, control, episodes, row.evaluation.perturb)
 
 
 def _control_problems(
-    campaign: Campaign, task: str, control: ControlName, episodes: list[Episode], perturb: str = ""
+    campaign: Evaluator, task: str, control: PlayerName, episodes: list[Episode], perturb: str = ""
 ) -> Iterator[str]:
     by_variation: Mapping[str, list[Episode]] = {}
     for episode in episodes:
         by_variation.setdefault(str(episode.variation), []).append(episode)
     for variation, claimed in by_variation.items():
-        keyposes = campaign.blind_keyposes(task, variation) if control == "blind" else ()
-        job = Job(task, variation, "test", 0, control, blind_keyposes=keyposes, perturb=perturb)
+        keyposes = campaign.mean_keyposes(task, variation) if control == "open_loop" else ()
+        job = EpisodeSpec(task, variation, "test", 0, control, mean_keyposes=keyposes, perturb=perturb)
         outcomes = campaign.play(
             [replace(job, seed=episode.seed) for episode in claimed], f"{task}: {control}"
         )
@@ -83,5 +83,7 @@ def _control_problems(
             who = f"{control}, variation {variation}, seed {episode.seed}"
             if episode.success != outcome.success:
                 yield f"{who}: success is {episode.success}, but {outcome.success} when it is played again"
-            elif (episode.state_hash or "")[:STATE_HASH_DIGITS] != outcome.state_hash[:STATE_HASH_DIGITS]:
+            elif (episode.state_hash or "")[:STATE_HASH_DIGITS] != (outcome.state_hash or "")[
+                :STATE_HASH_DIGITS
+            ]:
                 yield f"{who}: another state at the end"

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from lerobot_bimanual.arms import Arm
 from lerobot_env_bimanual.audit.witness import EpisodeFacts
-from lerobot_env_bimanual.experts.strain import bounds_of
+from lerobot_env_bimanual.experts.load import bounds_of
 from lerobot_env_bimanual.hold_after_done import INVALID_ACTION
 
 COLLISION_FACTOR = 2.0

@@ -13,7 +13,7 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.conditions import Condition
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.strain import StrainMeter
+from lerobot_env_bimanual.experts.load import LoadMeter
 from lerobot_env_bimanual.task import Task, Variation
 from lerobot_env_bimanual.world.contacts import ContactQueries
 
@@ -32,7 +32,7 @@ class EpisodeFacts:
     Attributes:
         failure: what the environment says ended it; empty if time did, or success.
         unstable: whether MuJoCo warned.
-        contact_force_n: largest force between an arm and all else, through the low pass of `expert.strain`.
+        contact_force_n: largest force between an arm and all else, through the low pass of `experts.load`.
         gripped: hands, and what each held for `SURE_TICKS`.
         touched: what any hand touched.
         closed: hands that were told to close for `SURE_TICKS`, and the tick at which they first were.
@@ -69,7 +69,7 @@ class EpisodeWitness:
         task, variation = env.task_definition, env.progress.variation
         self._conditions = task.conditions(variation)
         self._others = [other for other in other_conditions(task, variation) if not other(env.scene)]
-        self._strain = StrainMeter(env.scene)
+        self._load = LoadMeter(env.scene)
         self._things = _Things(env)
         self._gripped: Counter[tuple[Arm, str]] = Counter()
         self._touched: set[str] = set()
@@ -83,12 +83,12 @@ class EpisodeWitness:
 
     def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         """Note the state before a tick, and its action."""
-        self._strain.observe_tick(joint_action)
+        self._load.observe_tick(joint_action)
         self._look()
 
     def note_step(self) -> None:
         """Note a step of physics."""
-        self._strain.observe_step()
+        self._load.observe_step()
 
     def facts(self) -> EpisodeFacts:
         """The facts, after the episode has ended."""
@@ -98,7 +98,7 @@ class EpisodeWitness:
         return EpisodeFacts(
             failure=progress.failure,
             unstable=self._env.scene.unstable,
-            contact_force_n=self._strain.result().contact_force_n if progress.ticks else 0.0,
+            contact_force_n=self._load.result().contact_force_n if progress.ticks else 0.0,
             gripped=frozenset(_sure(self._gripped)),
             touched=frozenset(self._touched),
             closed={arm: self._first_closed[arm] for arm in _sure(self._closed)},

@@ -1,134 +1,208 @@
-"""The verb `certify`: how often the experts succeed, and how seldom their controls do."""
+"""The command `expert evaluate`: how often the experts succeed, and how seldom the baselines do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
-from lerobot_env_bimanual.experts.control_names import EXPERTS, ControlName
+from lerobot_bimanual.results.expert_report import EXPERTS, PlayerName
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.experts.campaign import Campaign
-    from lerobot_env_bimanual.experts.outcome import Job
+    from lerobot_env_bimanual.sweep.evaluator import Evaluator
+    from lerobot_env_bimanual.sweep.spec import EpisodeSpec
 
 EACH_VARIATION = "each"
+ALL_AXES = ("all",)
+CONTINUES = "the same command continues where it stopped"
 
 
 @dataclass
 class ExpertEvaluateConfig:
-    """Options of the verb `certify`."""
+    """Options of the command `expert evaluate`."""
 
     task: str = "all"  # task and suite names, comma separated
     variation: str = "any"  # index, `any` (drawn per episode) or `each` (every variation on all seeds)
-    seeds: str = "0:100"  # half-open range a:b
+    first_seed: int = 0  # seed of the first episode of each task, or of each of its variations
+    episodes: int = 100  # number of episodes, on consecutive seeds
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
-    # Who plays: the expert; `noop` holds still; `random` plays keyposes from the whole workspace; `blind` plays the mean
-    # keyposes of training episodes; `language_blind` does what one of the instructions that the scene allows asks for, at random; `rereading` is an expert
-    # that begins again when a thing was moved and not by a hand.
-    control: ControlName = "expert"
-    discretise: int = 0  # voxels per axis to which the keyposes of a script are rounded; 0 leaves them exact
-    # Play each of an expert's episodes again from its seed, by its joint actions or its keyposes, and compare the states.
+    # `expert`; `replanning`, an expert that starts again after something other than a hand has moved a thing; `noop` holds
+    # still; `random` plays keyposes from the whole workspace; `open_loop` repeats the mean keyposes of training episodes;
+    # `language_ablated` follows one of the instructions that the scene allows, at random.
+    player: PlayerName = "expert"
+    discretise: int = 0  # voxels per axis to which the keyposes of an expert are rounded; 0 leaves them exact
+    # Play each solved episode of an expert again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
-    # What is different from the world as it is: AXIS:LEVEL, several separated by commas.
-    perturb: str = ""
+    perturb: str = ""  # perturbations of the world, AXIS:LEVEL, several separated by commas
+    # Axes of a sweep over conditions, or `all` that apply to a task; by default there is no sweep.
+    axes: tuple[str, ...] = ()
+    levels: tuple[int, ...] = (1, 2, 3)  # levels of each axis; the nominal world is always added
+    open_loop_episodes: int = 30  # episodes of the open-loop baseline in each condition of a sweep
     workers: int = 0  # processes; 0 takes one per core
-    # Certificate, a JSON file; an interrupted run goes on from what lies beside it. Without it nothing is kept.
+    # Report, a JSON file; of a sweep the folder of the reports, one file per task. Without it nothing is kept.
     output: Path | None = None
 
 
 def expert_evaluate(config: ExpertEvaluateConfig) -> int:
-    """Measure the success of an expert or a control over seeds.
+    """Measure the success of an expert or a baseline over seeds, in one world or over conditions.
 
-    Prints the success rate of every variation with its 95 % Wilson interval, the median time of its episodes (of the
-    robots, not of the computer), and for experts the worst tip error: the largest distance of a hand from its target at
-    the end of a keypose, but for the one at which the episode ended. Below, each failure of an expert with its
-    seed, last move and unmet conditions, and whatever else is not good enough. Exits with 1 if anything is: an
-    expert (also `rereading`) below 99 % (97 % with rounded keyposes), a hand that did not arrive at a keypose, more than the real arm allows
-    (torque, velocity, acceleration, jerk, contact force, finger speed, penetration), a replay through other states,
-    keyframes that discovery does not find, a control that succeeds too often. The blind control plays the mean
-    keyposes of 30 training episodes of the variation, whatever the scene. The control language_blind follows one of the
-    instructions that the scene allows, at random; its successes are measured and not complained of.
+    Prints the success rate of every variation with its 95 % Wilson interval, the median duration of its episodes (of the
+    robots), and for experts the worst tip error: the largest distance of a hand from its target at the end of a keypose
+    that did not end the episode. Then it prints each failure of an expert with its seed, last move and unmet conditions,
+    and every violation. Exits with 1 if there is one: an expert below 99 % (97 % with rounded keyposes), a hand that did
+    not arrive at a keypose, loads beyond the limits of the real arm (torque, velocity, acceleration, jerk, contact force,
+    finger speed, penetration), a replay through other states, keyframes that discovery does not find, a baseline that
+    succeeds too often. The open-loop baseline plays the mean keyposes of 30 training episodes of the variation in every
+    scene.
+
+    With --axes it evaluates the expert and the open-loop baseline in every condition, one axis at one level, and writes one
+    small file per task. Axes that change only what is seen or said are left out, since these players act there as in the
+    nominal world. A condition is valid if the expert solves 97 %; `policy robustness` counts no other. A file keeps the
+    seeds of the expert's failures; `--perturb=AXIS:LEVEL` plays them again and says why they failed, where an axis moves
+    things during an episode, such as nudge, with `--player=replanning`. Conditions that a file has already are played
+    again only if their world has changed, so that with further axes or levels it grows.
+
+    An interrupted run with --output continues where it stopped.
 
     Examples:
-        lerobot-bimanual expert evaluate --task=lift_ball --seeds=0:300 --output=certificate.json
+        lerobot-bimanual expert evaluate --task=lift_ball --episodes=300 --output=outputs/expert.json
         lerobot-bimanual expert evaluate --variation=each --replay=joint
-        lerobot-bimanual expert evaluate --discretise=100
-        lerobot-bimanual expert evaluate --control=blind --seeds=0:40
-        lerobot-bimanual expert evaluate --task=lift_ball --perturb=mass:2
+        lerobot-bimanual expert evaluate --player=open_loop --episodes=40
+        lerobot-bimanual expert evaluate --task=lift_ball --perturb=mass:2 --discretise=100
+        lerobot-bimanual expert evaluate --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/perturbed
     """
-    from lerobot_bimanual.output_file import check_output_file
-    from lerobot_env_bimanual.experts.campaign import Campaign
-    from lerobot_env_bimanual.experts.certificate import Certificate
-    from lerobot_env_bimanual.experts.outcome_log import OutcomeLog
-    from lerobot_env_bimanual.experts.seed_range import parse_seeds
     from lerobot_env_bimanual.perturbations.registry import checked_perturbation
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     config = replace(config, perturb=checked_perturbation(config.perturb))
-    names, seeds = resolve_tasks(config.task), parse_seeds(config.seeds)
-    if config.variation != EACH_VARIATION:
-        for name in names:
-            get_task(name).spec.variation_index(config.variation)
-    _check_effects(config)
+    tasks = resolve_tasks(config.task)
+    for task in tasks if config.variation != EACH_VARIATION else ():
+        get_task(task).spec.variation_index(config.variation)
+    _check(config)
+    return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)
+
+
+def _check(config: ExpertEvaluateConfig) -> None:
+    """Refuse what is impossible, and what would change nothing although a report would claim it."""
+    for name, minimum in (("first_seed", 0), ("episodes", 1), ("open_loop_episodes", 1), ("discretise", 0)):
+        check_range(name, getattr(config, name), minimum)
+    if config.discretise and config.player not in EXPERTS:
+        raise InvalidChoice(f"discretise of the player {config.player!r}", config.discretise, ["0"])
+    if config.replay != "none" and config.player not in EXPERTS:
+        raise InvalidChoice(f"replay of the player {config.player!r}", config.replay, ["none"])
+    if config.axes:
+        if config.output is None:
+            raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
+        for name, usual in (
+            ("player", "expert"),
+            ("variation", "any"),
+            ("perturb", ""),
+            ("discretise", 0),
+            ("replay", "none"),
+        ):
+            if (value := getattr(config, name)) != usual:
+                raise InvalidChoice(f"{name} with --axes", value, [repr(usual)])
+
+
+def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
+    from lerobot_bimanual.cli import show_next
+    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_env_bimanual.experts.report import make_report, print_report
+    from lerobot_env_bimanual.sweep.evaluator import Evaluator
+    from lerobot_env_bimanual.sweep.log import EpisodeLog
+
     log = None
     if config.output is not None:
         check_output_file(config.output)
-        log = OutcomeLog(config.output.with_suffix(".partial.jsonl"))
+        log = EpisodeLog(config.output.with_suffix(".partial.jsonl"))
     try:
-        with Campaign(config.workers, log) as campaign:
-            jobs = [job for name in names for job in _jobs(campaign, config, name, seeds)]
-            outcomes = campaign.play(jobs, config.control)
+        with Evaluator(config.workers, log) as evaluator:
+            specs = [spec for task in tasks for spec in _specs(evaluator, config, task)]
+            outcomes = evaluator.play(specs, config.player)
     except KeyboardInterrupt:
-        kept = "the same command goes on where it stopped" if log else "nothing is kept without --output"
-        raise KeyboardInterrupt(kept) from None
-    certificate = Certificate(
-        config.control,
-        config.discretise,
-        config.replay,
+        raise KeyboardInterrupt(CONTINUES if log else "nothing is kept without --output") from None
+    report = make_report(
+        outcomes,
+        config.player,
         config.split,
-        config.seeds,
-        tuple(outcomes),
-        config.perturb,
+        discretise=config.discretise,
+        replay=config.replay,
+        first_seed=config.first_seed,
+        n_seeds=config.episodes,
+        perturb=config.perturb,
     )
     if config.output is not None and log is not None:
-        certificate.write(config.output)
+        report.write(config.output)
         log.remove()
-    certificate.print()
-    return 1 if certificate.complaints else 0
+    print_report(report)
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}")
+    return 1 if report.violations else 0
 
 
-def _check_effects(config: ExpertEvaluateConfig) -> None:
-    """Refuse what would change nothing, for a certificate would claim it."""
-    check_range("discretise", config.discretise, 0)
-    if config.discretise and config.control not in EXPERTS:
-        raise InvalidChoice(f"discretise of the control {config.control!r}", config.discretise, ["0"])
-    if config.replay != "none" and config.control not in EXPERTS:
-        raise InvalidChoice(f"replay of the control {config.control!r}", config.replay, ["none"])
-
-
-def _jobs(campaign: Campaign, config: ExpertEvaluateConfig, task: str, seeds: Sequence[int]) -> Iterator[Job]:
-    from lerobot_env_bimanual.experts.outcome import Job
+def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Iterator[EpisodeSpec]:
     from lerobot_env_bimanual.options import ANY_VARIATION
+    from lerobot_env_bimanual.sweep.spec import EpisodeSpec
     from lerobot_env_bimanual.tasks.registry import get_task
 
-    blind = config.control == "blind"
-    # The blind control may know its variation, as a policy does from the instruction: "any" is taken apart.
-    apart = config.variation == EACH_VARIATION or (blind and config.variation == ANY_VARIATION)
+    is_open_loop = config.player == "open_loop"
+    # The open-loop baseline may know its variation, as a policy does from the instruction: "any" is taken apart.
+    apart = config.variation == EACH_VARIATION or (is_open_loop and config.variation == ANY_VARIATION)
     indices = map(str, range(len(get_task(task).spec.variations)))
     for variation in indices if apart else (config.variation,):
-        keyposes = campaign.blind_keyposes(task, variation) if blind else ()
-        job = Job(
+        spec = EpisodeSpec(
             task,
             variation,
             config.split,
             0,
-            config.control,
+            config.player,
             config.discretise,
-            keyposes,
+            evaluator.mean_keyposes(task, variation) if is_open_loop else (),
             config.replay,
             config.perturb,
         )
-        yield from (replace(job, seed=seed) for seed in seeds)
+        seeds = range(config.first_seed, config.first_seed + config.episodes)
+        yield from (replace(spec, seed=seed) for seed in seeds)
+
+
+def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
+    from lerobot_bimanual.cli import show_next
+    from lerobot_bimanual.output_file import check_output_folder
+    from lerobot_bimanual.results.robustness import ExpertRobustnessConfig
+    from lerobot_env_bimanual.experts.world_version import simulation_versions
+    from lerobot_env_bimanual.sweep.conditions import conditions_of
+    from lerobot_env_bimanual.sweep.expert_robustness import sweep_expert
+
+    assert config.output is not None  # checked
+    axes = () if config.axes == ALL_AXES else config.axes
+    chosen = {task: conditions_of(task, axes, config.levels) for task in tasks}
+    check_output_folder(config.output)
+    for task, conditions in chosen.items():
+        measured = ExpertRobustnessConfig(
+            task=task,
+            split=config.split,
+            first_seed=config.first_seed,
+            expert_episodes=config.episodes,
+            open_loop_episodes=min(config.open_loop_episodes, config.episodes),
+            versions=simulation_versions(),
+        )
+        try:
+            report = sweep_expert(conditions, measured, config.output / f"{task}.json", config.workers)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(CONTINUES) from None
+        invalid = [condition for condition in report.conditions if not report.is_valid(condition)]
+        print(
+            f"{task}: {len(report.conditions) - len(invalid)} of {len(report.conditions)} conditions are valid"
+        )
+        for condition in invalid:
+            print(f"  not valid: {condition.name}, expert {report.rates(condition)['expert']}")
+    show_next(
+        "lerobot-bimanual",
+        "policy",
+        "robustness",
+        f"--task={tasks[0]}",
+        f"--expert_reports={config.output}",
+        "--checkpoint=results/checkpoints/peract2_on_all",
+    )
+    return 0

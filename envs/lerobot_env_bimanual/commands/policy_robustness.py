@@ -1,4 +1,4 @@
-"""The verb `ladder`: what a trained policy survives."""
+"""The command `policy robustness`: what a trained policy loses under perturbations."""
 
 from __future__ import annotations
 
@@ -9,47 +9,48 @@ from typing import TYPE_CHECKING, Literal
 from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.ladder.climb import Climb
+    from lerobot_env_bimanual.sweep.robustness import PolicySweep
 
 
 @dataclass
 class PolicyRobustnessConfig:
-    """Options of the verb `ladder`."""
+    """Options of the command `policy robustness`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained policy
     task: str = field(kw_only=True)  # one task
-    axes: tuple[str, ...] = ()  # of perturbation; by default all that apply to the task
-    levels: tuple[int, ...] = (1, 2, 3)  # of each axis; level 0, the world as it is, is always played
-    episodes: int = 20  # the same on every rung
-    first_seed: int = 0  # of the episodes, which are counted up
+    axes: tuple[str, ...] = ()  # axes of perturbation; by default all that apply to the task
+    levels: tuple[int, ...] = (1, 2, 3)  # levels of each axis; the nominal world is always added
+    episodes: int = 20  # number of episodes of each condition, the same in all
+    first_seed: int = 0  # seed of the first episode; the others follow
     split: Literal["val", "test"] = "test"  # the same seeds mean other episodes in each
     variation: str = "any"  # index, or `any` to draw one per episode
     # Environments side by side; a network's answers differ in their last bits between sizes.
     batch_size: int = 2
-    device: str | None = None  # of the policy; by default that of its config, or what there is
+    device: str | None = None  # device of the policy; by default that of its config, or what there is
     # Mixed precision of the policy; by default as in its training. On a CPU LeRobot's loop cannot take every policy's actions then.
     use_amp: bool | None = None
-    workers: int = 0  # processes for expert and blind control; 0 takes one per core
-    # The result, a JSON file; by default outputs/ladder/TASK_POLICY_HASH.json. Its figure and its records lie beside it.
+    workers: int = 0  # processes for the expert and the open-loop baseline; 0 takes one per core
+    # The result, a JSON file; by default outputs/robustness/TASK_POLICY_HASH.json. Its figure and records are written beside it.
     output: Path | None = None
-    # Folder of what `certify-rungs` has written: the expert on many more seeds, which then decides what is certified.
-    certificates: Path | None = None
-    dry_run: bool = False  # print the rungs, and after a few episodes an estimate of the time; keep nothing
+    # Folder of `expert evaluate --axes`: the expert on many more seeds, which then decides which conditions are valid.
+    expert_reports: Path | None = None
+    # Print the conditions, and after a few episodes an estimate of the time; keep nothing.
+    dry_run: bool = False
 
 
 def policy_robustness(config: PolicyRobustnessConfig) -> None:
-    r"""Play a policy on the same seeds at every rung: one axis of perturbation, one level.
+    r"""Play a policy on the same seeds in every condition: one axis of perturbation at one level.
 
-    The policy is loaded once and played by LeRobot's own loop, so that level 0 is what `lerobot-eval` gives on these
-    seeds. The expert and the blind control play the same episodes, but for axes that change nothing but what is seen or
-    said, where both play as at level 0. A rung is certified if the expert solves 97 %; others are played, shown hatched and
-    counted nowhere. Prints for each rung the success, the paired difference to level 0 and McNemar's exact p-value,
-    corrected by Holm over the axes with a certified rung of that level; writes a JSON file, a figure, and one record per
-    rung that `verify-results` plays again. The loader builds what the checkpoint names, as `lerobot-eval` does: look at one
-    of a stranger with `policy check` first.
+    The policy is loaded once and played by LeRobot's own loop, so that the nominal condition is what `lerobot-eval` gives
+    on these seeds. The expert and the open-loop baseline play the same episodes; for axes that change only what is seen or
+    said, their nominal episodes count. A condition is valid if the expert solves 97 %; others are played, shown hatched and
+    counted in no sum. Prints for each condition the success, the paired difference to the nominal world and McNemar's exact
+    p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, a figure, and one
+    record per condition that `results verify` plays again. The loader builds what the checkpoint names, as `lerobot-eval`
+    does: look at a checkpoint from others with `policy check` first.
 
-    Every rung is kept when it is played: the same command goes on where it was interrupted, and with other axes or levels
-    the same file grows.
+    Every condition is kept when it is played: the same command continues where it was interrupted, and with other axes or
+    levels the same file grows.
 
     Examples:
         lerobot-bimanual policy robustness --checkpoint=results/checkpoints/peract2_on_all --task=handover_item_easy
@@ -59,71 +60,74 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
+    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.reports.drops import print_drops, remarks
     from lerobot_bimanual.reports.robustness_figures import sweep_figure
 
-    climb, console = _climb(config), Console()
-    missing = climb.missing()
+    sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
+    missing = sweep.missing()
     console.print(
-        f"{climb.task}: {len(climb.rungs.axes)} axes, {len([*climb.rungs])} rungs of {config.episodes} episodes, "
-        f"{len(missing)} to be played",
-        highlight=False,
+        f"{sweep.task}: {len(sweep.conditions.axes)} axes, {len([*sweep.conditions])} conditions of {config.episodes} "
+        f"episodes, {len(missing)} to be played"
     )
-    if config.certificates is not None and climb.certificate is None:
-        console.print(_no_certificate(config), soft_wrap=True, highlight=False)
-    if left_out := climb.rungs.not_applicable:
-        console.print(f"not applicable: {', '.join(left_out)}", highlight=False)
+    if config.expert_reports is not None and sweep.expert_report is None:
+        console.print(
+            f"{config.expert_reports} holds no report of {config.task}; `expert evaluate --task={config.task} --axes=all "
+            f"--output={config.expert_reports}` makes it. Until then the expert on these episodes decides"
+        )
+    if left_out := sweep.conditions.not_applicable:
+        console.print(f"not applicable: {', '.join(left_out)}")
     if config.dry_run:
-        _estimate(climb)
+        _estimate(sweep)
         return
     try:
-        for rung in climb.climb():
-            rates = ", ".join(f"{who} {rate.successes}" for who, rate in rung.rates.items())
-            tqdm.write(f"{rung.name}: {rates} of {config.episodes}")
+        for condition in sweep.run():
+            rates = ", ".join(f"{who} {rate.successes}" for who, rate in condition.rates.items())
+            tqdm.write(f"{condition.name}: {rates} of {config.episodes}")
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("the same command goes on where it stopped") from None
-    result = climb.played()
-    assert result is not None  # it has level 0 at least
-    figure = climb.output.with_suffix(".png")
+        raise KeyboardInterrupt("the same command continues where it stopped") from None
+    result = sweep.played()
+    assert result is not None  # it has the nominal condition at least
+    figure = sweep.output.with_suffix(".png")
     sweep_figure(result).save(figure)
     print_drops(result)
     for line in (
         *remarks(result),
-        f"result  {climb.output}",
+        f"result  {sweep.output}",
         f"figure  {figure}",
-        f"records {climb.records}",
+        f"records {sweep.records}",
     ):
-        console.print(line, soft_wrap=True, highlight=False)
+        console.print(line)
+    show_next("lerobot-bimanual", "results", "diagnose", f"--results={sweep.records}")
 
 
-def _climb(config: PolicyRobustnessConfig) -> Climb:
+def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
     """What is to be played; refuses what cannot be, before anything heavy is imported."""
-    from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
     from lerobot_bimanual.output_file import check_output_file
-    from lerobot_env_bimanual.checkpoint import Checkpoint
-    from lerobot_env_bimanual.ladder.rungs import rungs_of
+    from lerobot_bimanual.results.robustness import read_expert_robustness
+    from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+    from lerobot_env_bimanual.sweep.conditions import conditions_of
     from lerobot_env_bimanual.tasks.registry import get_task
 
-    for name in ("episodes", "batch_size", "first_seed"):
-        least = 0 if name == "first_seed" else 1
-        check_range(name, getattr(config, name), least)
+    for name, minimum in (("episodes", 1), ("batch_size", 1), ("first_seed", 0)):
+        check_range(name, getattr(config, name), minimum)
     get_task(config.task).spec.variation_index(config.variation)
     checkpoint = Checkpoint.read(config.checkpoint)
-    rungs = rungs_of(config.task, config.axes, config.levels)
-    certificates = {} if config.certificates is None else read_rung_certificates(config.certificates)
+    conditions = conditions_of(config.task, config.axes, config.levels)
+    reports = {} if config.expert_reports is None else read_expert_robustness(config.expert_reports)
     name = f"{config.task}_{checkpoint.policy}_{checkpoint.sha256[:8]}.json"
-    output = config.output or Path("outputs/ladder", name)
+    output = config.output or Path("outputs/robustness", name)
     check_output_file(output)
 
     from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
-    from lerobot_env_bimanual.ladder.climb import Climb
+    from lerobot_env_bimanual.sweep.robustness import PolicySweep
 
-    return Climb(
+    return PolicySweep(
         checkpoint=checkpoint,
-        config=BimanualEnvConfig(
+        env_config=BimanualEnvConfig(
             task=config.task, split=config.split, variation=config.variation, **checkpoint.options
         ),
-        rungs=rungs,
+        conditions=conditions,
         seeds=range(config.first_seed, config.first_seed + config.episodes),
         batch_size=min(config.batch_size, config.episodes),
         policy_flags=tuple(
@@ -133,27 +137,16 @@ def _climb(config: PolicyRobustnessConfig) -> Climb:
         ),
         workers=config.workers,
         output=output,
-        certificate=certificates.get(config.task),
+        expert_report=reports.get(config.task),
     )
 
 
-def _no_certificate(config: PolicyRobustnessConfig) -> str:
-    from lerobot_bimanual.ladder.rung_certificate import read_rung_certificates
-
-    assert config.certificates is not None
-    others = ", ".join(read_rung_certificates(config.certificates))
-    return (
-        f"{config.certificates} holds no certificate of {config.task}, only of {others}; `certify-rungs "
-        f"--task={config.task} --output={config.certificates}` makes it. Till then the expert on these episodes decides"
-    )
-
-
-def _estimate(climb: Climb) -> None:
-    """Print the rungs, and about how long they take."""
+def _estimate(sweep: PolicySweep) -> None:
+    """Print the conditions, and about how long they take."""
     import tempfile
 
-    for axis in climb.rungs.axes:
-        levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in climb.rungs.levels)
+    for axis in sweep.conditions.axes:
+        levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in sweep.conditions.levels)
         print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
     with tempfile.TemporaryDirectory() as folder:
-        print(f"about {climb.estimate_s(Path(folder)) / 60:.0f} minutes")
+        print(f"about {sweep.estimate_s(Path(folder)) / 60:.0f} minutes")

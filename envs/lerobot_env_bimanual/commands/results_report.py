@@ -24,7 +24,7 @@ class ResultsReportConfig:
     format: Literal["md", "html"] = "md"
     # The page; by default Markdown is printed, and HTML goes to outputs/results.html.
     output: Path | None = None
-    # Folder of expert reports, of whose worlds the results must be; by default `certificates` beside RESULTS, if it exists.
+    # Folder of expert reports, of whose worlds the results must be; by default `expert_reports` beside RESULTS, if it exists.
     expert_reports: Path | None = None
     max_videos: int = 3  # videos in HTML: failed episodes of each result, of different kinds first
     # Folder for the same results in the Hub's form, one file for `.eval_results/` of each model's repository.
@@ -48,7 +48,7 @@ def results_report(config: ResultsReportConfig) -> None:
     Examples:
         lerobot-bimanual results report --results=results/leaderboard
         lerobot-bimanual results report --results=results/leaderboard --output=docs/results.md
-        lerobot-bimanual results report --results=results/ladders --output=docs/robustness_results.md
+        lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
         lerobot-bimanual results report --results=results/leaderboard --format=html --output=outputs/results.html
         lerobot-bimanual results report --results=results/leaderboard --hub_results=outputs/eval_results \
             --benchmark_repo=me/bimanual
@@ -91,16 +91,16 @@ def _write_markdown(config: ResultsReportConfig) -> None:
 
 def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart]:
     """The page, and the figure to which it links."""
-    from lerobot_bimanual.ladder.result import LadderResult, is_ladder
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_figures import heat_map
     from lerobot_bimanual.reports.robustness_page import robustness_page
     from lerobot_bimanual.reports.success_figure import success_figure
+    from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 
     place = config.results
     paths = sorted(place.glob("*.json")) if place.is_dir() else [place]
-    if paths and is_ladder(paths[0]):
-        results = {path.stem: LadderResult.read(path) for path in paths}
+    if paths and is_robustness_result(paths[0]):
+        results = {path.stem: RobustnessResult.read(path) for path in paths}
         return robustness_page(results, link), heat_map(results)
     rows = read_results(place)
     return benchmark_page(rows, place, config.expert_reports, link), success_figure([*rows.values()])

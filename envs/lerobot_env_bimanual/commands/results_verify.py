@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from lerobot_bimanual.results.episode import Episode
     from lerobot_bimanual.results.evaluation import EvaluationRecord
     from lerobot_env_bimanual.audit.episodes import EpisodeAudit, EpisodeAuditor
-    from lerobot_env_bimanual.experts.campaign import Campaign
+    from lerobot_env_bimanual.sweep.evaluator import Evaluator
 
 type Options = tuple[tuple[str, str | int], ...]
 
@@ -45,13 +45,13 @@ def results_verify(config: ResultsVerifyConfig) -> int:
         lerobot-bimanual results verify --results=results/leaderboard --sample=5 --controls=1
     """
     from lerobot_env_bimanual.audit.result_files import result_files
-    from lerobot_env_bimanual.experts.campaign import Campaign
+    from lerobot_env_bimanual.sweep.evaluator import Evaluator
 
     for name in ("sample", "controls"):
         check_range(name, getattr(config, name), 0)
     check_range("seed", config.seed, 0)
     is_sound = True
-    with Campaign(config.workers) as campaign:
+    with Evaluator(config.workers) as campaign:
         for path in result_files(config.results):
             problems = list(_problems(path, config, campaign))
             print(f"{path}: {'as claimed' if not problems else 'NOT as claimed'}")
@@ -61,7 +61,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     return 0 if is_sound else 1
 
 
-def _problems(path: Path, config: ResultsVerifyConfig, campaign: Campaign) -> Iterator[str]:
+def _problems(path: Path, config: ResultsVerifyConfig, campaign: Evaluator) -> Iterator[str]:
     import numpy as np
 
     from lerobot_env_bimanual.audit.controls import control_problems
@@ -83,7 +83,7 @@ def _problems(path: Path, config: ResultsVerifyConfig, campaign: Campaign) -> It
             yield from control_problems(row, campaign, seeds)
 
 
-def _audits(record: EvaluationRecord, episodes: list[Episode], campaign: Campaign) -> list[EpisodeAudit]:
+def _audits(record: EvaluationRecord, episodes: list[Episode], campaign: Evaluator) -> list[EpisodeAudit]:
     from lerobot_env_bimanual.audit.episodes import EpisodeAudit
 
     options = tuple(sorted(record.options.items()))

@@ -76,7 +76,7 @@ def _write_videos(config: TaskViewConfig, reason: str) -> None:
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
-        from lerobot_env_bimanual.policy_player import policy_player
+        from lerobot_env_bimanual.sweep.policy_rollout import policy_player
 
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
@@ -96,11 +96,12 @@ def _write_videos(config: TaskViewConfig, reason: str) -> None:
 def _perform(config: TaskViewConfig) -> None:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.policy_player import policy_player
     from lerobot_env_bimanual.viewer import KEYS, Performance, ShownEpisode, mujoco_window
 
     name, player = "expert", expert()
     if config.checkpoint is not None:
+        from lerobot_env_bimanual.sweep.policy_rollout import policy_player
+
         name, player = "policy", policy_player(config.checkpoint)
     print(KEYS)
     env = BimanualEnv(config.task, options=_options(config))

@@ -1,1 +1,1 @@
-"""Playing episodes: the scripted experts, and the controls that give their success a meaning."""
+"""Players of episodes: the scripted expert, the baselines, their recordings, load metrics and reports."""

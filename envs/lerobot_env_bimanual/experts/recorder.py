@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.outcome import Outcome
 from lerobot_env_bimanual.experts.replanning import expert_of
 from lerobot_env_bimanual.experts.runner import Move, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
@@ -56,7 +56,7 @@ class Recorder:
         )
         self._codec = codec
 
-    def record(self, seed: int, variation: int) -> tuple[Outcome, Episode | None]:
+    def record(self, seed: int, variation: int) -> tuple[EpisodeOutcome, Episode | None]:
         """Play one episode.
 
         Args:
@@ -78,7 +78,9 @@ class Recorder:
             return outcome, None
         tape.states.append(self._env.scene.save_state())
         tape.hashes.append(outcome.state_hash)
-        meta = EpisodeMeta(self._env.task, variation, outcome.split, seed, self._env.task_description)
+        meta = EpisodeMeta(
+            self._env.task, variation, self._env.options.split, seed, self._env.task_description
+        )
         return outcome, tape.episode(meta, _vectors(self._env.observe()), self._render)
 
     def close(self) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.control_names import ControlName
 from lerobot_env_bimanual.experts.runner import Move, Player, expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.registry import get_axis
@@ -46,28 +46,28 @@ class _FreeThings:
         return bool(np.any(is_still & (moved_m > JUMP_M)))
 
 
-def expert_under(axes: Iterable[str]) -> ControlName:
-    """Who is the expert under axes of perturbation: the one who looks again, where one of them moves things later.
+def expert_under(axes: Iterable[str]) -> PlayerName:
+    """Name of the expert under axes of perturbation: the replanning one if an axis moves things during the episode.
 
     Args:
-        axes: their names; none of the world as it is.
+        axes: their names; none in the nominal world.
     """
-    return "rereading" if any(get_axis(axis).moves_things_later for axis in axes) else "expert"
+    return "replanning" if any(get_axis(axis).moves_things_later for axis in axes) else "expert"
 
 
 def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
-    """The expert of an environment, the same in demonstrations, on ladders and in certificates of rungs.
+    """The expert of an environment, the same in demonstrations, sweeps and reports.
 
     Args:
-        env: whose perturbations say whether things move later.
+        env: its perturbations say whether things move later.
         codec: round every keypose to its voxels and bins.
     """
-    players = {"expert": expert, "rereading": rereading}
+    players = {"expert": expert, "replanning": replanning}
     return players[expert_under(env.perturbations.magnitudes)](codec)
 
 
-def rereading(codec: KeyposeCodec | None = None) -> Player:
-    """The task's script, begun again from where everything is, each time that a thing was moved and by no hand.
+def replanning(codec: KeyposeCodec | None = None) -> Player:
+    """The task's script, started again from the present scene each time that something other than a hand has moved a thing.
 
     Args:
         codec: round every keypose to its voxels and bins.
@@ -77,18 +77,18 @@ def rereading(codec: KeyposeCodec | None = None) -> Player:
     def play(env: BimanualEnv) -> Iterator[Move]:
         seen, has_jumped = _FreeThings.of(env.scene), False
 
-        def look(env: BimanualEnv, _: NDArray[np.float32] | None = None) -> None:
+        def watch(env: BimanualEnv, _: NDArray[np.float32] | None = None) -> None:
             nonlocal seen, has_jumped
             before, seen = seen, _FreeThings.of(env.scene)
             has_jumped |= seen.have_jumped_since(before)
 
-        with env.observed_by(look):
+        with env.observed_by(watch):
             is_at_end = False
             while not is_at_end:
                 has_jumped, is_at_end = False, True
                 for move in script(env):
                     yield move
-                    look(env)
+                    watch(env)
                     if has_jumped:
                         is_at_end = False
                         break

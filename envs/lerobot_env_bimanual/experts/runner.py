@@ -1,6 +1,6 @@
-"""Play one episode: the expert, or anything else that proposes one move after the other.
+"""Play one episode with the scripted expert, or with any other player that proposes one move after the other.
 
-Everything acts through `BimanualEnv.step`, so an expert has no power that a policy lacks.
+Every player acts through `BimanualEnv.step`, so an expert has no power that a policy lacks.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.outcome import MoveReport, Outcome
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_TIP_ERROR_MM = 12.0
@@ -42,7 +42,7 @@ class Move:
 
 
 type Player = Callable[[BimanualEnv], Iterator[Move]]
-"""Whoever plays: started after the reset and resumed after each move, so it may look at the scene."""
+"""A player is started after the reset and resumed after each move, so it may read the scene."""
 
 
 def run_expert(
@@ -51,7 +51,7 @@ def run_expert(
     codec: KeyposeCodec | None = None,
     on_move: Callable[[Move], None] | None = None,
     variation: int | None = None,
-) -> Outcome:
+) -> EpisodeOutcome:
     """Let the task's script play one episode.
 
     Args:
@@ -93,7 +93,7 @@ def run_episode(
     player: Player,
     on_move: Callable[[Move], None] | None = None,
     variation: int | None = None,
-) -> Outcome:
+) -> EpisodeOutcome:
     """Play one episode until it ends or the player has no move left.
 
     Args:
@@ -104,7 +104,9 @@ def run_episode(
         variation: index; None leaves it to the environment's options.
     """
     _, info = env.reset(seed=seed, options=None if variation is None else {"variation": variation})
-    reports: list[MoveReport] = []
+    moves: list[MoveReport] = []
+    commands: list[tuple[float, ...]] = []
+    late_moves: list[int] = []
     last_move, failure = "", OUT_OF_MOVES
     for move in player(env):
         if on_move is not None:
@@ -113,32 +115,39 @@ def run_episode(
         _, _, terminated, truncated, info = env.step(move.action)
         last_move, is_over = move.name, terminated or truncated
         if len(move.action) == KEYPOSE_DIM:
-            reports.append(_report(env.scene, move, info["ticks"] - ticks_before, is_over))
+            errors_mm = _tip_errors_mm(env.scene, move)
+            if not is_over and _is_late(env.scene, move, errors_mm):
+                late_moves.append(len(moves))
+            moves.append(
+                MoveReport(move.name, info["ticks"] - ticks_before, *(round(mm, 2) for mm in errors_mm))
+            )
+            commands.append(tuple(float(number) for number in move.action))
         if is_over:
             failure = info["failure"] or OUT_OF_TIME
             break
     return _outcome(
         env,
         success=info["is_success"],
-        failure="" if info["is_success"] else failure,
+        failure=None if info["is_success"] else failure,
         last_move=last_move,
         unmet=tuple(name for name, met in info["conditions"].items() if not met),
-        keyposes=tuple(reports),
+        moves=tuple(moves),
+        commands=tuple(commands),
+        late_moves=tuple(late_moves),
     )
 
 
-def failed_to_start(env: BimanualEnv, failure: str) -> Outcome:
+def failed_to_start(env: BimanualEnv, failure: str) -> EpisodeOutcome:
     """The outcome of an episode whose reset has just failed."""
-    return _outcome(env, success=False, failure=failure, last_move="", unmet=(), keyposes=())
+    return _outcome(env, success=False, failure=failure)
 
 
-def _outcome(env: BimanualEnv, **fields: Any) -> Outcome:
-    """The given fields, and those that stand in the environment."""
-    return Outcome(
+def _outcome(env: BimanualEnv, **fields: Any) -> EpisodeOutcome:
+    """The given fields, and those that the environment knows."""
+    return EpisodeOutcome(
         **fields,
         task=env.task,
         variation=env.variation,
-        split=env.options.split,
         seed=env.progress.seed,
         ticks=env.progress.ticks,
         draws=env.progress.draws,
@@ -148,14 +157,13 @@ def _outcome(env: BimanualEnv, **fields: Any) -> Outcome:
     )
 
 
-def _report(scene: SceneView, move: Move, ticks: int, is_over: bool) -> MoveReport:
+def _tip_errors_mm(scene: SceneView, move: Move) -> list[float]:
+    """Distance in mm of the left and the right tool centre point from its target."""
     target = BimanualKeypose.from_vector(move.action)
-    errors_mm = {arm: 1000 * scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS}
-    late = [arm for arm in ARMS if errors_mm[arm] > MAX_TIP_ERROR_MM]
-    return MoveReport(
-        name=move.name,
-        keypose=tuple(float(number) for number in move.action),
-        ticks=ticks,
-        tip_error_mm=tuple(round(error, 2) for error in errors_mm.values()),
-        arrived=is_over or all(move.presses and scene.touching(arm, move.presses) for arm in late),
-    )
+    return [1000 * scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS]
+
+
+def _is_late(scene: SceneView, move: Move, errors_mm: list[float]) -> bool:
+    """Whether a hand is away from its target and does not press what it should."""
+    away = [arm for arm, error_mm in zip(ARMS, errors_mm, strict=True) if error_mm > MAX_TIP_ERROR_MM]
+    return not all(move.presses and scene.touching(arm, move.presses) for arm in away)

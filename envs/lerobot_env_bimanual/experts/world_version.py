@@ -1,6 +1,6 @@
-"""Which world a task is played in: a short hash of what it does, not of the text it is written in.
+"""Versions of worlds: a short hash of what a task's world does, not of the text of its code.
 
-Certificates and results are true of a world. Moving a comment or a file leaves its version as it is; another friction,
+Reports and results are true of one world. Moving a comment or a file leaves its version as it is; another friction,
 planner, placement law or success condition changes it.
 
 Plans differ in the last bit between families of processors, so nothing is hashed that such a bit can reach: numbers of
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import platform
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -22,6 +23,7 @@ from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
+from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
@@ -33,7 +35,7 @@ from lerobot_env_bimanual.tasks.registry import list_tasks
 PROBE_SPLIT, PROBE_SEED = "val", 0
 VERSION_DIGITS = 12
 SILENT_S = 2.0
-"""So long worlds are looked at without a progress bar."""
+"""Worlds are versioned without a progress bar for this long."""
 
 MODEL_PARTS = (
     "body",
@@ -64,7 +66,7 @@ def world_version(task: str, perturb: str = "") -> str:
 
     Args:
         task: its name.
-        perturb: what is different from the world as it is, `AXIS:LEVEL,...`. Of what is only seen, the magnitudes count.
+        perturb: perturbations of the world, `AXIS:LEVEL,...`. Of an axis that is only seen, the magnitude counts.
 
     Raises:
         UnknownTask: there is no such task.
@@ -77,6 +79,11 @@ def world_version(task: str, perturb: str = "") -> str:
         digest.update(fact.encode() + b"\n")
     env.close()
     return digest.hexdigest()[:VERSION_DIGITS]
+
+
+def simulation_versions() -> dict[str, str]:
+    """Versions of everything that decides the outcome of an episode."""
+    return installed_versions(SIMULATION_PACKAGES) | {"python": platform.python_version()}
 
 
 def joint_version(worlds: Mapping[str, str]) -> str:
@@ -101,11 +108,11 @@ def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:
 
 
 def other_worlds(recorded: Mapping[str, str], perturb: str) -> str:
-    """Which tasks are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
+    """Tasks that are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
 
     Args:
         recorded: task -> version of the world in which something was played.
-        perturb: what was different from the world as it is, `AXIS:LEVEL,...`.
+        perturb: perturbations of the recorded world, `AXIS:LEVEL,...`.
     """
     here = world_versions(recorded, perturb)
     return ", ".join(
@@ -155,8 +162,8 @@ def _episode_facts(env: BimanualEnv) -> Iterator[str]:
     yield f"variation {env.variation} {env.task_description} draws {outcome.draws}"
     yield f"placed {_positions(stood[0], 4)}"
     yield f"moved {_positions(stood[-1][: 1 + ARM_POSITIONS], 3)}"
-    for report in outcome.keyposes:
-        yield f"{report.name} {report.ticks}"
+    for move in outcome.moves:
+        yield f"{move.name} {move.ticks}"
     yield f"success {outcome.success} ticks {outcome.ticks}"
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.outcome import Outcome
 from lerobot_env_bimanual.experts.runner import Move, Player, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
@@ -45,7 +45,7 @@ class Rollout(Recording):
         moves: name of each move, and the tick at which it starts.
     """
 
-    outcome: Outcome = field(kw_only=True)
+    outcome: EpisodeOutcome = field(kw_only=True)
     moves: Sequence[tuple[str, int]] = field(kw_only=True)
 
 

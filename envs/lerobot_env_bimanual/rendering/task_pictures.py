@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.outcome import Outcome
 from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet, scaled
 from lerobot_env_bimanual.rendering.rollout import Rollout, rollout
@@ -82,7 +82,7 @@ class RenderedEpisode:
         strip: `STRIP_LENGTH` small close-ups from start to end, (height, `STRIP_WIDTH`, 3) uint8; none without a video.
     """
 
-    outcome: Outcome
+    outcome: EpisodeOutcome
     thumbnail: NDArray[np.uint8]
     policy_view: NDArray[np.uint8]
     strip: Sequence[NDArray[np.uint8]]

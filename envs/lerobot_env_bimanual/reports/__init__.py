@@ -1,1 +1,1 @@
-"""Tables for the documentation, written from certificates."""
+"""Tables for the documentation, written from expert reports."""

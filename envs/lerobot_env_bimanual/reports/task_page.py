@@ -9,11 +9,11 @@ from functools import cached_property
 import pandas as pd
 
 from lerobot_bimanual.pages import render
-from lerobot_env_bimanual.reports.certified import (
-    Certified,
+from lerobot_env_bimanual.reports.expert_tables import (
+    ExpertReports,
     evidence_table,
+    load_table,
     paper_table,
-    strain_table,
     success_table,
 )
 from lerobot_env_bimanual.task import TaskSpec
@@ -25,12 +25,12 @@ class TaskPages:
     """The pages of all certified tasks.
 
     Args:
-        certified: certificates of the experts and baselines.
+        reports: reports of the experts and baselines.
     """
 
-    def __init__(self, certified: Certified):
-        self.tasks = certified.tasks
-        self._certified = certified
+    def __init__(self, reports: ExpertReports):
+        self.tasks = reports.tasks
+        self._reports = reports
 
     def page(self, task: str, pictures: str, policies: str) -> str:
         """The page of one task.
@@ -62,10 +62,10 @@ class TaskPages:
     @cached_property
     def _tables(self) -> dict[str, pd.DataFrame]:
         return {
-            "rates": success_table(self._certified),
-            "evidence": evidence_table(self._certified),
-            "loads": strain_table(self._certified),
-            "paper": paper_table(self._certified),
+            "rates": success_table(self._reports),
+            "evidence": evidence_table(self._reports),
+            "loads": load_table(self._reports),
+            "paper": paper_table(self._reports),
         }
 
 

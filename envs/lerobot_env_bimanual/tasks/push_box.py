@@ -83,7 +83,7 @@ class PushBox(Task):
         success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
         horizon_ticks=250,
         needs_both_arms=True,
-        strain_bounds={"contact_force_n": 250.0},
+        load_bounds={"contact_force_n": 250.0},
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -1,0 +1,162 @@
+"""Expert reports: the criteria that a player must meet, and how a report is made and printed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+from rich.console import Console
+
+from lerobot_bimanual.results.episode import success_rate
+from lerobot_bimanual.results.expert_report import (
+    EXPERTS,
+    EpisodeOutcome,
+    ExpertReport,
+    PlayerName,
+    VariationLoad,
+    by_variation,
+    median_duration_s,
+    peak_load,
+    worst_tip_error_mm,
+)
+from lerobot_bimanual.tables import print_table
+from lerobot_env_bimanual.experts.load import excesses
+from lerobot_env_bimanual.experts.world_version import simulation_versions, world_version
+from lerobot_env_bimanual.tasks.registry import get_task
+
+type Split = Literal["train", "val", "test"]
+
+MIN_EXPERT_RATE = 0.99
+MIN_DISCRETISED_RATE = 0.97
+MAX_RATES: dict[PlayerName, float] = {"noop": 0.0, "open_loop": 0.20, "language_ablated": 1.0}
+"""Highest success rate of a baseline; with 1 it is measured and not limited. That of `random` is `TaskSpec.random_rate`."""
+MIN_KEYFRAMES_FOUND = 0.95
+STATE_HASH_DIGITS = 16
+"""Stored digits of each state hash, enough to tell all episodes apart."""
+
+
+def make_report(
+    outcomes: Sequence[EpisodeOutcome], player: PlayerName, split: Split, **head: Any
+) -> ExpertReport:
+    """The report of a player's episodes.
+
+    Args:
+        outcomes: all episodes.
+        player: name of the player.
+        split: split of the seeds.
+        head: further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds` and `perturb`.
+    """
+    loads = {
+        key: [episode.load for episode in episodes if episode.load is not None]
+        for key, episodes in by_variation(outcomes).items()
+    }
+    tasks = sorted({outcome.task for outcome in outcomes})
+    return ExpertReport(
+        schema_version=1,
+        player=player,
+        split=split,
+        **head,
+        versions=simulation_versions(),
+        worlds={task: world_version(task, head.get("perturb", "")) for task in tasks},
+        violations=tuple(violations(player, split, bool(head.get("discretise")), outcomes)),
+        loads=tuple(
+            VariationLoad(task=task, variation=variation, load=peak_load(found))
+            for (task, variation), found in loads.items()
+            if found
+        ),
+        episodes=tuple(_compact(outcome) for outcome in outcomes),
+    )
+
+
+def _compact(outcome: EpisodeOutcome) -> EpisodeOutcome:
+    """An episode in a few hundred bytes; a replay from its seed gives what is left out."""
+    state_hash = outcome.state_hash[:STATE_HASH_DIGITS]
+    return outcome.model_copy(
+        update={"commands": (), "late_moves": (), "load": None, "state_hash": state_hash}
+    )
+
+
+def violations(
+    player: PlayerName, split: str, is_discretised: bool, outcomes: Sequence[EpisodeOutcome]
+) -> list[str]:
+    """Criteria that a player does not meet, one sentence each.
+
+    An expert must succeed in 99 % of the episodes of every variation, 97 % with rounded keyposes, arrive at every
+    keypose, replay, and leave keyframes that are found again in 95 % of a task's episodes. With exact keyposes, of which
+    datasets are made, its loads must stay within the limits of the real arm. (Half a voxel beside a handle that guides
+    the hand, a stiff arm presses harder.) Holding still must never succeed, random keyposes in no more episodes than the
+    task says, mean keyposes in at most 20 % of a task's episodes. No episode may be unstable.
+    """
+    found = list[str]()
+    if player in EXPERTS:
+        found += _too_rare(outcomes, MIN_DISCRETISED_RATE if is_discretised else MIN_EXPERT_RATE)
+        found += _flaws_of_experts(split, outcomes)
+        if not is_discretised:
+            found += (
+                f"{_place(split, outcome)}: {excess}"
+                for outcome in outcomes
+                if outcome.load is not None
+                for _, excess in excesses(outcome.task, outcome.load)
+            )
+    else:
+        found += _too_frequent(player, outcomes)
+    unstable = (outcome for outcome in outcomes if outcome.unstable)
+    return [*found, *(f"{_place(split, outcome)}: the simulation was unstable" for outcome in unstable)]
+
+
+def _too_rare(outcomes: Sequence[EpisodeOutcome], minimum: float) -> Iterator[str]:
+    for (task, variation), episodes in by_variation(outcomes).items():
+        rate = success_rate(episodes)
+        if rate.successes < minimum * rate.trials:
+            yield f"{task}, variation {variation}: {rate.successes}/{rate.trials} is less than {minimum:.0%}"
+
+
+def _flaws_of_experts(split: str, outcomes: Sequence[EpisodeOutcome]) -> Iterator[str]:
+    keyframes: dict[str, list[bool]] = {}
+    for outcome in (outcome for outcome in outcomes if outcome.success):
+        for move in (outcome.moves[index] for index in outcome.late_moves):
+            errors = f"{move.left_error_mm:.0f} and {move.right_error_mm:.0f}"
+            yield f"{_place(split, outcome)}: at {move.name!r} the hands ended {errors} mm from their targets"
+        if outcome.keyframes_found is not None:
+            keyframes.setdefault(outcome.task, []).append(outcome.keyframes_found)
+        if outcome.replayed is False:
+            yield f"{_place(split, outcome)}: its replay went through other states"
+    for task, found in keyframes.items():
+        if sum(found) < MIN_KEYFRAMES_FOUND * len(found):
+            yield f"{task}: keyframe discovery is right in {sum(found)} of {len(found)} episodes"
+
+
+def _too_frequent(player: PlayerName, outcomes: Sequence[EpisodeOutcome]) -> Iterator[str]:
+    for task in dict.fromkeys(outcome.task for outcome in outcomes):
+        rate = success_rate([outcome for outcome in outcomes if outcome.task == task])
+        maximum = get_task(task).spec.random_rate if player == "random" else MAX_RATES[player]
+        if rate.successes > maximum * rate.trials:
+            yield f"{task}: {player} succeeds in {rate.successes} of {rate.trials} episodes"
+
+
+def _place(split: str, outcome: EpisodeOutcome) -> str:
+    return f"{outcome.task} {split} seed {outcome.seed} (variation {outcome.variation})"
+
+
+def print_report(report: ExpertReport) -> None:
+    """Print one line per variation, the failures of an expert, and the violations."""
+    headings = ("task", "variation", "successes", "95 % interval", "median time", "worst tip error")
+    rows, is_expert = [], report.player in EXPERTS
+    for (task, variation), episodes in report.by_variation.items():
+        rate, duration_s = success_rate(episodes), median_duration_s(episodes)
+        low, high = rate.interval
+        tip_error = f"{worst_tip_error_mm(episodes):.1f} mm" if is_expert else ""
+        counts = f"{rate.successes}/{rate.trials}", f"{low:.1%} to {high:.1%}"
+        rows.append((task, variation, *counts, f"{duration_s:.1f} s", tip_error))
+    title = f"{report.player} on {report.split} seeds {report.seeds.start} to {report.seeds.stop - 1}"
+    if report.discretise:
+        title += f", keyposes rounded to {report.discretise} voxels per axis"
+    print_table(headings, rows, f"{title}, {report.perturb}" if report.perturb else title)
+    console = Console(highlight=False, soft_wrap=True)
+    for outcome in report.episodes:
+        if is_expert and not outcome.success:
+            unmet = ", ".join(outcome.unmet) or "none"
+            place = f"{outcome.task} seed {outcome.seed} (variation {outcome.variation})"
+            console.print(f"{place}: {outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}")
+    for violation in report.violations:
+        console.print(f"violation: {violation}", style="red")

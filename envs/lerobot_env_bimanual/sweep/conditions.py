@@ -1,0 +1,218 @@
+"""The conditions of a task (every level of every axis that applies to it), and what sweeps over them share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
+from lerobot_bimanual.results.record import Record
+from lerobot_bimanual.results.robustness import (
+    AxisRecord,
+    Condition,
+    ConditionKey,
+    ExpertRobustnessReport,
+    RobustnessResult,
+    perturb_text,
+)
+from lerobot_env_bimanual.episode.progress import draw_episode
+from lerobot_env_bimanual.experts.replanning import expert_under
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.perturbations.axis import Axis
+from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.sweep.evaluator import Evaluator
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.workers import WorkerPool
+from lerobot_env_bimanual.world.arena import build_spec
+
+LEVELS = tuple(range(1, MAX_LEVEL + 1))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Chosen conditions of a task.
+
+    Attributes:
+        task: name of the task.
+        axes: chosen axes that apply to the task, sorted by name.
+        not_applicable: names of chosen axes that do not.
+        levels: ascending levels of each axis; the nominal world is always added.
+    """
+
+    task: str
+    axes: tuple[Axis, ...]
+    not_applicable: tuple[str, ...]
+    levels: tuple[int, ...]
+
+    def __iter__(self) -> Iterator[ConditionKey]:
+        """Axis and level of each condition: the nominal one, then by axis."""
+        yield "", 0
+        yield from ((axis.name, level) for axis in self.axes for level in self.levels)
+
+    def played_as(self, key: ConditionKey) -> ConditionKey:
+        """The condition whose episodes are those of players that do not look: of axes that are only seen, the nominal one."""
+        return (
+            ("", 0) if key[0] in {axis.name for axis in self.axes if axis.changes_only_observations} else key
+        )
+
+    @property
+    def records(self) -> dict[str, AxisRecord]:
+        """The axes as results keep them, by name."""
+        return {
+            axis.name: AxisRecord(
+                name=axis.name, group=str(axis.group), unit=axis.unit, magnitudes=axis.levels
+            )
+            for axis in self.axes
+        }
+
+    def worlds(self, keys: Sequence[ConditionKey], pool: WorkerPool) -> dict[ConditionKey, str]:
+        """Versions of the task's world in conditions, each found by an episode in a process of the pool."""
+        places = [(self.task, perturb_text(*key)) for key in keys]
+        return dict(zip(keys, pool.map(_world, places, f"{self.task}: worlds", "condition"), strict=True))
+
+
+def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = LEVELS) -> Conditions:
+    """The conditions of a task.
+
+    Args:
+        task: its name.
+        axes: names of axes; all that apply if none is given.
+        levels: 1 to 3.
+
+    Raises:
+        UnknownTask: no such task.
+        InvalidChoice: no such axis or level.
+        BimanualError: no axis applies to the task.
+    """
+    spec = get_task(task).spec
+    for level in levels or [""]:
+        if level not in LEVELS:
+            raise InvalidChoice("levels", level, map(str, LEVELS))
+    for name in axes:
+        if name not in list_axes():
+            raise InvalidChoice("axes", name, list_axes())
+    model = build_spec(spec.props, PANDA_PAIR)
+    chosen = [get_axis(name) for name in sorted(set(axes or list_axes()))]
+    applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
+    if not applicable:
+        raise BimanualError(f"none of the axes {', '.join(axes)} finds anything to change in {task}")
+    left_out = [axis.name for axis in chosen if axis not in applicable]
+    return Conditions(task, tuple(applicable), tuple(left_out), tuple(sorted(set(levels))))
+
+
+def solved_seeds(
+    evaluator: Evaluator,
+    player: Literal["expert", "open_loop"],
+    conditions: Iterable[ConditionKey],
+    template: EpisodeSpec,
+    seeds: Sequence[int],
+) -> dict[ConditionKey, tuple[int, ...]]:
+    """The seeds that the expert or the open-loop baseline solves in each condition, ascending.
+
+    Where things are moved during an episode, the expert is the replanning one. The open-loop baseline knows the variation,
+    as a policy does from the instruction, and plays the mean keyposes of nominal training episodes.
+
+    Args:
+        evaluator: plays the episodes.
+        player: who plays.
+        conditions: in which conditions.
+        template: task, variation and split of the episodes.
+        seeds: seeds of each condition.
+
+    Raises:
+        BimanualError: an episode could not be played.
+    """
+    spec = get_task(template.task).spec
+    fixed = spec.variation_index(template.variation)
+    drawn = {seed: draw_episode(spec, template.split, seed, fixed).variation.index for seed in seeds}
+    is_open_loop = player == "open_loop"
+    means = {
+        index: evaluator.mean_keyposes(template.task, str(index)) if is_open_loop else ()
+        for index in sorted(set(drawn.values()))
+    }
+    specs = {
+        (key, seed): replace(
+            template,
+            seed=seed,
+            player="open_loop" if is_open_loop else expert_under(filter(None, [key[0]])),
+            mean_keyposes=means[drawn[seed]],
+            perturb=perturb_text(*key),
+        )
+        for key in conditions
+        for seed in seeds
+    }
+    outcomes = evaluator.play([*specs.values()], f"{template.task}: {player}")
+    solved: dict[ConditionKey, tuple[int, ...]] = {key: () for key, _ in specs}
+    for (key, seed), outcome in zip(specs, outcomes, strict=True):
+        if outcome.success:
+            solved[key] += (seed,)
+    return solved
+
+
+def read_earlier[Result: (RobustnessResult, ExpertRobustnessReport)](
+    kind: type[Result], path: Path, config: Record, conditions: Conditions
+) -> Result | None:
+    """The result that an earlier run left in a file; None if there is none.
+
+    Raises:
+        BimanualError: the file is damaged, or holds another measurement.
+    """
+    if not path.exists():
+        return None
+    earlier, records = kind.read(path), conditions.records
+    pairs = [
+        (name, getattr(earlier.config, name), getattr(config, name)) for name in type(config).model_fields
+    ]
+    pairs += [
+        (f"axis {axis.name}", axis, records[axis.name]) for axis in earlier.axes if axis.name in records
+    ]
+    for name, theirs, ours in pairs:
+        check_same(path, name, theirs, ours)
+    return earlier
+
+
+def check_same(path: Path, name: str, theirs: object, ours: object) -> None:
+    """Refuse an earlier result that is of another measurement.
+
+    Args:
+        path: file of the earlier result.
+        name: name of what is compared.
+        theirs: its value in the earlier result.
+        ours: its value here.
+
+    Raises:
+        BimanualError: the values differ.
+    """
+    if theirs != ours:
+        raise BimanualError(
+            f"{path} has {name} {theirs!r}, but here it is {ours!r}; choose another --output, or remove the file to "
+            "evaluate again"
+        )
+
+
+def extended(
+    earlier: RobustnessResult | ExpertRobustnessReport | None,
+    further: Iterable[Condition],
+    chosen: Conditions,
+) -> dict[str, Any]:
+    """Axes and conditions of a result that has further conditions, as fields of the result."""
+    axes, left_out, table = chosen.records, {*chosen.not_applicable}, dict[ConditionKey, Condition]()
+    if earlier is not None:
+        axes |= {axis.name: axis for axis in earlier.axes}
+        left_out |= {*earlier.not_applicable}
+        table |= earlier.by_key
+    table |= {condition.key: condition for condition in further}
+    return {
+        "axes": tuple(axes[name] for name in sorted({axis for axis, _ in table if axis})),
+        "not_applicable": tuple(sorted(left_out)),
+        "conditions": tuple(table[key] for key in sorted(table)),
+    }
+
+
+def _world(place: tuple[str, str]) -> str:
+    return world_version(*place)

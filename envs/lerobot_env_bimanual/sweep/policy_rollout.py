@@ -1,0 +1,182 @@
+"""Rollouts of a trained policy by LeRobot's own loop, and the policy as a player of single episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from lerobot.configs import PreTrainedConfig
+from lerobot.envs import make_env_pre_post_processors, preprocess_observation
+from lerobot.policies import get_policy_class, make_policy, make_pre_post_processors
+from lerobot.scripts.lerobot_eval import rollout
+from lerobot.utils.device_utils import get_safe_torch_device
+from lerobot.utils.import_utils import register_third_party_plugins
+from lerobot.utils.random_utils import get_rng_state, set_rng_state, set_seed
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode_log import record_name
+from lerobot_env_bimanual.experts.runner import Move, Player
+from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+
+
+class PolicyRollout:
+    """LeRobot's own loop over vector environments, with LeRobot's own processors around the policy.
+
+    Args:
+        checkpoint: checkpoint of the policy; what it names is built and run, as `lerobot-eval` does.
+        config: the nominal environment; its `perturb` and `results_dir` are set for each condition.
+        batch_size: environments side by side.
+        seeds: consecutive seeds of every condition; the first is also that of the policy's own randomness, as `--seed` of
+            `lerobot-eval` is.
+        policy_flags: settings of the policy's config over those of the checkpoint, such as `--device=cpu`.
+
+    Raises:
+        BimanualError: the policy cannot be built from the checkpoint, or not for this environment.
+    """
+
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        config: BimanualEnvConfig,
+        batch_size: int,
+        seeds: range,
+        policy_flags: Sequence[str] = (),
+    ):
+        self._config, self._batch_size, self._seeds = config, batch_size, seeds
+        folder = str(checkpoint.folder)
+        register_third_party_plugins()
+        try:
+            policy_config = PreTrainedConfig.from_pretrained(folder, cli_overrides=[*policy_flags])
+            policy_config.pretrained_path = checkpoint.folder
+            self._device = get_safe_torch_device(str(policy_config.device))
+            set_seed(seeds.start)
+            self._policy = make_policy(policy_config, env_cfg=config).eval()
+            self._processors = self._make_processors(policy_config, folder)
+        except BimanualError:
+            raise
+        except Exception as error:  # a policy of another package may fail in any way
+            raise _not_loaded(folder, error) from error
+        self._random_state = get_rng_state()  # in which LeRobot's evaluation begins to play
+        self._uses_amp = bool(policy_config.use_amp)
+        # As in LeRobot's evaluation, whose bits depend on them on a GPU.
+        torch.backends.cudnn.benchmark = True
+        torch.backends.cuda.matmul.allow_tf32 = True
+
+    def play(
+        self, perturb: str, records: Path, note: Callable[[int], object] = lambda _: None
+    ) -> EvaluationRecord:
+        """Play the seeds in one condition.
+
+        Args:
+            perturb: the condition; empty in the nominal world.
+            records: folder of the environment's record, which `lerobot-bimanual results verify` plays again.
+            note: called after every batch with the number of its episodes.
+
+        Raises:
+            BimanualError: the environment cannot be built, or left no record, or the policy's actions are of a type that
+                LeRobot's loop cannot take.
+        """
+        seeds = self._seeds
+        config = replace(self._config, perturb=perturb, results_dir=str(records))
+        path = records / record_name(config.tasks[0], config)
+        path.unlink(missing_ok=True)  # so that the record read below is new
+        set_rng_state(self._random_state)
+        ((_, envs),) = config.create_envs(self._batch_size, use_async_envs=True).items()
+        (env,) = envs.values()
+        autocast = torch.autocast(self._device.type) if self._uses_amp else nullcontext()
+        try:
+            with torch.no_grad(), autocast:
+                for start in range(seeds.start, seeds.stop, self._batch_size):
+                    batch = range(start, start + self._batch_size)
+                    rollout(env, self._policy, **self._processors, seeds=list(batch))
+                    note(min(batch.stop, seeds.stop) - start)
+        except TypeError as error:
+            # LeRobot's loop hands actions to NumPy, which has no bfloat16, the type of autocast on a CPU.
+            if not self._uses_amp:
+                raise
+            raise BimanualError(
+                f"the policy cannot be played in the precision it was trained in (use_amp): {error}; "
+                "play it with --use_amp=false"
+            ) from error
+        finally:
+            env.close()
+        record = EvaluationRecord.read(path)
+        episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
+        if [episode.seed for episode in episodes] != list(seeds):
+            raise BimanualError(f"{path} lacks episodes of the seeds {seeds.start}:{seeds.stop}")
+        return record.model_copy(update={"episodes": episodes})
+
+    def _make_processors(self, config: PreTrainedConfig, folder: str) -> dict[str, Any]:
+        """The processors around the policy, by the names of the arguments of LeRobot's loop."""
+        before, behind = make_pre_post_processors(
+            policy_cfg=config,
+            pretrained_path=folder,
+            preprocessor_overrides={
+                "device_processor": {"device": str(config.device)},
+                "rename_observations_processor": {"rename_map": {}},
+            },
+        )
+        env_before, env_behind = make_env_pre_post_processors(env_cfg=self._config, policy_cfg=config)
+        return {
+            "env_preprocessor": env_before,
+            "env_postprocessor": env_behind,
+            "preprocessor": before,
+            "postprocessor": behind,
+        }
+
+
+def policy_player(folder: Path) -> Player:
+    """The policy of a folder `pretrained_model` as a player, on the device of its config.
+
+    Args:
+        folder: the folder; LeRobot calls what its processor files name, so check a checkpoint from others first.
+
+    Raises:
+        BimanualError: there is no checkpoint, or LeRobot cannot load it.
+    """
+    Checkpoint.read(folder)
+    register_third_party_plugins()
+    try:
+        config = PreTrainedConfig.from_pretrained(folder)
+        policy = get_policy_class(config.type).from_pretrained(folder, config=config)
+        preprocess, postprocess = make_pre_post_processors(
+            config,
+            pretrained_path=str(folder),
+            preprocessor_overrides={"device_processor": {"device": config.device}},
+        )
+    except Exception as error:  # LeRobot passes on whatever a reader of files raises
+        raise _not_loaded(str(folder), error) from error
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        policy.reset()
+        while True:
+            arrays = preprocess_observation(_batch_of_one(env.observe()))
+            observation = {**arrays, "task": [env.task_description]}
+            with torch.inference_mode():
+                action = postprocess(policy.select_action(preprocess(observation)))
+            yield Move("predicted", action[0].to("cpu").numpy())
+
+    return play
+
+
+def _not_loaded(folder: str, error: Exception) -> BimanualError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return BimanualError(
+        f"LeRobot cannot load the checkpoint at {folder}: {reason}; `lerobot-bimanual policy check` looks at its parts"
+    )
+
+
+def _batch_of_one(observation: dict[str, Any]) -> dict[str, Any]:
+    """As a vector environment gives it, every array with one more dimension."""
+    return {
+        key: _batch_of_one(value) if isinstance(value, dict) else np.asarray(value)[None]
+        for key, value in observation.items()
+    }

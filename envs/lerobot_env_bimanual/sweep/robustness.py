@@ -1,0 +1,234 @@
+"""The sweep of a policy: it, the expert and the open-loop baseline on the same episodes of every condition of a task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+
+from tqdm import tqdm
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import result_versions
+from lerobot_bimanual.results.robustness import (
+    ConditionKey,
+    ExpertRobustnessReport,
+    PolicyCondition,
+    RobustnessConfig,
+    RobustnessResult,
+    condition_name,
+    perturb_text,
+)
+from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
+from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+from lerobot_env_bimanual.sweep.conditions import (
+    Conditions,
+    check_same,
+    extended,
+    read_earlier,
+    solved_seeds,
+)
+from lerobot_env_bimanual.sweep.evaluator import Evaluator
+from lerobot_env_bimanual.sweep.log import EpisodeLog
+from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+
+N_ESTIMATE_EPISODES = 4
+"""Episodes of the expert from which the time is estimated."""
+
+
+@dataclass(frozen=True)
+class PolicySweep:
+    """A sweep over conditions, each kept as soon as it is played.
+
+    Attributes:
+        checkpoint: checkpoint of the policy.
+        env_config: the nominal environment, of one task.
+        conditions: conditions of that task.
+        seeds: consecutive seeds, the same in all conditions.
+        batch_size: environments side by side.
+        policy_flags: settings of the policy's config over those of the checkpoint, such as `--device=cpu`.
+        workers: processes for the expert and the open-loop baseline; 0 takes one per core.
+        output: the result, a JSON file.
+        expert_report: robustness report of the expert on the task, if there is one.
+    """
+
+    checkpoint: Checkpoint
+    env_config: BimanualEnvConfig
+    conditions: Conditions
+    seeds: range
+    batch_size: int
+    policy_flags: tuple[str, ...]
+    workers: int
+    output: Path
+    expert_report: ExpertRobustnessReport | None
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.conditions.task
+
+    @property
+    def records(self) -> Path:
+        """Folder of the environment's records, one file per condition, with every action of the policy."""
+        return self.output.with_name(f"{self.output.stem}_records")
+
+    @property
+    def expert_log(self) -> Path:
+        """Episodes of expert and open-loop baseline, for all policies of the task with results in the same folder."""
+        return self.output.with_name(f"{self.task}_experts.jsonl")
+
+    @cached_property
+    def config(self) -> RobustnessConfig:
+        """What is measured."""
+        options = {
+            name: str(getattr(self.env_config, name)) for name in RECORDED_OPTIONS if name != "perturb"
+        }
+        return RobustnessConfig(
+            task=self.task,
+            policy=self.checkpoint.policy,
+            checkpoint_sha256=self.checkpoint.sha256,
+            options=options,
+            first_seed=self.seeds.start,
+            episodes=len(self.seeds),
+            batch_size=self.batch_size,
+            versions=result_versions(),
+        )
+
+    def played(self) -> RobustnessResult | None:
+        """The result of earlier runs; None if there was none.
+
+        Raises:
+            BimanualError: the file is damaged, or of another measurement.
+        """
+        return read_earlier(RobustnessResult, self.output, self.config, self.conditions)
+
+    def missing(self) -> list[ConditionKey]:
+        """Conditions that are not played yet.
+
+        Raises:
+            BimanualError: as in `played`.
+        """
+        result = self.played()
+        return [key for key in self.conditions if result is None or key not in result.by_key]
+
+    def run(self) -> Iterator[PolicyCondition]:
+        """Renew validity by the expert's report, play missing conditions, and give each after it is written.
+
+        Raises:
+            BimanualError: as in `played`; or a condition or its expert report is of another world, or cannot be played.
+        """
+        self._check_worlds()
+        result, missing = self.played(), self.missing()
+        if result is not None:
+            renewed = (self._with_expert_report(each) for each in result.conditions)
+            result = self._write(result, renewed)
+        if not missing:
+            return
+        rollout = self._rollout(self.seeds)  # fails, if at all, before anything is played
+        template, keys = self._template, dict.fromkeys(map(self.conditions.played_as, missing))
+        with Evaluator(self.workers, EpisodeLog(self.expert_log)) as evaluator:
+            expert = solved_seeds(evaluator, "expert", keys, template, self.seeds)
+            open_loop = solved_seeds(evaluator, "open_loop", keys, template, self.seeds)
+        with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
+            for key in missing:
+                bar.set_description(f"{self.task}: {condition_name(*key)}")
+                record, played_as = (
+                    rollout.play(perturb_text(*key), self.records, bar.update),
+                    self.conditions.played_as(key),
+                )
+                condition = PolicyCondition(
+                    axis=key[0],
+                    level=key[1],
+                    world=record.world,
+                    expert_solved=expert[played_as],
+                    open_loop_solved=open_loop[played_as],
+                    episodes=tuple(map(_without_proof, record.episodes)),
+                )
+                condition = self._with_expert_report(condition)
+                result = self._write(result, [condition])
+                yield condition
+
+    def estimate_s(self, folder: Path) -> float:
+        """About how long the missing conditions take, from a few nominal episodes played now.
+
+        Args:
+            folder: folder for their records.
+
+        Raises:
+            BimanualError: as in `run`.
+        """
+        self._check_worlds()
+        missing, few = self.missing(), self.seeds[:N_ESTIMATE_EPISODES]
+        n_expert_conditions = len({self.conditions.played_as(key) for key in missing})
+        rollout = self._rollout(self.seeds[: self.batch_size])
+        start_s = time.monotonic()
+        with Evaluator(self.workers) as evaluator:
+            solved_seeds(evaluator, "expert", [("", 0)], self._template, few)
+        expert_s = (time.monotonic() - start_s) / len(few)
+        rollout.play("", folder)  # the first batch warms up
+        start_s = time.monotonic()
+        rollout.play("", folder)
+        batches = -(-len(self.seeds) // self.batch_size) * len(missing)
+        n_expert_episodes = 2 * n_expert_conditions * len(self.seeds)  # expert and open-loop baseline
+        return expert_s * n_expert_episodes + (time.monotonic() - start_s) * batches
+
+    @property
+    def _template(self) -> EpisodeSpec:
+        config = self.env_config
+        return EpisodeSpec(self.task, str(config.variation), config.split, 0, "expert")
+
+    def _rollout(self, seeds: range) -> PolicyRollout:
+        return PolicyRollout(self.checkpoint, self.env_config, self.batch_size, seeds, self.policy_flags)
+
+    def _check_worlds(self) -> None:
+        """Make sure that chosen conditions that are played or reported already are of the worlds here."""
+        result, chosen = self.played(), [*self.conditions]
+        played = {key: result.by_key[key].world for key in chosen if key in result.by_key} if result else {}
+        reported = self.expert_report.by_key if self.expert_report else {}
+        decisive = {key for key in map(self.conditions.played_as, chosen) if key in reported}
+        if not (keys := sorted(decisive | played.keys())):
+            return
+        with Evaluator(self.workers) as evaluator:
+            here = self.conditions.worlds(keys, evaluator)
+        for key, world in played.items():
+            check_same(self.output, f"world of {condition_name(*key)}", world, here[key])
+        for key in sorted(decisive):
+            if reported[key].world != here[key]:
+                raise BimanualError(
+                    f"the expert's report on {self.task} at {condition_name(*key)} is of world {reported[key].world}, but here "
+                    f"it is {here[key]}; evaluate the expert again with `lerobot-bimanual expert evaluate --axes`"
+                )
+
+    def _with_expert_report(self, condition: PolicyCondition) -> PolicyCondition:
+        """A condition with the expert's success on the many seeds of its report, if that has the condition."""
+        report, key = self.expert_report, self.conditions.played_as(condition.key)
+        if report is None or key not in report.by_key or condition.key not in [*self.conditions]:
+            return condition
+        rate: SuccessRate = report.rates(report.by_key[key])["expert"]
+        return condition.model_copy(update={"expert_report": rate})
+
+    def _write(
+        self, earlier: RobustnessResult | None, conditions: Iterator[PolicyCondition] | list[PolicyCondition]
+    ) -> RobustnessResult:
+        """Write and return the result with further or renewed conditions."""
+        result = RobustnessResult(
+            schema_version=3,
+            config=self.config,
+            checkpoint=earlier.checkpoint if earlier else str(self.checkpoint.folder),
+            date=earlier.date if earlier else date.today().isoformat(),
+            **extended(earlier, conditions, self.conditions),
+        )
+        if result != earlier:
+            result.write(self.output)
+        return result
+
+
+def _without_proof(episode: Episode) -> Episode:
+    return episode.model_copy(update={"first_met_tick": None, "proof": None})

@@ -1,0 +1,237 @@
+"""How often the expert or a baseline solves tasks, episode by episode, as a JSON file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import median
+from typing import Annotated, Literal, NamedTuple, Self, get_args
+
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
+
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.results.episode import Episode, StateHash, success_rate
+from lerobot_bimanual.results.evaluation import WorldVersion
+from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.statistics import SuccessRate
+
+PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "language_ablated"]
+PLAYERS: tuple[PlayerName, ...] = get_args(PlayerName)
+EXPERTS: tuple[PlayerName, ...] = ("expert", "replanning")
+"""Players that must succeed, and whose episodes are measured; all others are baselines."""
+
+
+class MoveReport(NamedTuple):
+    """How one keypose went: its name, control ticks, and the distance of each tool centre point from its target in mm."""
+
+    name: str
+    ticks: int
+    left_error_mm: float
+    right_error_mm: float
+
+
+class LoadMetrics(Record):
+    """Peak loads of the arms in an episode, or in several.
+
+    Attributes:
+        torque: largest motor torque, gravity included, over its limit.
+        saturated: share of the time in which any motor was at its limit.
+        velocity: largest commanded joint velocity over its limit.
+        acceleration: largest commanded joint acceleration over its limit.
+        jerk: largest commanded joint jerk over its limit.
+        contact_force_n: largest force between an arm and its surroundings, filtered.
+        finger_speed_m_s: speed of the fastest finger.
+        penetration_mm: deepest penetration of two bodies.
+        penetrating: those two bodies; empty if none touched.
+    """
+
+    torque: NonNegativeFloat
+    saturated: NonNegativeFloat
+    velocity: NonNegativeFloat
+    acceleration: NonNegativeFloat
+    jerk: NonNegativeFloat
+    contact_force_n: NonNegativeFloat
+    finger_speed_m_s: NonNegativeFloat
+    penetration_mm: NonNegativeFloat
+    penetrating: str
+
+
+class EpisodeOutcome(Episode):
+    """An episode of an expert or a baseline, with what its moves did.
+
+    Attributes:
+        task: name of the task.
+        last_move: name of the last move; empty if there was none.
+        unmet: conditions of success that did not hold at the end.
+        moves: one report per executed keypose.
+        draws: placements drawn at the reset.
+        line_fallbacks: contact moves for which there was no straight line.
+        unstable: whether MuJoCo warned.
+        keyframes_found: whether keyframe discovery finds the ends of all keyposes of a solved episode of an expert.
+        replayed: whether a replay of such an episode went through the same states, bit for bit; None without a replay.
+        commands: (18,) each, the commanded keyposes. A report leaves them out, as it does `late_moves` and `load`.
+        late_moves: indices of moves at whose end a hand was away from its target without pressing what it should.
+        load: loads of the arms in a solved episode of an expert.
+    """
+
+    task: str
+    variation: NonNegativeInt  # pyright: ignore  # always recorded here
+    ticks: NonNegativeInt  # pyright: ignore
+    state_hash: StateHash  # pyright: ignore
+    last_move: str = ""
+    unmet: tuple[str, ...] = ()
+    moves: tuple[MoveReport, ...] = ()
+    draws: PositiveInt = 1
+    line_fallbacks: NonNegativeInt = 0
+    unstable: bool = False
+    keyframes_found: bool | None = None
+    replayed: bool | None = None
+    commands: tuple[tuple[float, ...], ...] = ()
+    late_moves: tuple[NonNegativeInt, ...] = ()
+    load: LoadMetrics | None = None
+
+
+class VariationLoad(Record):
+    """Peak loads over the solved episodes of one variation."""
+
+    task: str
+    variation: NonNegativeInt
+    load: LoadMetrics
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Numbers of the solved episodes of an expert on one variation, computed from the episodes.
+
+    Attributes:
+        median_s: median duration in s of the robots' time.
+        median_keyposes: median number of keyposes.
+        acceptance: episodes over placements that were drawn for all of them.
+        line_fallbacks: contact moves without a straight line, in all episodes.
+        worst_tip_error_mm: largest distance of a hand from its target at the end of a keypose that did not end the episode.
+        keyframes_found: episodes whose keyframes are found again.
+        replayed: episodes whose replay went through the same states.
+    """
+
+    median_s: float
+    median_keyposes: float
+    acceptance: float
+    line_fallbacks: int
+    worst_tip_error_mm: float
+    keyframes_found: int
+    replayed: int
+
+    @classmethod
+    def of(cls, episodes: Sequence[EpisodeOutcome]) -> Self:
+        """The summary of all episodes of a variation, at least one of them solved."""
+        solved = [episode for episode in episodes if episode.success]
+        return cls(
+            median_s=median_duration_s(solved),
+            median_keyposes=float(median(len(episode.moves) for episode in solved)),
+            acceptance=len(episodes) / sum(episode.draws for episode in episodes),
+            line_fallbacks=sum(episode.line_fallbacks for episode in episodes),
+            worst_tip_error_mm=worst_tip_error_mm(solved),
+            keyframes_found=sum(bool(episode.keyframes_found) for episode in solved),
+            replayed=sum(bool(episode.replayed) for episode in solved),
+        )
+
+
+class ExpertReport(Record):
+    """Episodes of the expert or a baseline on tasks.
+
+    Attributes:
+        schema_version: version of these fields.
+        player: name of the player.
+        discretise: voxels per axis to which the expert's keyposes were rounded; 0 left them exact.
+        replay: how its episodes were replayed.
+        split: split of the seeds.
+        first_seed: first seed of each task, or of each of its variations.
+        n_seeds: number of consecutive seeds.
+        perturb: perturbations of the world, `AXIS:LEVEL,...`.
+        versions: package -> version.
+        worlds: task -> version of its world.
+        violations: criteria that the player does not meet, one sentence each.
+        loads: peak loads of an expert's arms, by task and variation.
+        episodes: by task, then in the order in which they were specified.
+    """
+
+    schema_version: Literal[1]
+    player: PlayerName
+    discretise: Annotated[int, Field(ge=0, lt=2**16)] = 0
+    replay: Literal["none", "joint", "keypose"] = "none"
+    split: Literal["train", "val", "test"]
+    first_seed: NonNegativeInt
+    n_seeds: PositiveInt
+    perturb: str = ""
+    versions: dict[str, str]
+    worlds: dict[str, WorldVersion]
+    violations: tuple[str, ...] = ()
+    loads: tuple[VariationLoad, ...] = ()
+    episodes: Annotated[tuple[EpisodeOutcome, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _agrees(self) -> Self:
+        played = [(episode.task, episode.variation, episode.seed) for episode in self.episodes]
+        require(len(set(played)) == len(played), "episodes must differ in task, variation or seed")
+        require(
+            {task for task, *_ in played} == set(self.worlds), "worlds must be of the tasks of the episodes"
+        )
+        require(
+            {seed for *_, seed in played} == set(self.seeds), f"episodes must be on the seeds {self.seeds}"
+        )
+        return self
+
+    @property
+    def seeds(self) -> range:
+        """The seeds."""
+        return range(self.first_seed, self.first_seed + self.n_seeds)
+
+    @property
+    def tasks(self) -> list[str]:
+        """Names of the tasks, sorted."""
+        return sorted(self.worlds)
+
+    @cached_property
+    def by_variation(self) -> dict[tuple[str, int], list[EpisodeOutcome]]:
+        """Episodes by task and variation, sorted."""
+        return by_variation(self.episodes)
+
+    def of_task(self, task: str) -> list[EpisodeOutcome]:
+        """The episodes of one task."""
+        return [episode for episode in self.episodes if episode.task == task]
+
+    def load(self, task: str) -> LoadMetrics | None:
+        """Peak loads over all variations of a task; None if they were not measured."""
+        loads = [each.load for each in self.loads if each.task == task]
+        return peak_load(loads) if loads else None
+
+
+def by_variation(episodes: Sequence[EpisodeOutcome]) -> dict[tuple[str, int], list[EpisodeOutcome]]:
+    """Episodes by task and variation, sorted."""
+    found: dict[tuple[str, int], list[EpisodeOutcome]] = {}
+    for episode in episodes:
+        found.setdefault((episode.task, episode.variation), []).append(episode)
+    return {key: found[key] for key in sorted(found)}
+
+
+def variation_rates(episodes: Sequence[EpisodeOutcome]) -> dict[tuple[str, int], SuccessRate]:
+    """Success rate by task and variation, sorted."""
+    return {key: success_rate(found) for key, found in by_variation(episodes).items()}
+
+
+def median_duration_s(episodes: Sequence[EpisodeOutcome]) -> float:
+    """Median duration of episodes in s, of the robots' time."""
+    return median(episode.ticks for episode in episodes) / CONTROL_HZ
+
+
+def worst_tip_error_mm(episodes: Sequence[EpisodeOutcome]) -> float:
+    """Largest distance of a hand from its target at the end of a keypose that did not end its episode, in mm."""
+    moves = [move for episode in episodes for move in episode.moves[:-1]]
+    return max((max(move.left_error_mm, move.right_error_mm) for move in moves), default=0.0)
+
+
+def peak_load(loads: Sequence[LoadMetrics]) -> LoadMetrics:
+    """Peaks of several loads, field by field."""
+    deepest = max(loads, key=lambda load: load.penetration_mm)
+    names = [name for name in LoadMetrics.model_fields if name != "penetrating"]
+    peaks = {name: max(getattr(load, name) for load in loads) for name in names}
+    return LoadMetrics(**peaks, penetrating=deepest.penetrating)

@@ -1,0 +1,349 @@
+"""Sweeps over conditions: a policy, or the expert, at every level of every perturbation axis of a task, as JSON files."""
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
+from lerobot_bimanual.results.episode import Episodes, Sha256, success_rate
+from lerobot_bimanual.results.evaluation import WorldVersion
+from lerobot_bimanual.results.record import MAX_BYTES, Record, require
+from lerobot_bimanual.results.statistics import SuccessRate
+
+MIN_EXPERT_RATE = 0.97
+"""Of a valid condition; where the expert solves less, a failure of a policy says nothing about the policy."""
+NOMINAL = "nominal"
+
+type ConditionKey = tuple[str, int]
+"""Axis and level of a condition; ("", 0) in the nominal world."""
+
+
+class AxisRecord(Record):
+    """A perturbation axis as it was when it was evaluated.
+
+    Attributes:
+        name: name of the axis.
+        group: kind of difference that it makes.
+        unit: unit of the magnitudes.
+        magnitudes: magnitudes of the levels 1, 2 and 3.
+    """
+
+    name: str
+    group: str
+    unit: str
+    magnitudes: tuple[float, float, float]
+
+
+class Condition(Record):
+    """One level of one axis, or the nominal world.
+
+    Attributes:
+        axis: name of the axis; empty in the nominal world.
+        level: 0 in the nominal world, else 1 to 3.
+        world: version of what the task's world does.
+    """
+
+    axis: str = ""
+    level: Annotated[int, Field(ge=0, le=MAX_LEVEL)] = 0
+    world: WorldVersion
+
+    @model_validator(mode="after")
+    def _axis_has_a_level(self) -> Self:
+        require(
+            bool(self.axis) == bool(self.level),
+            f"level must be 1 to {MAX_LEVEL} on an axis, and 0 without one",
+        )
+        return self
+
+    @property
+    def key(self) -> ConditionKey:
+        """Axis and level."""
+        return self.axis, self.level
+
+    @property
+    def name(self) -> str:
+        """The condition as `--env.perturb` takes it, or "nominal"."""
+        return condition_name(self.axis, self.level)
+
+
+class PolicyCondition(Condition):
+    """A policy, the expert and the open-loop baseline on the same episodes of one condition.
+
+    Attributes:
+        expert_solved: seeds that the expert solved.
+        open_loop_solved: seeds that the open-loop baseline solved.
+        expert_report: the expert on the seeds of its robustness report, if there was one; it then decides on validity.
+        episodes: the policy's episodes.
+    """
+
+    expert_solved: tuple[int, ...] = ()
+    open_loop_solved: tuple[int, ...] = ()
+    expert_report: SuccessRate | None = None
+    episodes: Episodes
+
+    @model_validator(mode="after")
+    def _seeds_are_of_the_episodes(self) -> Self:
+        for name in ("expert_solved", "open_loop_solved"):
+            _require_among(name, getattr(self, name), self.seeds)
+        return self
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the episodes."""
+        return [episode.seed for episode in self.episodes]
+
+    @property
+    def solved(self) -> list[bool]:
+        """Success of each episode of the policy."""
+        return [episode.success for episode in self.episodes]
+
+    @property
+    def rates(self) -> dict[str, SuccessRate]:
+        """Success of `policy`, `expert` and `open_loop`."""
+        n = len(self.episodes)
+        return {
+            "policy": success_rate(self.episodes),
+            "expert": SuccessRate(len(self.expert_solved), n),
+            "open_loop": SuccessRate(len(self.open_loop_solved), n),
+        }
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the expert solves enough for a failure of the policy to mean something."""
+        return is_valid(self.expert_report or self.rates["expert"])
+
+
+class RobustnessConfig(Record):
+    """What a robustness sweep of a policy measures; two sweeps with equal configs are the same measurement.
+
+    Attributes:
+        task: name of the task.
+        policy: type of the policy.
+        checkpoint_sha256: SHA-256 of its `model.safetensors`.
+        options: options of the nominal environment, by name.
+        first_seed: first seed of the episodes of every condition.
+        episodes: number of episodes, on consecutive seeds.
+        batch_size: environments side by side.
+        versions: package -> version.
+    """
+
+    task: str
+    policy: str
+    checkpoint_sha256: Sha256
+    options: dict[str, str]
+    first_seed: NonNegativeInt = 0
+    episodes: PositiveInt
+    batch_size: PositiveInt
+    versions: dict[str, str]
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of the episodes of every condition."""
+        return range(self.first_seed, self.first_seed + self.episodes)
+
+
+class _Sweep[Config: Record, Each: Condition](Record):
+    """Conditions of one task, sorted, the nominal one first, and the axes that they belong to.
+
+    Attributes:
+        schema_version: version of these fields.
+        config: what was measured.
+        axes: axes of the conditions, sorted by name.
+        not_applicable: axes that find nothing to change in the task.
+        conditions: the nominal condition, then by axis and level.
+    """
+
+    schema_version: Literal[3]
+    config: Config
+    axes: tuple[AxisRecord, ...] = ()
+    not_applicable: tuple[str, ...] = ()
+    conditions: tuple[Each, ...]
+
+    @model_validator(mode="after")
+    def _is_sorted(self) -> Self:
+        names, keys = [axis.name for axis in self.axes], [condition.key for condition in self.conditions]
+        require(names == sorted(set(names)), "axes must be sorted by name, each once")
+        require(
+            keys[:1] == [("", 0)], "conditions must begin with the nominal one, to which all are compared"
+        )
+        require(keys == sorted(set(keys)), "conditions must be sorted by axis and level, each once")
+        require(
+            {axis for axis, _ in keys[1:]} == set(names), f"conditions must be of the axes {', '.join(names)}"
+        )
+        require(
+            not set(self.not_applicable) & set(names), "axes that are not applicable must have no condition"
+        )
+        return self
+
+    @property
+    def nominal(self) -> Each:
+        """The condition that nothing perturbs."""
+        return self.conditions[0]
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Each]:
+        """Conditions by name."""
+        return {condition.name: condition for condition in self.conditions}
+
+    @cached_property
+    def by_key(self) -> Mapping[ConditionKey, Each]:
+        """Conditions by axis and level."""
+        return {condition.key: condition for condition in self.conditions}
+
+    def of_axis(self, axis: str) -> list[Each]:
+        """The conditions of an axis, without the nominal one."""
+        return [condition for condition in self.conditions if condition.axis == axis]
+
+
+class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
+    """One policy on the conditions of one task, each on the same episodes.
+
+    Attributes:
+        checkpoint: folder of the policy, as it was given.
+        date: day of the first condition, ISO 8601.
+    """
+
+    checkpoint: str
+    date: str
+
+    @model_validator(mode="after")
+    def _same_episodes(self) -> Self:
+        drawn = [[(episode.seed, episode.variation) for episode in each.episodes] for each in self.conditions]
+        require(
+            [seed for seed, _ in drawn[0]] == [*self.config.seeds],
+            "episodes must be on the seeds of the config",
+        )
+        same = all(episodes == drawn[0] for episodes in drawn)
+        require(same, "conditions must have the same seeds, each with the same variation")
+        return self
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.config.task
+
+    @property
+    def policy(self) -> str:
+        """Type of the policy."""
+        return self.config.policy
+
+
+class ExpertCondition(Condition):
+    """The expert and the open-loop baseline on one condition.
+
+    Attributes:
+        expert_failed: seeds that the expert did not solve.
+        open_loop_solved: seeds that the open-loop baseline solved.
+    """
+
+    expert_failed: tuple[int, ...] = ()
+    open_loop_solved: tuple[int, ...] = ()
+
+
+class ExpertRobustnessConfig(Record):
+    """What a robustness sweep of the expert measures; two sweeps with equal configs are the same measurement.
+
+    Attributes:
+        task: name of the task.
+        split: split of the seeds.
+        first_seed: first seed of every condition.
+        expert_episodes: number of episodes of the expert, on consecutive seeds.
+        open_loop_episodes: number of episodes of the open-loop baseline, on the first of these seeds.
+        versions: package -> version.
+    """
+
+    task: str
+    split: Literal["train", "val", "test"]
+    first_seed: NonNegativeInt
+    expert_episodes: PositiveInt
+    open_loop_episodes: PositiveInt
+    versions: dict[str, str]
+
+
+class ExpertRobustnessReport(_Sweep[ExpertRobustnessConfig, ExpertCondition]):
+    """The expert and the open-loop baseline on all conditions of one task that change what happens."""
+
+    @model_validator(mode="after")
+    def _seeds_are_of_the_config(self) -> Self:
+        first, config = self.config.first_seed, self.config
+        for each in self.conditions:
+            for name, n in (
+                ("expert_failed", config.expert_episodes),
+                ("open_loop_solved", config.open_loop_episodes),
+            ):
+                _require_among(name, getattr(each, name), range(first, first + n))
+        return self
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.config.task
+
+    def rates(self, condition: ExpertCondition) -> dict[str, SuccessRate]:
+        """Success of `expert` and `open_loop`."""
+        expert, open_loop = self.config.expert_episodes, self.config.open_loop_episodes
+        return {
+            "expert": SuccessRate(expert - len(condition.expert_failed), expert),
+            "open_loop": SuccessRate(len(condition.open_loop_solved), open_loop),
+        }
+
+    def is_valid(self, condition: ExpertCondition) -> bool:
+        """Whether the expert solves enough for a failure of a policy to mean something."""
+        return is_valid(self.rates(condition)["expert"])
+
+
+def is_valid(expert: SuccessRate) -> bool:
+    """Whether a condition on which the expert has this success counts."""
+    return expert.successes >= MIN_EXPERT_RATE * expert.trials
+
+
+def condition_name(axis: str, level: int) -> str:
+    """A condition as `--env.perturb` takes it, or "nominal"."""
+    return perturb_text(axis, level) or NOMINAL
+
+
+def perturb_text(axis: str, level: int) -> str:
+    """A condition as the option `perturb` takes it; empty in the nominal world."""
+    return levels_text({axis: level} if axis else {})
+
+
+def short_name(name: str, result: RobustnessResult) -> str:
+    """The name of a result without its task, if it begins with that."""
+    return name.removeprefix(f"{result.task}_")
+
+
+def is_robustness_result(path: Path) -> bool:
+    """Whether a file looks like a robustness result, be it a damaged one."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return '"conditions"' in file.read(MAX_BYTES)
+    except OSError:
+        return False
+
+
+def read_expert_robustness(folder: Path) -> dict[str, ExpertRobustnessReport]:
+    """The expert robustness reports in a folder, by task.
+
+    Raises:
+        BimanualError: there are none, one cannot be read, or two are of one task.
+    """
+    found: dict[str, ExpertRobustnessReport] = {}
+    for path in sorted(folder.glob("*.json")):
+        report = ExpertRobustnessReport.read(path)
+        if report.task in found:
+            raise BimanualError(f"{path} is another report of {report.task}; a folder must hold one per task")
+        found[report.task] = report
+    if not found:
+        raise BimanualError(
+            f"{folder} holds no robustness reports of the expert; `lerobot-bimanual expert evaluate --axes=all "
+            f"--output={folder}` writes them"
+        )
+    return found
+
+
+def _require_among(name: str, seeds: tuple[int, ...], whole: range | list[int]) -> None:
+    require(list(seeds) == sorted(set(seeds) & set(whole)), f"{name} must be ascending seeds of the episodes")

@@ -1,0 +1,144 @@
+"""Robustness results: what files may hold, which conditions count, and how two results are paired."""
+
+import pytest
+from PIL import Image
+from sample_robustness import AXES, EXPERT_REPORT, ROBUSTNESS, condition, result
+
+from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.reports.drops import drops_of, level_sums
+from lerobot_bimanual.results.robustness import (
+    ExpertRobustnessReport,
+    RobustnessResult,
+    read_expert_robustness,
+)
+from lerobot_bimanual.results.statistics import SuccessRate, holm, mcnemar_p_value
+
+
+@pytest.mark.parametrize("record", [ROBUSTNESS, EXPERT_REPORT], ids=["policy", "expert"])
+def test_a_result_comes_back_from_its_file(record, tmp_path):
+    record.write(tmp_path / "file.json")
+    assert type(record).read(tmp_path / "file.json") == record
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"axes": ()}, "conditions must be of the axes"),
+        ({"not_applicable": ("mass",)}, "not applicable must have no condition"),
+        ({"conditions": ROBUSTNESS.conditions[1:]}, "begin with the nominal one"),
+        ({"axes": AXES[1:], "conditions": (condition("", 0, "xx"), condition("mass", 1, "x"))}, "same seeds"),
+        (
+            {
+                "axes": AXES[1:],
+                "conditions": tuple(condition(*key, "xx") for key in [("", 0), ("mass", 2), ("mass", 1)]),
+            },
+            "sorted",
+        ),
+    ],
+)
+def test_conditions_that_cannot_be_paired_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        result(**changes)
+
+
+@pytest.mark.parametrize(("axis", "level"), [("mass", 0), ("", 1), ("mass", 4)])
+def test_only_the_nominal_condition_has_level_0(axis, level):
+    with pytest.raises(ValueError, match="level"):
+        condition(axis, level, "x")
+
+
+@pytest.mark.parametrize("seeds", [{"expert_failed": (7,)}, {"open_loop_solved": (130,)}])
+def test_seeds_of_an_expert_report_are_of_its_episodes(seeds):
+    changed = EXPERT_REPORT.conditions[1].model_copy(update=seeds)
+    with pytest.raises(ValueError, match="must be ascending seeds of the episodes"):
+        ExpertRobustnessReport(
+            schema_version=3,
+            config=EXPERT_REPORT.config,
+            axes=AXES[1:],
+            conditions=(EXPERT_REPORT.nominal, changed),
+        )
+
+
+def test_each_condition_is_compared_with_the_nominal_one_and_corrected_over_the_axes_of_its_level():
+    found = drops_of(ROBUSTNESS)
+    assert "nominal" not in found
+    assert found["camera_moved:2"].difference == pytest.approx(-0.6)
+    pair = [found[name].pairing.p_value for name in ("camera_moved:2", "mass:2")]
+    assert pair == [mcnemar_p_value(6, 0), mcnemar_p_value(2, 0)]
+    assert [found[name].p_holm for name in ("camera_moved:2", "mass:2")] == holm(pair)
+
+
+def test_a_condition_that_the_expert_fails_is_counted_in_no_sum():
+    assert not ROBUSTNESS.by_name["mass:3"].is_valid
+    assert drops_of(ROBUSTNESS)["mass:3"].p_holm is None
+    assert drops_of(ROBUSTNESS)["camera_moved:3"].p_holm == mcnemar_p_value(
+        10, 0
+    )  # the only one of its level
+    counts = {0: (10, 10), 1: (19, 20), 2: (12, 20), 3: (0, 10)}
+    assert level_sums(ROBUSTNESS) == {level: SuccessRate(*count) for level, count in counts.items()}
+
+
+def test_the_experts_report_decides_over_the_few_episodes_of_a_result():
+    few = "x" * 9 + "."
+    assert not condition("mass", 1, few, expert=few).is_valid
+    assert condition("mass", 1, few, expert=few, expert_report=SuccessRate(97, 100)).is_valid
+    assert not condition("mass", 1, few, expert_report=SuccessRate(96, 100)).is_valid
+
+
+def test_an_expert_report_counts_what_it_lists():
+    rates = EXPERT_REPORT.rates(EXPERT_REPORT.by_key["mass", 1])
+    assert rates == {"expert": SuccessRate(97, 100), "open_loop": SuccessRate(1, 30)}
+    assert [EXPERT_REPORT.is_valid(each) for each in EXPERT_REPORT.conditions] == [True, True, False]
+
+
+def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):
+    with pytest.raises(BimanualError, match="expert evaluate --axes=all"):
+        read_expert_robustness(tmp_path)
+    for name in ("one", "other"):
+        EXPERT_REPORT.write(tmp_path / f"{name}.json")
+    with pytest.raises(BimanualError, match="another report of lift_ball"):
+        read_expert_robustness(tmp_path)
+
+
+def test_compare_pairs_two_results_by_condition(tmp_path, capsys):
+    first, second = tmp_path / "first.json", tmp_path / "second.json"
+    ROBUSTNESS.write(first)
+    conditions = (
+        *ROBUSTNESS.conditions[:2],
+        condition("camera_moved", 2, "x" * 10),
+        *ROBUSTNESS.conditions[4:],
+    )
+    result({"policy": "yours"}, conditions=conditions).write(second)
+    figure = tmp_path / "both.png"
+    results_compare(ResultsCompareConfig(first=first, second=second, figure=figure))
+    output = " ".join(capsys.readouterr().out.split())
+    assert "camera_moved:2 4 10 0, 6 0.0312 0.0625" in output
+    assert "mass:3 2 2 0, 0 1 not valid" in output
+    assert "valid conditions of level 2: first 12, second 18 of 20" in output
+    assert "only one has played: camera_moved:3" in output
+    assert "second, yours 0f0f0f0f, on lift_ball" in Image.open(figure).info["Description"]
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (result({"task": "push_box"}), "differ in task: 'lift_ball' and 'push_box'"),
+        (result({"options": ROBUSTNESS.config.options | {"split": "val"}}), "differ in split"),
+        (result({"versions": ROBUSTNESS.config.versions | {"mujoco": "4"}}), "differ in mujoco"),
+        (result(axes=(), conditions=(condition("", 0, "xx"),)), "differ in seeds"),
+    ],
+)
+def test_only_results_on_the_same_episodes_are_compared(other, message, tmp_path):
+    ROBUSTNESS.write(tmp_path / "first.json")
+    other.write(tmp_path / "second.json")
+    with pytest.raises(BimanualError, match=message):
+        results_compare(ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
+
+
+def test_a_robustness_result_beside_another_file_is_refused(tmp_path):
+    ROBUSTNESS.write(tmp_path / "first.json")
+    (tmp_path / "second.json").write_text('{"policy": "act"}')
+    with pytest.raises(BimanualError, match=r"second\.json: "):
+        results_compare(ResultsCompareConfig(first=tmp_path / "first.json", second=tmp_path / "second.json"))
+    assert RobustnessResult.read(tmp_path / "first.json") == ROBUSTNESS

@@ -1,0 +1,125 @@
+"""Outcomes, an evaluator and a policy's rollout without a world, for tests of reports and sweeps."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lerobot_bimanual.results.episode import Episode, Proof
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, LoadMetrics, MoveReport
+from lerobot_env_bimanual.episode.progress import draw_episode
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.tasks.registry import get_task
+
+TASK = "dual_push_buttons"
+LIGHT = LoadMetrics(
+    torque=0.5,
+    saturated=0.0,
+    velocity=0.5,
+    acceleration=0.5,
+    jerk=0.5,
+    contact_force_n=5.0,
+    finger_speed_m_s=0.05,
+    penetration_mm=0.5,
+    penetrating="hand, box",
+)
+
+
+def outcome(success: bool = True, seed: int = 0, **changes: Any) -> EpisodeOutcome:
+    fields: dict[str, Any] = {
+        "task": "lift_ball",
+        "variation": 0,
+        "seed": seed,
+        "success": success,
+        "ticks": 20,
+        "state_hash": f"{seed:064x}",
+        "last_move": "lift",
+        "moves": (MoveReport("beside", 20, 1.0, 2.0),),
+        "commands": ((0.5,) * 18,),
+    }
+    if success:
+        fields |= {"load": LIGHT, "keyframes_found": True, "replayed": True}
+    else:
+        fields |= {"failure": "no move left", "unmet": ("above(ball)",)}
+    return EpisodeOutcome(**fields | changes)
+
+
+def outcomes(solved: int, failed: int, **changes: Any) -> list[EpisodeOutcome]:
+    successes = [True] * solved + [False] * failed
+    return [outcome(success, seed, **changes) for seed, success in enumerate(successes)]
+
+
+def world(task: str, perturb: str) -> str:
+    return f"{task} {perturb}".encode().hex()[-12:]
+
+
+class MadeUpEvaluator:
+    """The expert fails seed 1 where all is heaviest, the open-loop baseline solves seed 0 only."""
+
+    specs: list[EpisodeSpec]
+
+    def __init__(self, *_: Any):
+        pass
+
+    def __enter__(self) -> "MadeUpEvaluator":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def mean_keyposes(self, task: str, variation: str) -> tuple[tuple[float, ...], ...]:
+        return ((float(variation), *[0.0] * 17),)
+
+    def map(self, function: Any, items: Any, *_: Any) -> Iterator[str]:
+        return (world(*item) for item in items)
+
+    def play(self, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
+        MadeUpEvaluator.specs += specs
+        return [self.outcome(spec) for spec in specs]
+
+    def outcome(self, spec: EpisodeSpec) -> EpisodeOutcome:
+        success = spec.seed == 0
+        if spec.player in EXPERTS:
+            success = not (spec.seed == 1 and spec.perturb == "mass:3")
+        drawn = draw_episode(get_task(spec.task).spec, spec.split, spec.seed, None).variation
+        return outcome(success, spec.seed, task=spec.task, variation=drawn.index)
+
+
+class MadeUpRollout:
+    """A policy that solves even seeds, and is interrupted after some conditions."""
+
+    remaining = 1000
+
+    def __init__(self, checkpoint: Any, config: Any, batch_size: int, seeds: range, policy_flags: Any):
+        self.seeds = seeds
+
+    def play(self, perturb: str, records: Path, note: Any = lambda _: None) -> EvaluationRecord:
+        if MadeUpRollout.remaining == 0:
+            raise KeyboardInterrupt
+        MadeUpRollout.remaining -= 1
+        note(len(self.seeds))
+        spec = get_task(TASK).spec
+        episodes = []
+        for seed in self.seeds:
+            variation = draw_episode(spec, "test", seed, None).variation.index
+            solved = seed % 2 == 0
+            episodes.append(
+                Episode(
+                    seed=seed,
+                    variation=variation,
+                    success=solved,
+                    failure=None if solved else "out of time",
+                    ticks=9,
+                    keyposes=2,
+                    proof=Proof(instruction="push", start="0a" * 32, actions=(), links="", end="0b" * 32),
+                )
+            )
+        return EvaluationRecord(
+            schema_version=2,
+            task=TASK,
+            world=world(TASK, perturb),
+            options={},
+            batch_size=2,
+            versions={},
+            episodes=tuple(episodes),
+        )

@@ -1,0 +1,196 @@
+"""`expert evaluate`, its evaluator and its log: what is refused, kept and written, and that nothing is played twice."""
+
+import json
+
+import pytest
+from made_up_sweep import outcome, outcomes
+
+from lerobot_bimanual.cli.command_line import main
+from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
+from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport
+from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
+from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.sweep import evaluator
+from lerobot_env_bimanual.sweep.evaluator import Evaluator
+from lerobot_env_bimanual.sweep.log import EpisodeLog
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec, play
+from lerobot_env_bimanual.tasks.registry import TASKS
+from lerobot_env_bimanual.workers import Failure, WorkFailed
+
+FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed in (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"task": "lift_bal"}, UnknownTask, "lift_ball"),
+        ({"variation": "7"}, UnknownVariation, "'lift_ball' has no variation 7"),
+        ({"episodes": 0}, BimanualError, "episodes is 0"),
+        ({"first_seed": -1}, BimanualError, "first_seed is -1"),
+        ({"axes": ("all",)}, BimanualError, "output with --axes"),
+    ],
+)
+def test_evaluate_refuses_impossible_flags_before_it_starts_anything(changes, error, message):
+    with pytest.raises(error, match=message):
+        expert_evaluate(ExpertEvaluateConfig(**{"task": "lift_ball"} | changes))
+
+
+@pytest.mark.parametrize("player", PLAYERS)
+def test_evaluate_refuses_roundings_and_replays_that_would_change_nothing(player, monkeypatch):
+    def started(*_):
+        raise BimanualError("it starts")
+
+    monkeypatch.setattr(evaluator, "Evaluator", started)
+    for option, value in (("discretise", 100), ("replay", "joint")):
+        words = "it starts" if player in EXPERTS else f"^{option} of the player '{player}'"
+        with pytest.raises(BimanualError, match=words):
+            expert_evaluate(ExpertEvaluateConfig(player=player, **{option: value}))
+
+
+@pytest.mark.sim
+def test_an_interrupted_run_plays_only_what_is_missing(tmp_path):
+    log = EpisodeLog(tmp_path / "log.jsonl")
+    log.add(FIRST, outcome(last_move="from the log"))
+    with Evaluator(1, log) as running:
+        first, second = running.play([FIRST, SECOND], "expert")
+    assert first == outcome(last_move="from the log")
+    assert second.success
+    assert log.get(SECOND) == second == EpisodeLog(tmp_path / "log.jsonl").get(SECOND)
+
+
+@pytest.mark.sim
+def test_evaluate_writes_the_same_episodes_with_any_number_of_workers(tmp_path, capsys):
+    reports = []
+    for workers in (1, 2):
+        output = tmp_path / "reports" / f"{workers}.json"
+        config = ExpertEvaluateConfig("lift_ball", episodes=3, discretise=100, workers=workers, output=output)
+        assert expert_evaluate(config) == 0
+        reports.append(ExpertReport.read(output))
+        assert list(output.parent.glob("*.partial*")) == []
+    first, second = reports
+    assert first == second
+    assert [episode.seed for episode in first.episodes] == [0, 1, 2]
+    assert all(episode.success and episode.keyframes_found for episode in first.episodes)
+    load = first.load("lift_ball")
+    assert load is not None
+    assert load.contact_force_n > 10
+    assert [move.name for move in first.episodes[0].moves] == ["beside", "squeeze", "lift"]
+    assert "3/3" in capsys.readouterr().out
+
+
+@pytest.mark.sim
+def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
+    monkeypatch.setattr(Evaluator, "play", lambda *_: outcomes(98, 2))
+    assert expert_evaluate(ExpertEvaluateConfig("lift_ball")) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "98/100" in printed
+    assert "unmet: above(ball)" in printed
+    assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
+
+
+def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypatch):
+    def start(*_):
+        raise PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
+
+    monkeypatch.setattr(EpisodeReset, "start", start)
+    failed = play(EpisodeSpec("lift_ball", "0", "val", 5, "expert"))
+    assert (failed.seed, failed.success, failed.ticks) == (5, False, 0)
+    assert "none of 200" in (failed.failure or "")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_accident_is_an_error_that_names_the_episode_after_all_others_are_played_and_kept(
+    workers, tmp_path
+):
+    log = EpisodeLog(tmp_path / "log.jsonl")
+    players = ("noop", "unknown", "noop")
+    specs = [EpisodeSpec("lift_ball", "any", "test", seed, player) for seed, player in enumerate(players)]
+    message = (
+        r"one episode was not played \(unknown on seed 1 of lift_ball: .*\); the same command tries again"
+    )
+    with Evaluator(workers, log) as running:
+        with pytest.raises(BimanualError, match=message):
+            running.play(specs, "playing")
+        assert [(found := log.get(spec)) and found.seed for spec in specs] == [0, None, 2]
+        assert len(running.play([specs[0], specs[2]], "playing")) == 2
+
+
+def test_an_accident_writes_no_report_and_keeps_what_was_played(tmp_path, monkeypatch):
+    output = tmp_path / "noop.json"
+    words = ["expert", "evaluate", "--task=lift_ball", "--player=noop", "--episodes=2", "--workers=1"]
+    words.append(f"--output={output}")
+    with monkeypatch.context() as patched:
+        patched.setattr(Evaluator, "_answers", _with_an_accident(Evaluator._answers))
+        assert main(words) == 1
+    assert not output.exists()
+    (kept,) = tmp_path.iterdir()
+    assert len(kept.read_text().splitlines()) == 2, "its head, and the other episode"
+    assert main(words) == 0
+    assert [*tmp_path.iterdir()] == [output]
+
+
+def _with_an_accident(answers):
+    """The process that plays the first item dies."""
+
+    def changed(*arguments):
+        for index, answer in answers(*arguments):
+            yield index, Failure(WorkFailed("killed")) if index == 0 else answer
+
+    return changed
+
+
+def test_the_log_forgets_episodes_of_other_versions_and_a_cut_line(tmp_path):
+    path = tmp_path / "some" / "log.jsonl"
+    log = EpisodeLog(path)
+    log.add(FIRST, outcome())
+    log.add(SECOND, outcome(success=False))
+    assert EpisodeLog(path).get(SECOND) == outcome(success=False)
+    with path.open("r+") as file:
+        file.truncate(path.stat().st_size - 20)
+    again = EpisodeLog(path)
+    assert (again.get(FIRST), again.get(SECOND)) == (outcome(), None)
+    again.add(SECOND, outcome())
+    header, _, lines = path.read_text().partition("\n")
+    path.write_text(header.replace('"mujoco": "3', '"mujoco": "2') + "\n" + lines)
+    assert EpisodeLog(path).get(FIRST) is None
+    log.remove()
+    assert not path.exists()
+
+
+def test_the_log_forgets_episodes_of_another_packages_task_whose_file_has_changed(tmp_path, monkeypatch):
+    (tmp_path / "their_task.py").write_text("MASS_KG = 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(TASKS.modules, "their_task", "their_task")
+    path = tmp_path / "log.jsonl"
+    EpisodeLog(path).add(FIRST, outcome())
+    assert EpisodeLog(path).get(FIRST) == outcome()
+    (tmp_path / "their_task.py").write_text("MASS_KG = 2")
+    assert EpisodeLog(path).get(FIRST) is None
+
+
+@pytest.mark.parametrize("damage", ["{", "[]", '{"spec": "a"}', "\xff", ""])
+def test_a_log_with_damage_before_its_end_is_named_and_left_as_it_is(damage, tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = EpisodeLog(path)
+    log.add(FIRST, outcome())
+    log.add(SECOND, outcome())
+    header, _, last = path.read_text().splitlines()
+    damaged = "\n".join([header, damage, last, ""]).encode("latin-1")
+    path.write_bytes(damaged)
+    with pytest.raises(BimanualError, match=r"log\.jsonl, line 2: .*remove it to play them again"):
+        EpisodeLog(path)
+    assert path.read_bytes() == damaged
+
+
+def test_a_log_that_was_cut_at_any_byte_gives_what_was_whole(tmp_path):
+    path = tmp_path / "log.jsonl"
+    EpisodeLog(path).add(FIRST, outcome())
+    content = path.read_bytes()
+    header = content.index(b"\n")
+    for size in (0, 1, header, header + 1, header + 2, len(content) - 1):
+        path.write_bytes(content[:size])
+        assert EpisodeLog(path).get(FIRST) is None
+        assert path.read_bytes() == content[: header + 1]
+    path.write_bytes(content)
+    assert EpisodeLog(path).get(FIRST) == outcome()
+    assert json.loads(path.read_text().splitlines()[1])["outcome"]["task"] == "lift_ball"

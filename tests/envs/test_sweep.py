@@ -1,0 +1,255 @@
+"""Sweeps: which conditions there are, who plays in them, what is refused, and how an interrupted one continues."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import pytest
+from made_up_sweep import TASK, MadeUpEvaluator, MadeUpRollout, world
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.results.robustness import ExpertRobustnessReport, RobustnessResult
+from lerobot_bimanual.results.statistics import SuccessRate
+from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
+from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConfig, policy_robustness
+from lerobot_env_bimanual.episode.progress import draw_episode
+from lerobot_env_bimanual.perturbations.registry import AXES, get_axis, list_axes
+from lerobot_env_bimanual.sweep import expert_robustness, robustness
+from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+from lerobot_env_bimanual.sweep.conditions import conditions_of, solved_seeds
+from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+
+TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (robustness, expert_robustness):
+        monkeypatch.setattr(module, "Evaluator", MadeUpEvaluator)
+        monkeypatch.setattr(module, "EpisodeLog", MagicMock())
+    monkeypatch.setattr(robustness, "PolicyRollout", MadeUpRollout)
+    monkeypatch.setattr(MadeUpEvaluator, "specs", [], raising=False)
+    monkeypatch.setattr(MadeUpRollout, "remaining", 1000)
+
+
+def of_policy(tmp_path: Path, *axes: str, levels: tuple[int, ...] = (1, 3)) -> PolicyRobustnessConfig:
+    return PolicyRobustnessConfig(
+        checkpoint=TRAINED, task=TASK, axes=axes, levels=levels, episodes=4, output=tmp_path / "policy.json"
+    )
+
+
+def of_expert(tmp_path: Path, *axes: str, task: str = TASK, episodes: int = 40) -> ExpertEvaluateConfig:
+    return ExpertEvaluateConfig(
+        task=task,
+        axes=axes,
+        levels=(3,),
+        episodes=episodes,
+        open_loop_episodes=2,
+        output=tmp_path / "experts",
+    )
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_every_task_has_conditions_and_says_what_does_not_apply(task):
+    conditions = conditions_of(task)
+    names = [axis.name for axis in conditions.axes]
+    assert sorted([*names, *conditions.not_applicable]) == list(list_axes())
+    keys = [*conditions]
+    assert keys == sorted(keys)
+    assert keys[0] == ("", 0)
+    assert len(keys) == 1 + 3 * len(names)
+
+
+@pytest.mark.parametrize(
+    ("axes", "levels", "message"),
+    [
+        (["masse"], [1], "axes is 'masse'"),
+        (["mass"], [4], "levels is 4, but must be one of: 1, 2, 3"),
+        (["mass"], [0], "levels is 0"),
+        (["mass"], [], "levels is ''"),
+    ],
+)
+def test_unknown_axes_and_levels_are_refused(axes, levels, message):
+    with pytest.raises(InvalidChoice, match=message):
+        conditions_of("lift_ball", axes, levels)
+
+
+def test_a_sweep_without_an_axis_that_applies_is_refused(monkeypatch):
+    changed = replace(get_axis("mass"), applies_to=lambda *_: False)
+    monkeypatch.setitem(AXES.loaded, "mass", changed)
+    assert "mass" in conditions_of("lift_ball").not_applicable
+    with pytest.raises(BimanualError, match="none of the axes mass finds anything to change in lift_ball"):
+        conditions_of("lift_ball", ["mass"])
+
+
+def test_the_open_loop_baseline_plays_the_mean_keyposes_of_the_variation_that_the_seed_draws():
+    template = EpisodeSpec(TASK, "any", "test", 0, "expert")
+    keys = [("", 0), ("nudge", 1)]
+    found = solved_seeds(MadeUpEvaluator(), "open_loop", keys, template, range(4))  # type: ignore[arg-type]
+    assert found == dict.fromkeys(keys, (0,))
+    for spec in MadeUpEvaluator.specs:
+        assert (spec.variation, spec.player) == ("any", "open_loop")  # so that the episode is the policy's
+        drawn = draw_episode(get_task(TASK).spec, "test", spec.seed, None).variation
+        assert spec.mean_keyposes[0][0] == drawn.index
+    MadeUpEvaluator.specs.clear()
+    solved_seeds(MadeUpEvaluator(), "expert", keys, template, [0])  # type: ignore[arg-type]
+    assert [(spec.player, spec.perturb) for spec in MadeUpEvaluator.specs] == [
+        ("expert", ""),
+        ("replanning", "nudge:1"),
+    ]
+
+
+def test_an_interrupted_sweep_keeps_its_conditions_and_continues(tmp_path, monkeypatch, capsys):
+    chosen = of_policy(tmp_path, "arm_late", "camera_moved")
+    monkeypatch.setattr(MadeUpRollout, "remaining", 2)
+    with pytest.raises(KeyboardInterrupt, match="continues where it stopped"):
+        policy_robustness(chosen)
+    assert [each.name for each in RobustnessResult.read(chosen.output).conditions] == [
+        "nominal",
+        "arm_late:1",
+    ]
+    monkeypatch.setattr(MadeUpRollout, "remaining", 3)  # as many as are missing
+    policy_robustness(chosen)
+    result = RobustnessResult.read(chosen.output)
+    names = ["nominal", "arm_late:1", "arm_late:3", "camera_moved:1", "camera_moved:3"]
+    assert [each.name for each in result.conditions] == names
+    assert result.by_name["camera_moved:3"].expert_solved == (0, 1, 2, 3)
+    assert "level 3: 4 of 8" in capsys.readouterr().out
+    assert chosen.output.with_suffix(".png").is_file()
+    monkeypatch.setattr(MadeUpRollout, "remaining", 2)
+    policy_robustness(replace(chosen, levels=(2,)))  # the file grows
+    assert len(RobustnessResult.read(chosen.output).conditions) == 7
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"episodes": 6}, "has episodes 4, but here it is 6"),
+        ({"first_seed": 1}, "has first_seed 0"),
+        ({"batch_size": 1}, "has batch_size 2, but here it is 1"),
+        ({"split": "val"}, "has options"),
+        ({"task": "lift_ball"}, "has task"),
+    ],
+)
+def test_another_measurement_is_not_mixed_with_this_one(changes, message, tmp_path):
+    chosen = of_policy(tmp_path, "arm_late", levels=(1,))
+    policy_robustness(chosen)
+    with pytest.raises(BimanualError, match=f"{message}.*choose another --output, or remove the file"):
+        policy_robustness(replace(chosen, **changes))
+
+
+def test_an_expert_report_of_another_world_is_refused_and_one_of_this_decides(tmp_path):
+    chosen, experts = (
+        of_policy(tmp_path, "arm_late", "camera_moved", levels=(3,)),
+        of_expert(tmp_path, "arm_late"),
+    )
+    expert_evaluate(experts)
+    policy_robustness(replace(chosen, expert_reports=experts.output))
+    result = RobustnessResult.read(chosen.output)
+    assert [each.expert_report for each in result.conditions] == [SuccessRate(40, 40)] * 3
+    chosen.output.unlink()
+    path = experts.output / f"{TASK}.json"
+    path.write_text(path.read_text().replace(world(TASK, "arm_late:3"), "0" * 12))
+    MadeUpEvaluator.specs.clear()
+    with pytest.raises(BimanualError, match="is of world 000000000000, but here it is"):
+        policy_robustness(replace(chosen, expert_reports=experts.output))
+    assert not MadeUpEvaluator.specs  # refused before anything was played
+    assert not chosen.output.exists()
+
+
+def test_a_later_expert_report_decides_on_conditions_that_are_played_already(tmp_path, capsys):
+    chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(3,))
+    policy_robustness(chosen)
+    expert_evaluate(of_expert(tmp_path, "mass", task="lift_ball"))
+    with_reports = replace(chosen, expert_reports=tmp_path / "experts")
+    policy_robustness(with_reports)
+    assert f"holds no report of {TASK}" in capsys.readouterr().out
+    assert {each.expert_report for each in RobustnessResult.read(chosen.output).conditions} == {None}
+    expert_evaluate(of_expert(tmp_path, "arm_late"))
+    MadeUpEvaluator.specs.clear()
+    for again in (with_reports, chosen):  # without reports none is forgotten
+        policy_robustness(again)
+        decided = {each.expert_report for each in RobustnessResult.read(chosen.output).conditions}
+        assert decided == {SuccessRate(40, 40)}
+    assert not MadeUpEvaluator.specs
+
+
+@pytest.mark.parametrize("name", ["nominal", "arm_late:1", "camera_moved:1"])
+def test_conditions_of_another_world_are_not_mixed_with_these(name, tmp_path):
+    chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(1,))
+    policy_robustness(chosen)
+    text = chosen.output.read_text()
+    chosen.output.write_text(text.replace(world(TASK, "" if name == "nominal" else name), "0" * 12))
+    MadeUpEvaluator.specs.clear()
+    with pytest.raises(BimanualError, match=f"has world of {name} .*choose another --output, or remove"):
+        policy_robustness(replace(chosen, levels=(1, 2)))
+    assert not MadeUpEvaluator.specs
+
+
+def test_expert_reports_list_failures_grow_and_play_again_what_has_changed(tmp_path, capsys):
+    chosen = of_expert(tmp_path, "mass", "camera_moved", task="lift_ball", episodes=20)
+    expert_evaluate(chosen)
+    path = chosen.output / "lift_ball.json"
+    report = ExpertRobustnessReport.read(path)
+    assert [each.name for each in report.conditions] == ["nominal", "mass:3"]  # what is only seen is left out
+    assert report.conditions[1].expert_failed == (1,)
+    assert report.nominal.open_loop_solved == (0,)
+    assert "not valid: mass:3, expert 19/20" in capsys.readouterr().out
+    MadeUpEvaluator.specs.clear()
+    expert_evaluate(replace(chosen, levels=(1, 3)))
+    assert {spec.perturb for spec in MadeUpEvaluator.specs} == {"mass:1"}
+    path.write_text(path.read_text().replace(world("lift_ball", "mass:3"), "0" * 12))
+    MadeUpEvaluator.specs.clear()
+    expert_evaluate(chosen)
+    assert {spec.perturb for spec in MadeUpEvaluator.specs} == {"mass:3"}
+    with pytest.raises(BimanualError, match="has expert_episodes"):
+        expert_evaluate(replace(chosen, episodes=30))
+
+
+def test_a_checkpoint_says_which_images_it_reads():
+    checkpoint = Checkpoint.read(TRAINED)
+    assert checkpoint.policy == "peract2"
+    assert checkpoint.options == {
+        "cameras": "front,left_shoulder,right_shoulder,left_wrist,right_wrist",
+        "image_size": "128x128",
+    }
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (None, "does not exist. Give the folder `pretrained_model`"),
+        ([], "names no policy `type`"),
+        ({"type": "act"}, "names no policy `type`, or no `input_features`"),
+        ({"type": "act", "input_features": {"observation.images.front": {"shape": [3, 9]}}}, "three sides"),
+    ],
+)
+def test_a_folder_without_a_checkpoint_is_refused_on_one_line(config, message, tmp_path, capsys):
+    (tmp_path / "model.safetensors").touch()
+    if config is not None:
+        (tmp_path / "config.json").write_text(json.dumps(config))
+    assert cli.main(["policy", "robustness", f"--checkpoint={tmp_path}", "--task=lift_ball"]) == 1
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--task=lift_bal"], "unknown task 'lift_bal'. Did you mean 'lift_ball'?"),
+        (["--task=lift_ball", "--axes=heat"], "axes is 'heat'"),
+        (["--task=lift_ball", "--episodes=0"], "episodes is 0"),
+        (["--task=lift_ball", "--variation=7"], "no variation 7"),
+        (["--task=lift_ball", "--expert_reports=/nowhere"], "holds no robustness reports of the expert"),
+    ],
+)
+def test_bad_flags_get_one_clear_line(flags, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["policy", "robustness", f"--checkpoint={TRAINED}", *flags]) == 1
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error

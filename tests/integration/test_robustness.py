@@ -1,0 +1,169 @@
+"""A trained policy under perturbations: the nominal condition is what `lerobot-eval` gives, and every condition can be played again from its record."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from lerobot.configs.types import FeatureType, PolicyFeature
+from lerobot.policies import make_pre_post_processors
+from lerobot.policies.act.configuration_act import ACTConfig
+from lerobot.policies.act.modeling_act import ACTPolicy
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.robustness import RobustnessResult
+
+pytestmark = pytest.mark.slow
+
+TASK = "handover_item_easy"
+TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
+SEEDS = (3, 4)
+
+
+def sweep(output: Path, *flags: str) -> RobustnessResult:
+    words = [f"--checkpoint={TRAINED}", f"--task={TASK}", f"--output={output}", "--device=cpu"]
+    counts = [f"--first_seed={SEEDS[0]}", f"--episodes={len(SEEDS)}"]
+    assert cli.main(["policy", "robustness", *words, *counts, *flags]) == 0
+    return RobustnessResult.read(output)
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two axes, one of them at two levels, in two commands."""
+    output = tmp_path_factory.mktemp("sweep") / "mine.json"
+    sweep(output, "--axes=mass", "--levels=1")
+    sweep(output, "--axes=mass,camera_miscalibrated", "--levels=3")
+    return output
+
+
+def records(output: Path) -> dict[str, EvaluationRecord]:
+    """By condition."""
+    folder = output.with_name("mine_records")
+    found = [EvaluationRecord.read(path) for path in sorted(folder.glob("*.json"))]
+    return {record.perturb or "nominal": record for record in found}
+
+
+def test_nominal_is_what_lerobot_eval_gives_bit_for_bit(played, tmp_path):
+    words = {
+        "policy.path": TRAINED,
+        "policy.device": "cpu",
+        "env.type": "bimanual",
+        "env.task": TASK,
+        "env.image_size": 128,
+        "env.results_dir": tmp_path,
+        "eval.n_episodes": len(SEEDS),
+        "eval.batch_size": 2,
+        "seed": SEEDS[0],
+        "output_dir": tmp_path,
+    }
+    program = Path(sys.executable).with_name("lerobot-eval")
+    environment = os.environ | {"HF_HUB_OFFLINE": "1"}
+    flags = [f"--{name}={value}" for name, value in words.items()]
+    subprocess.run([program, *flags], check=True, capture_output=True, env=environment)
+    stock = EvaluationRecord.read(tmp_path / f"{TASK}_test_record.json")
+    ours = records(played)["nominal"]
+    # Every action and the state after it stand in the record; sizes of images may be written in two ways.
+    assert ours.episodes == stock.episodes
+    assert ours.model_copy(update={"options": {}}) == stock.model_copy(update={"options": {}})
+
+
+def test_every_condition_is_of_the_same_episodes_and_kept_with_its_record(played):
+    result, kept = RobustnessResult.read(played), records(played)
+    names = ["nominal", "camera_miscalibrated:3", "mass:1", "mass:3"]
+    assert [condition.name for condition in result.conditions] == names
+    assert kept.keys() == set(names)
+    for condition in result.conditions:
+        assert condition.rates["expert"].successes == len(SEEDS)
+        assert condition.world == kept[condition.name].world
+        assert condition.solved == [episode.success for episode in kept[condition.name].episodes]
+    assert len({condition.world for condition in result.conditions}) == len(names)
+    starts = {name: [episode.proof.start for episode in record.episodes] for name, record in kept.items()}
+    assert starts["camera_miscalibrated:3"] == starts["nominal"]
+    instructions = {
+        tuple(episode.proof.instruction for episode in record.episodes) for record in kept.values()
+    }
+    assert len(instructions) == 1
+
+
+def test_the_records_of_conditions_are_played_again_as_claimed(played, capfd):
+    assert cli.main(["results", "verify", f"--results={played.with_name('mine_records')}", "--sample=1"]) == 0
+    assert capfd.readouterr().out.count("as claimed") == 4
+
+
+@pytest.fixture
+def of_mixed_precision(tmp_path: Path) -> Path:
+    """A tiny ACT whose config says that it was trained in mixed precision, as LeRobot saves it."""
+    torch.manual_seed(0)
+    config = ACTConfig(
+        input_features={
+            "observation.images.front": PolicyFeature(FeatureType.VISUAL, (3, 64, 64)),
+            "observation.state": PolicyFeature(FeatureType.STATE, (16,)),
+        },
+        output_features={"action": PolicyFeature(FeatureType.ACTION, (16,))},
+        dim_model=16,
+        n_heads=2,
+        dim_feedforward=32,
+        n_encoder_layers=1,
+        use_vae=False,
+        pretrained_backbone_weights=None,
+        device="cpu",
+        use_amp=True,
+    )
+    folder = tmp_path / "pretrained_model"
+    ACTPolicy(config).save_pretrained(folder)
+    for processor in make_pre_post_processors(config):
+        processor.save_pretrained(folder)
+    return folder
+
+
+def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precision, tmp_path, capsys):
+    output = tmp_path / "act.json"
+    words = [
+        "policy",
+        "robustness",
+        f"--checkpoint={of_mixed_precision}",
+        f"--task={TASK}",
+        f"--output={output}",
+    ]
+    words += ["--axes=mass", "--levels=1", "--episodes=1", "--device=cpu"]
+    assert cli.main(words) == 1
+    error = capsys.readouterr().err
+    assert "unsupported ScalarType BFloat16; play it with --use_amp=false" in error
+    assert "Traceback" not in error
+    assert cli.main([*words, "--use_amp=false"]) == 0
+    assert [condition.name for condition in RobustnessResult.read(output).conditions] == ["nominal", "mass:1"]
+
+
+def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = [
+        "policy",
+        "robustness",
+        f"--checkpoint={TRAINED}",
+        f"--task={TASK}",
+        "--axes=mass",
+        "--device=cpu",
+        "--dry_run",
+    ]
+    assert cli.main(words) == 0
+    output = capsys.readouterr().out
+    assert "1 axes, 4 conditions of 20 episodes, 4 to be played" in output
+    assert "mass: 1.2, 1.5, 2 times the mass" in output
+    assert "minutes" in output
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("file", ["model.safetensors", "policy_preprocessor.json"])
+def test_a_damaged_checkpoint_is_named_before_anything_is_played(file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("lerobot_env_bimanual.sweep.robustness.Evaluator", None)
+    for path in TRAINED.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    damaged = tmp_path / file
+    damaged.write_bytes(damaged.read_bytes()[:1000])
+    words = [f"--checkpoint={tmp_path}", f"--task={TASK}", "--axes=mass", "--levels=1", "--episodes=1"]
+    assert cli.main(["policy", "robustness", *words, f"--output={tmp_path / 'out.json'}"]) == 1
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith(f"lerobot-bimanual: {tmp_path}")
