@@ -35,7 +35,7 @@ def stage_names(task: str, split: str, variation: int, seed: int) -> list[str]:
 
 
 def annotate(view: Path) -> None:
-    """Write the language columns of one view, declare them, and seal it again."""
+    """Write the language columns of one view, declare them, and write its checksums again."""
     episodes = list(iter_episodes(view))
     with tempfile.TemporaryDirectory() as folder:
         for episode in episodes:

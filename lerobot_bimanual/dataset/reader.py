@@ -26,6 +26,9 @@ DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 """Where LeRobot's tools store tables and videos; other places, which could lie anywhere, are not read."""
 
+MAX_TABLE_BYTES = 2**31
+"""Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
+
 IMAGE_TYPES = ("video", "image")
 MAX_HINTS = 3
 """Datasets that an error message names."""
@@ -287,9 +290,13 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     """A Parquet file.
 
     Raises:
-        DatasetError: it is missing or damaged, or lacks a column that is asked for.
+        DatasetError: it is missing, damaged or too large, or lacks a column that is asked for.
     """
     try:
+        stored = pq.read_metadata(path)
+        size = sum(stored.row_group(group).total_byte_size for group in range(stored.num_row_groups))
+        if size > MAX_TABLE_BYTES:
+            raise DatasetError(f"{path} holds {size} bytes of rows, more than {MAX_TABLE_BYTES >> 30} GB")
         table = pq.read_table(path, **options)
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise DatasetError(
