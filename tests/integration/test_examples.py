@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -34,7 +33,11 @@ def run(*words: str, folder: Path, **variables: str) -> str:
     return child.stdout
 
 
-def test_the_trained_policy_solves_its_task(tmp_path):
+def evaluation(folder: Path) -> dict:
+    return json.loads((folder / "eval_info.json").read_text())
+
+
+def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
     run("make", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
     films = [path.stem for path in (tmp_path / "films").glob("*.mp4")]
     assert len(films) == 4
@@ -42,69 +45,40 @@ def test_the_trained_policy_solves_its_task(tmp_path):
     assert sum(film.endswith("_success") for film in films) >= 2
 
 
-def evaluation(folder: Path) -> dict:
-    return json.loads((folder / "eval_info.json").read_text())
-
-
-def test_every_example_is_short_and_they_are_numbered() -> None:
+def test_examples_are_short_and_numbered() -> None:
     names = sorted(path.name for path in EXAMPLES.iterdir() if path.name[0].isdigit())
-    assert [int(name[:2]) for name in names] == list(range(14))
+    assert [int(name[:2]) for name in names] == list(range(len(names)))
     for path in (*EXAMPLES.rglob("*.py"), *EXAMPLES.rglob("*.sh")):
         assert len(path.read_text().splitlines()) < 80, path
 
 
-def test_the_environment_takes_both_kinds_of_action(tmp_path):
-    printed = run(sys.executable, str(EXAMPLES / "00_step_the_environment.py"), folder=tmp_path)
-    assert "world point" in printed
+@pytest.mark.parametrize(
+    ("words", "printed"),
+    [
+        ("00_step_the_environment.py", "world point"),
+        ("01_watch.py --output=films", "solved"),
+        ("02_record.py --episodes=2 --image_size=32 --output=data", "where the left hand goes next"),
+    ],
+)
+def test_an_example_in_python_prints_what_it_shows(words, printed, tmp_path):
+    script, *flags = words.split()
+    assert printed in run(sys.executable, str(EXAMPLES / script), *flags, folder=tmp_path)
 
 
-def test_watching_an_expert_writes_a_film(tmp_path):
-    printed = run(sys.executable, str(EXAMPLES / "01_watch.py"), "--output=films", folder=tmp_path)
-    assert "solved" in printed
-    assert len(list((tmp_path / "films").glob("*_success.mp4"))) == 1
-
-
-def test_recording_prints_what_is_in_a_row(tmp_path):
-    words = (str(EXAMPLES / "02_record.py"), "--episodes=2", "--image_size=32", "--output=data")
-    printed = run(sys.executable, *words, folder=tmp_path)
-    assert "frames: 2 episodes" in printed
-    assert "observation.images.front_depth" in printed
-    assert "where the left hand goes next" in printed
-
-
-def test_training_leaves_a_checkpoint(tmp_path):
+def test_a_policy_is_trained_by_the_recipe_and_evaluated_beside_the_baselines(tmp_path):
+    """The other two shell scripts differ in flags, which test_documented_commands.py parses."""
     recipe = EXAMPLES.parent / "policies/lerobot_policy_bimanual/peract2/recipes/small.yaml"
-    few = {"EPISODES": "1", "STEPS": "2"}
-    run(str(EXAMPLES / "03_train.sh"), folder=tmp_path, RECIPE=str(recipe), OUT="out", **few)
+    run(
+        str(EXAMPLES / "03_train.sh"), folder=tmp_path, RECIPE=str(recipe), OUT="out", EPISODES="1", STEPS="2"
+    )
     checkpoint = tmp_path / "out/peract2/checkpoints/last/pretrained_model"
-    assert (checkpoint / "model.safetensors").is_file()
     config = json.loads((checkpoint / "config.json").read_text())
     policy = yaml.safe_load(recipe.read_text())["policy"]
     assert {name: config[name] for name in policy} == policy
-
-
-def test_evaluation_sets_a_policy_beside_expert_and_blind_control(tmp_path):
-    checkpoint = str(EXAMPLES.parent / "results/checkpoints/peract2_on_all")
-    few = {"EPISODES": "1", "SEED": "1001"}
-    run(str(EXAMPLES / "04_evaluate.sh"), folder=tmp_path, POLICY=checkpoint, OUT="out", **few)
+    few = {"EPISODES": "1", "SEED": "1001", "OUT": "out"}
+    run(str(EXAMPLES / "04_evaluate.sh"), folder=tmp_path, POLICY=str(checkpoint), **few)
     assert evaluation(tmp_path / "out/eval")["overall"]["n_episodes"] == 1
-    assert json.loads((tmp_path / "out/expert.json").read_text())["seeds"] == "1001:1002"
-    assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-        "expert.json",
-        "blind.json",
-        "view",
-        "films",
-    }
-
-
-def test_one_policy_is_scored_on_two_tasks(tmp_path):
-    run(str(EXAMPLES / "05_multi_task.sh"), folder=tmp_path, EPISODES="1", STEPS="2", OUT="out")
-    assert evaluation(tmp_path / "out/eval")["overall"]["n_episodes"] == 2
-
-
-def test_act_is_trained_and_scored(tmp_path):
-    run(str(EXAMPLES / "06_act.sh"), folder=tmp_path, EPISODES="1", STEPS="2", OUT="out")
-    assert evaluation(tmp_path / "out/eval")["overall"]["n_episodes"] == 1
+    assert (tmp_path / "out/expert.json").is_file()
 
 
 def test_a_policy_of_ones_own_is_trained_and_scored_by_lerobots_commands(tmp_path):
@@ -181,22 +155,3 @@ def test_recorded_frames_become_poses_for_both_hands(tmp_path):
     assert len(errors_cm) == 2 * printed.count("keyposes executed") == 12
     # A trained policy, on a scene that it has not seen, is mostly within a voxel of 4 cm.
     assert sorted(errors_cm)[len(errors_cm) // 2] < 4
-
-
-def test_a_strangers_checkpoint_runs_nothing_in_the_example_of_poses(tmp_path):
-    checkpoint = tmp_path / "checkpoint"
-    shutil.copytree(EXAMPLES.parent / "results/checkpoints/peract2_on_all", checkpoint)
-    processor = checkpoint / "policy_preprocessor.json"
-    (tmp_path / "strange.py").write_text("from pathlib import Path\n\nPath('ran').touch()\n")
-    processor.write_text(json.dumps({"name": "x", "steps": [{"class": "strange.Step", "config": {}}]}))
-    example = EXAMPLES / "09_poses_for_real_arms.py"
-    done = subprocess.run(
-        (sys.executable, example, "--dataset=frames", f"--checkpoint={checkpoint}"),
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "names a step by class, 'strange.Step'" in done.stderr
-    assert not (tmp_path / "ran").exists()
