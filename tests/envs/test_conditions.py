@@ -131,12 +131,3 @@ def test_a_button_is_pressed_while_its_cap_is_down_and_springs_back():
     scene.settle()
     assert not Pressed("button")(scene)
     assert scene.joint_value("button_cap") == pytest.approx(0.0, abs=2e-4)
-
-
-def test_a_hand_that_nobody_closes_does_not_hold_what_jams_between_its_fingers():
-    scene = Scene([Block("item", size_m=(0.04, 0.081, 0.04))])
-    tcp = scene.tcp(Arm.LEFT)
-    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
-    assert all(scene.contacts(finger, "item") for finger in scene.arm_pair.finger_names(Arm.LEFT))
-    scene.tick(scene.commanded)
-    assert not Held("item", Arm.LEFT)(scene)

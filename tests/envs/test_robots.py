@@ -56,12 +56,6 @@ def test_actuators_come_in_the_order_of_the_joint_action(scene):
     assert names[8] == "right_actuator1"
 
 
-def test_only_the_fingers_are_coupled(scene):
-    model = scene.model
-    assert np.all(model.eq_type == mujoco.mjtEq.mjEQ_JOINT)
-    assert [model.equality(index).name for index in range(model.neq)] == ["left_fingers", "right_fingers"]
-
-
 def test_weight_does_not_bend_the_arms(scene):
     rng = np.random.default_rng(1)
     scene.reset()

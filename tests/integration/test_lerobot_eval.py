@@ -5,7 +5,6 @@ import sys
 import textwrap
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 import torch
 from lerobot.configs import PreTrainedConfig
@@ -17,9 +16,7 @@ from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import InvalidAction
 from lerobot_env_bimanual import BimanualEnvConfig
-from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.vector import LazyVectorEnv
 
 pytestmark = pytest.mark.slow
@@ -155,28 +152,6 @@ def at_most_ten_steps(monkeypatch):
     monkeypatch.setattr(LazyVectorEnv, "call", short)
 
 
-def test_several_tasks_run_on_joint_actions_and_are_filmed(tmp_path, at_most_ten_steps):
-    config = BimanualEnvConfig(task="push_box,lift_ball", obs="state")
-    envs = make_env(config, n_envs=2, use_async_envs=True)
-    policy = ScriptedPolicy(hold_joints)
-    info = eval_policy_all(
-        envs,
-        policy,
-        **processors(),
-        n_episodes=2,
-        max_episodes_rendered=1,
-        videos_dir=tmp_path,
-        start_seed=0,
-    )
-    close_envs(envs)
-    assert set(info["per_group"]) == {"push_box", "lift_ball"}
-    assert info["overall"]["n_episodes"] == 4
-    assert {path.parent.name for path in tmp_path.rglob("*.mp4")} == {"push_box_0", "lift_ball_1"}
-    sentences = {sentence for batch in policy.batches for sentence in batch["task"]}
-    assert any("box" in sentence for sentence in sentences)
-    assert any("ball" in sentence for sentence in sentences)
-
-
 @pytest.mark.parametrize("asynchronous", [False, True])
 def test_two_tasks_are_evaluated_at_the_same_time(asynchronous, tmp_path, at_most_ten_steps):
     config = BimanualEnvConfig(task="push_box,lift_ball", image_size=SIZE, max_parallel_tasks=2)
@@ -213,14 +188,6 @@ def test_a_policy_that_diverges_ends_its_episodes_and_not_the_evaluation(caplog)
     assert "(2 x invalid action: joint action is not finite in)" in caplog.text
 
 
-def test_a_tensor_that_requires_its_gradient_is_no_action():
-    env = BimanualEnv("lift_ball", obs="state")
-    env.reset(seed=0)
-    with pytest.raises(InvalidAction, match="requires grad"):
-        env.step(torch.zeros(16, requires_grad=True))
-    env.close()
-
-
 def test_workers_load_neither_lerobot_nor_torch():
     # In a process of its own: workers come from the process's one fork server, and other tests start it with more.
     program = textwrap.dedent("""
@@ -241,13 +208,3 @@ def test_workers_load_neither_lerobot_nor_torch():
     """)
     child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert "loaded: (['mujoco'],)" in child.stdout, child.stdout + child.stderr
-
-
-def test_an_arbitrary_policy_output_does_not_stop_the_evaluation():
-    rng = np.random.default_rng(0)
-
-    def noise(batch) -> torch.Tensor:
-        return torch.from_numpy(rng.normal(0, 3, (2, 18)).astype(np.float32))
-
-    info, _ = evaluate(noise, False, obs="state")
-    assert info["aggregated"]["pc_success"] == 0.0
