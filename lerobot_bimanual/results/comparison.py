@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import lcm, sqrt
 from pathlib import Path
+from statistics import fmean, stdev
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult
@@ -13,7 +14,6 @@ from lerobot_bimanual.results.statistics import (
     SuccessRate,
     mcnemar_p_value,
     sign_flip_p_value,
-    standard_deviation,
 )
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
@@ -125,12 +125,12 @@ class Comparison:
     def difference(self) -> float:
         """Mean success of the first less that of the second."""
         first, second = self.rates
-        return _mean([rate.rate for rate in first]) - _mean([rate.rate for rate in second])
+        return fmean([rate.rate for rate in first]) - fmean([rate.rate for rate in second])
 
     @property
     def episode_error(self) -> float:
         """Standard error of the difference from the draw of the episodes, for these trainings."""
-        return standard_deviation(self._differences) / self._unit / sqrt(len(self.seeds))
+        return _deviation(self._differences) / self._unit / sqrt(len(self.seeds))
 
     @property
     def training_error(self) -> float | None:
@@ -138,9 +138,7 @@ class Comparison:
         first, second = ([rate.rate for rate in rates] for rates in self.rates)
         if len(first) < 2 or len(second) < 2:
             return None
-        return sqrt(
-            standard_deviation(first) ** 2 / len(first) + standard_deviation(second) ** 2 / len(second)
-        )
+        return sqrt(_deviation(first) ** 2 / len(first) + _deviation(second) ** 2 / len(second))
 
     @property
     def _unit(self) -> int:
@@ -170,8 +168,9 @@ def _rate(solved: Sequence[bool]) -> SuccessRate:
     return SuccessRate(sum(solved), len(solved))
 
 
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values)
+def _deviation(values: Sequence[float]) -> float:
+    """Standard deviation of a sample; 0 for a single value."""
+    return stdev(values) if len(values) > 1 else 0.0
 
 
 def check_comparable(results: Results) -> None:

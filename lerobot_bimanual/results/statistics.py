@@ -1,10 +1,10 @@
-"""How sure one can be of a success rate, of the difference of two, and of many differences at once."""
+"""Intervals of success rates, and tests of paired outcomes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb, exp, lgamma, log, sqrt
+from math import comb, sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -27,7 +27,7 @@ class SuccessRate:
 
     @property
     def rate(self) -> float:
-        """Share of successes, 0 when nothing was tried."""
+        """Share of successes, 0 without trials."""
         return self.successes / self.trials if self.trials else 0.0
 
     @property
@@ -43,14 +43,14 @@ class SuccessRate:
 def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     """Wilson score interval of a proportion at 95 % confidence (Wilson 1927).
 
-    Unlike the normal approximation it keeps its coverage near 0 and 1, where certified experts live.
+    Unlike the normal approximation it keeps its coverage near 0 and 1, where experts are.
 
     Args:
         successes: number of successes, 0 to `trials`; may be the mean of several trainings on the same episodes.
         trials: number of independent episodes.
 
     Returns:
-        Lower and upper bound in [0, 1]; (0, 1) when nothing was tried.
+        Lower and upper bound in [0, 1]; (0, 1) without trials.
 
     Raises:
         ValueError: a count is out of range.
@@ -95,27 +95,11 @@ def sign_flip_p_value(differences: Sequence[int]) -> float:
         differences: one per episode, first less second, in a unit that makes them integers.
     """
     total = sum(map(abs, differences))
-    chances = np.ones(1)  # of each sum of those that are positive; the whole sum is twice that less `total`
+    chances = np.ones(1)  # of each sum of the positive ones; the whole sum is twice that minus `total`
     for size in map(abs, differences):
         chances = (np.pad(chances, (0, size)) + np.pad(chances, (size, 0))) / 2
     sums = 2 * np.arange(total + 1) - total
     return min(1.0, float(chances[abs(sums) >= abs(sum(differences))].sum()))
-
-
-def anytime_p_value(only_first: int, only_second: int) -> float:
-    """The same question, asked after every episode: at most one in twenty null comparisons ever gets below 0.05.
-
-    The likelihood of the episodes seen, averaged over all shares of wins alike, against that of fair coins; its inverse,
-    at most 1. By Ville's inequality (1939) it may be looked at as often as one likes; with fixed numbers of episodes,
-    McNemar's test sees smaller differences.
-
-    Args:
-        only_first: episodes that only the first solved so far.
-        only_second: episodes that only the second solved so far.
-    """
-    differing = only_first + only_second
-    log_average = lgamma(only_first + 1) + lgamma(only_second + 1) - lgamma(differing + 2)
-    return min(1.0, exp(-log_average - differing * log(2)))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -129,11 +113,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
         corrected[index] = largest
     return corrected
-
-
-def standard_deviation(values: Sequence[float]) -> float:
-    """Of a sample: the root of the mean square from the mean, with one less than their number; 0 for a single one."""
-    if len(values) < 2:
-        return 0.0
-    mean = sum(values) / len(values)
-    return sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))

@@ -5,11 +5,9 @@ import pytest
 
 from lerobot_bimanual.results.statistics import (
     SuccessRate,
-    anytime_p_value,
     holm,
     mcnemar_p_value,
     sign_flip_p_value,
-    standard_deviation,
     wilson_interval,
 )
 
@@ -82,47 +80,3 @@ def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
     assert holm([]) == []
-
-
-def test_a_standard_deviation_is_that_of_a_sample():
-    assert standard_deviation([1, 2, 4]) == pytest.approx(np.std([1, 2, 4], ddof=1))
-    assert standard_deviation([0.7]) == 0
-
-
-def first_stop(differences: np.ndarray) -> int | None:
-    """Number of episodes after which the test is sure; None if it never is. `differences` (episodes,) of -1, 0, 1."""
-    wins, losses = np.cumsum(differences > 0), np.cumsum(differences < 0)
-    for episode, (won, lost) in enumerate(zip(wins, losses, strict=True), start=1):
-        if anytime_p_value(int(won), int(lost)) <= 0.05:
-            return episode
-    return None
-
-
-def test_of_2000_pairs_of_equal_policies_at_most_one_in_twenty_is_ever_called_different():
-    rng = np.random.default_rng(0)
-    called = 0
-    for _ in range(2000):
-        difficulty = rng.uniform(size=100) < rng.uniform(0.1, 0.9)  # episodes that are hard for both alike
-        solved = rng.uniform(size=(2, 100)) < np.where(difficulty, 0.3, rng.uniform(0.5, 1))
-        called += first_stop(solved[0].astype(int) - solved[1].astype(int)) is not None
-    assert 0 < called <= 0.05 * 2000
-
-
-def test_policies_that_differ_much_are_told_apart_long_before_the_last_episode():
-    rng = np.random.default_rng(1)
-    stops = [
-        first_stop((rng.uniform(size=100) < 0.9).astype(int) - (rng.uniform(size=100) < 0.4).astype(int))
-        for _ in range(200)
-    ]
-    found = [stop for stop in stops if stop is not None]
-    assert len(found) >= 195
-    assert np.median(found) < 40
-
-
-def test_looking_at_any_time_costs_something():
-    for wins, losses in ((6, 0), (9, 1), (20, 5), (5, 20)):
-        assert anytime_p_value(wins, losses) > mcnemar_p_value(wins, losses)
-    assert anytime_p_value(0, 0) == 1
-    assert anytime_p_value(5, 5) == 1
-    assert anytime_p_value(8, 0) == pytest.approx(9 / 256)
-    assert 0 < anytime_p_value(1000, 0) < 1e-200
