@@ -58,7 +58,7 @@ class Episode:
         steps: one entry per control tick; at least one.
         final_observation: vectors of row T.
         images: gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
-            millimetres, as the environment emits them. They are asked for row by row, so that nobody renders
+            millimetres, as the environment emits them. They are requested row by row, so that no caller renders
             rows that no view stores, and an episode never has to fit into memory with all its images.
     """
 

@@ -7,9 +7,9 @@ from typing import Any, NoReturn
 
 from lerobot_bimanual.errors import BimanualError
 
-MOST_BYTES = 2**26
+MAX_BYTES = 2**26
 """Larger than any config, certificate or result."""
-MOST_DEPTH = 64
+MAX_DEPTH = 64
 """Lists and objects within each other; none of ours has ten."""
 
 
@@ -31,18 +31,18 @@ def parse_json(text: str | bytes) -> Any:
         raise BimanualError(f"must be JSON: {error}") from error
 
 
-def read_json(path: Path, most_bytes: int = MOST_BYTES) -> Any:
+def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
     """The value in a JSON file.
 
     Args:
         path: the file.
-        most_bytes: what is larger is not read.
+        max_bytes: what is larger is not read.
 
     Raises:
         BimanualError: the file cannot be read, is too large, or is no JSON; the message names it.
     """
     try:
-        return parse_json(read_bytes(path, most_bytes))
+        return parse_json(read_bytes(path, max_bytes))
     except (OSError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
 
@@ -56,7 +56,7 @@ def shown(value: object, most: int = 120) -> str:
     return text if len(text) <= most else f"{text[:most]}..."
 
 
-def read_bytes(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """The content of a file that is no larger than ours are.
 
     Raises:
@@ -67,9 +67,9 @@ def read_bytes(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     if not path.is_file():  # a pipe or a device may never end
         raise BimanualError("not a file")
     with path.open("rb") as file:
-        content = file.read(most_bytes + 1)
-    if len(content) > most_bytes:
-        raise BimanualError(f"larger than {most_bytes // 2**20} MB, which no such file is")
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:
+        raise BimanualError(f"larger than {max_bytes // 2**20} MB, which no such file is")
     return content
 
 
@@ -88,15 +88,15 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for key, value in pairs:
         if key in values:
-            raise ValueError(f"the key {shown(key)} stands there twice")
+            raise ValueError(f"duplicate key {shown(key)}")
         values[key] = value
     return values
 
 
 def _refuse_depth_and_surrogates(value: Any) -> None:
-    """Half characters would fail when somebody prints them, great depth when somebody walks down."""
+    """Reject lone surrogates, which cannot be printed, and excessive nesting."""
     level = [value]
-    for _ in range(MOST_DEPTH):
+    for _ in range(MAX_DEPTH):
         for item in level:
             if isinstance(item, str):
                 item.encode()
@@ -104,7 +104,7 @@ def _refuse_depth_and_surrogates(value: Any) -> None:
         if not containers:
             return
         level = [inner for item in containers for inner in _parts(item)]
-    raise ValueError(f"nested deeper than {MOST_DEPTH} levels")
+    raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
 
 
 def _parts(container: dict[str, Any] | list[Any]) -> list[Any]:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.json_file import read_json, shown
 
-MOST_NAMED = 10
+MAX_NAMED = 10
 """Of unknown fields, in one message."""
 
 
@@ -29,7 +29,7 @@ def decode[Kind](kind: type[Kind], value: Any, place: str, partly: bool = False)
             dataclasses of such.
         value: what `json_file.parse_json` has read.
         place: what the value is called in messages.
-        partly: whether the value may hold fields that nobody asked for.
+        partly: whether the value may hold unknown fields.
 
     Raises:
         BadRecord: a field is missing, unknown or of another kind, or the dataclass refuses its values with a
@@ -95,7 +95,7 @@ def _decode_fields(kind: Any, content: Mapping[str, Any], place: str, partly: bo
     unknown = set() if partly else set(content) - set(names)
     for wrong, problem in ((set(names) - set(content), "lacks"), (unknown, "has unknown")):
         if wrong:
-            listed = ", ".join(sorted(map(_name, wrong))[:MOST_NAMED])
+            listed = ", ".join(sorted(map(_name, wrong))[:MAX_NAMED])
             raise BadRecord(f"{place} {problem} {listed}; its fields are {', '.join(names)}")
     values = {name: _decode(hints[name], content[name], f"{place}.{name}", partly) for name in names}
     try:

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from lerobot_bimanual.errors import InvalidChoice
 
 MAX_LEVEL = 3
-"""Level 0 is the world as it is."""
+"""Level 0 is nominal."""
 
 
 def parse_levels(text: object) -> dict[str, int]:
-    """Level of each axis, by name in alphabetical order; axes at level 0 are left out.
+    """Level of each axis, by name in alphabetical order; nominal axes are left out.
 
     Args:
         text: `AXIS:LEVEL`, several separated by commas; may be empty.

@@ -16,7 +16,7 @@ output="${OUTPUT:-outputs/board}"
 rows="${ROWS:-results/leaderboard}"
 page="${PAGE:-docs/results.md}"
 
-fail() {  # go on with the others, unless somebody has stopped this one
+fail() {  # go on with the others, unless this one was interrupted
     [ "$1" -ne 130 ] && [ "$1" -ne 143 ] || exit "$1"
     failed="${failed:-} $2"
 }

@@ -24,7 +24,7 @@ from lerobot_env_bimanual.options import EnvOptions
 
 EPISODES_SUFFIX = "_episodes.json"
 """Of the log that lies beside films."""
-MOST_REASONS = 5
+MAX_REASONS = 5
 """In the last line, which has to stay readable."""
 RECORDED_OPTIONS = (
     "variation",
@@ -117,7 +117,7 @@ class EpisodeLog:
         if not finished:
             return
         failures = Counter(episode.reason for episode in finished if not episode.success)
-        reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MOST_REASONS))
+        reasons = ", ".join(f"{count} x {reason}" for reason, count in failures.most_common(MAX_REASONS))
         solved = sum(episode.success for episode in finished)
         films = "--env.video_dir=FOLDER films every episode whole"
         if (folder := self._options.video_dir) is not None:

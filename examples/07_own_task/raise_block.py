@@ -1,4 +1,4 @@
-"""Raise a block: a task of somebody else's, in a distribution of its own.
+"""Raise a block: a task in a distribution of its own.
 
 The right arm takes a block off the table and holds it up, and the left one follows above it. `pyproject.toml` beside
 this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its name. Once that is installed, every

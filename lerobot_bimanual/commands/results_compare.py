@@ -34,7 +34,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
     Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
     either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks.
     Overlapping intervals do not mean that two policies are equal: on the same episodes the paired test sees smaller
-    differences. Of policies that were trained several times, every training stands there, and the standard error of the
+    differences. Of policies that were trained several times, every training is shown, and the standard error of the
     difference is told apart by where it comes from: the episodes that were drawn, and the trainings. An episode then counts
     once, with the mean over its trainings, and the p-value is that of the exact sign-flip permutation test. It is about these
     trainings; whether others would differ likewise, the second error says.

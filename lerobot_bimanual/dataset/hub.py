@@ -32,7 +32,7 @@ DATASET_FILES = ("data/*", "meta/*", "videos/*")
 
 
 def pushable_folder(root: Path) -> Path:
-    """`root`, if one whole dataset of this package lies there and says where it comes from.
+    """`root`, if it is one whole dataset of this package with its provenance.
 
     Raises:
         DatasetError: there is none, there are two, it has no provenance, or it is not as it was published.

@@ -45,7 +45,7 @@ class ViewWriter:
     """Writes one view of episodes into a new folder.
 
     Used as a context manager it finishes the dataset when the block ends well, and only then: without LeRobot's
-    final footers a dataset cannot be opened, so nobody mistakes a broken one for a whole one.
+    final footers a dataset cannot be opened, so a broken one cannot be mistaken for a whole one.
 
     Args:
         root: folder of the dataset; must not exist.

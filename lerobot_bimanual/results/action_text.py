@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 LITTLE_ENDIAN = "<u4"
 HEAD = re.compile(r"([0-9]{1,6})x([0-9]{1,4}):")
-MOST_NUMBERS = 10_000_000
+MAX_NUMBERS = 10_000_000
 """Of one text; an hour of joint actions has a tenth of it."""
 
 
@@ -40,7 +40,7 @@ def actions_from_text(text: str) -> NDArray[np.float32]:
         raise ValueError("actions must begin with their number and length, such as '7x18:'")
     count, length = map(int, head.groups())
     size = count * length
-    if size > MOST_NUMBERS:
+    if size > MAX_NUMBERS:
         raise ValueError(f"actions of {size} numbers are more than any episode has")
     try:
         inflate = zlib.decompressobj()

@@ -1,4 +1,4 @@
-"""A chain over the steps of an episode: whoever changes one action or state changes every link from there on."""
+"""A chain over the steps of an episode: a change of one action or state changes every link from there on."""
 
 import base64
 import hashlib
@@ -41,7 +41,7 @@ def first_difference(links: str, others: str) -> int | None:
     """Index of the first step whose links differ, or that one of the chains lacks; `None` if there is none.
 
     Raises:
-        ValueError: a text is none of links.
+        ValueError: a text is not one of links.
     """
     one, other = _links(links), _links(others)
     pairs = zip(one, other, strict=False)

@@ -66,7 +66,7 @@ def parse_episodes(text: str, count: int) -> list[int]:
     """Episode indices that `all`, a comma list or a half-open range `a:b` means, of a dataset of `count` episodes.
 
     Raises:
-        BimanualError: the text is none of these, or there is no such episode.
+        BimanualError: the text is invalid, or there is no such episode.
     """
     try:
         indices = _read_indices(text, count)

@@ -1,4 +1,4 @@
-"""What each instruction would have somebody do who finds himself in a given scene.
+"""What an agent that follows an instruction would do in a given scene.
 
 An expert's script serves the variation that its scene was placed for. A control that does not read needs the scripts of
 the other instructions in the same scene, as far as what they name is there.
@@ -27,7 +27,7 @@ def readings(task: Task, scene: SceneView) -> list[Script]:
 
 
 def chance(task: Task) -> float:
-    """Share of a task's episodes that somebody solves who follows any of the instructions that the scene allows.
+    """Share of a task's episodes that an agent solves that follows a random one of the instructions that the scene allows.
 
     On average over the variations, in one episode of each.
     """

@@ -1,7 +1,7 @@
 """Records the expert's episodes.
 
 Physics and images are apart: while the expert plays, every tick's state and vectors are noted; images are rendered
-afterwards from the noted states, of the rows that somebody asks for. So a failed attempt costs no image, a dataset
+afterwards from the noted states, of the rows that are requested. So a failed attempt costs no image, a dataset
 of keyframes renders a dozen rows instead of hundreds, and an episode with all its images never has to fit into
 memory.
 """
@@ -33,7 +33,7 @@ class Recorder:
         cameras: cameras of the images.
         image_size: (height, width) in pixels.
         codec: round every keypose to its voxels and bins before it is executed and recorded.
-        perturb: what is different from the world as it is, `AXIS:LEVEL,...`.
+        perturb: perturbations, `AXIS:LEVEL,...`.
     """
 
     def __init__(

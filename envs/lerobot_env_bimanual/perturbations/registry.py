@@ -62,7 +62,7 @@ def get_axis(name: str) -> Axis[Any]:
 
 
 def chosen_levels(perturb: object) -> dict[str, int]:
-    """Level of each chosen axis, by name in alphabetical order; axes at level 0 are left out.
+    """Level of each chosen axis, by name in alphabetical order; nominal axes are left out.
 
     Args:
         perturb: `AXIS:LEVEL`, several separated by commas; may be empty.

@@ -1,4 +1,4 @@
-"""A policy of somebody else's, for the tasks of lerobot_bimanual and LeRobot's own commands.
+"""A policy in a distribution of its own, for the tasks of lerobot_bimanual and LeRobot's own commands.
 
 It predicts the next keypose from where the hands are and how many keyposes have passed, without any image: what it
 scores can be had by knowing the demonstrations' mean. A policy that sees should score more.
