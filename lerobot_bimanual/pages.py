@@ -38,7 +38,9 @@ def render(package: str, template: str, **values: object) -> str:
 def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
     """A Markdown table; the first column is aligned left, the others right, or left in a table of words."""
     align = ["left", *["left" if words else "right"] * (len(frame.columns) - 1)]
-    return frame.to_markdown(index=False, disable_numparse=True, colalign=align)
+    text = frame.to_markdown(index=False, disable_numparse=True, colalign=align)
+    assert text is not None  # it goes to no file
+    return text
 
 
 def upright(frame: pd.DataFrame, *names: str) -> str:
@@ -48,8 +50,9 @@ def upright(frame: pd.DataFrame, *names: str) -> str:
         frame: the table.
         names: first cells of the rows; the first one is the subject of the page, and its column bears no name.
     """
-    shown = frame.set_index(frame.columns[0]).T[[name for name in names if name in set(frame.iloc[:, 0])]]
-    return markdown_table(shown.rename(columns={names[0]: "value"}).rename_axis("figure").reset_index())
+    present = [name for name in names if name in set(frame.iloc[:, 0])]
+    columns = frame.set_index(frame.columns[0]).T[present].set_axis(["value", *present[1:]], axis="columns")
+    return markdown_table(columns.rename_axis("figure").reset_index())
 
 
 def write_page(page: str, output: Path | None) -> None:

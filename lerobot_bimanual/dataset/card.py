@@ -88,7 +88,10 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequenc
 
     fractions = provenance.settings.get("intermediate")
     counts = Counter((key.task, key.variation) for key in provenance.episodes)
-    rows = [(*which, count) for which, count in sorted(counts.items())]
+    rows = [
+        {"task": task, "variation": variation, "episodes": count}
+        for (task, variation), count in sorted(counts.items())
+    ]
     return render(
         "lerobot_bimanual.dataset",
         "card.md",
@@ -98,7 +101,7 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequenc
         info=info,
         provenance=provenance,
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
-        episodes=pd.DataFrame(rows, columns=["task", "variation", "episodes"]),
+        episodes=pd.DataFrame(rows),
         columns=_columns(info),
         schema=schema,
         keypose_names=ARM_KEYPOSE_NAMES,
@@ -129,8 +132,9 @@ def _columns(info: dict) -> pd.DataFrame:
             is_depth = (feature.get("info") or {}).get("is_depth_map")
             meaning = "depth along the optical axis" if is_depth else "RGB"
         if meaning is not None:  # the others are LeRobot's own bookkeeping
-            rows.append((f"`{key}`", feature["dtype"], " x ".join(map(str, feature["shape"])), meaning))
-    return pd.DataFrame(rows, columns=["column", "type", "shape", "meaning"])
+            shape = " x ".join(map(str, feature["shape"]))
+            rows.append({"column": f"`{key}`", "type": feature["dtype"], "shape": shape, "meaning": meaning})
+    return pd.DataFrame(rows)
 
 
 def _write_picture(root: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from statistics import stdev
+from statistics import fmean, stdev
 
 import pandas as pd
 from pydantic import ConfigDict
@@ -122,16 +122,16 @@ def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
         }
         for each in results
     ).sort_values(["task", "policy", "seed"])
-    table["share"] = table.rate.map(lambda rate: rate.rate)
+    table["share"] = [rate.rate for rate in table.rate]
     by_task, by_cell = table.groupby("task"), table.groupby(["task", "policy"])
     shown = by_cell.rate.apply(_success_cell).unstack().fillna(ABSENT).add_prefix("`").add_suffix("`")
     baselines = by_task[["expert", "open_loop"]].first()
-    shown["expert"] = baselines.expert.map(lambda rate: str(rate.successes))
-    shown["open loop"] = baselines.open_loop.map(_score)
+    shown["expert"] = [str(rate.successes) for rate in baselines.expert]
+    shown["open loop"] = [*map(_score, baselines.open_loop)]
     shown.index = [f"`{task}`" for task in shown.index]
     if len(shown) > 1:
         means = by_cell.share.mean().unstack().mean(skipna=False)  # of policies that were scored on all tasks
-        means = [*means, *(baselines[name].map(lambda rate: rate.rate).mean() for name in baselines)]
+        means = [*means, *(fmean(rate.rate for rate in baselines[name]) for name in baselines)]
         shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
 
@@ -166,7 +166,7 @@ def _success_cell(rates: pd.Series) -> str:
         return _score(rates.iloc[0])
     shares = [rate.rate for rate in rates]
     counts = ", ".join(f"{rate.successes}/{rate.trials}" for rate in rates)
-    return f"{counts}: {sum(shares) / len(shares):.1%} ± {stdev(shares):.1%}"
+    return f"{counts}: {fmean(shares):.1%} ± {stdev(shares):.1%}"
 
 
 def _score(rate: SuccessRate) -> str:
