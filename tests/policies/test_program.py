@@ -43,5 +43,6 @@ def test_the_program_speaks_and_then_trains(monkeypatch, capsys):
         return 7
 
     monkeypatch.setitem(sys.modules, "lerobot_policy_bimanual.training.train", SimpleNamespace(main=train))
+    monkeypatch.setattr(program, "keep_freed_memory", lambda: heard.append("kept"))
     assert program.main() == 7
-    assert heard == ["lerobot-bimanual-train: importing LeRobot\n"]
+    assert heard == ["kept", "lerobot-bimanual-train: importing LeRobot\n"]

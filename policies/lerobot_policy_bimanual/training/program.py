@@ -13,6 +13,7 @@ MAX_KEPT_BYTES = 2**30
 def main() -> int:
     """Print that the program runs, then import LeRobot and train."""
     sys.stderr.write("lerobot-bimanual-train: importing LeRobot\n")
+    keep_freed_memory()
     from lerobot_policy_bimanual.training.train import main as train
 
     return train()

@@ -23,7 +23,6 @@ from lerobot_bimanual.dataset.reader import INFO_FILE, datasets_below, views_bel
 from lerobot_bimanual.dataset.schema import STATE
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.training.program import keep_freed_memory
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 ROW_KEYS = ("row", "held_out_row")
@@ -69,7 +68,6 @@ def main() -> int:
         preprocessor, postprocessor = _make_processors(*args, **kwargs)
         return LookUpRows(datasets, preprocessor), postprocessor
 
-    keep_freed_memory()
     lerobot_train.make_train_eval_datasets = make_datasets
     lerobot_train.make_pre_post_processors = make_processors
     lerobot_train.compute_sampler_state = take_back_a_draw
