@@ -9,10 +9,9 @@ from typing import Annotated, Literal, NamedTuple, Self, get_args
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.results.episode import Episode, StateHash, success_rate
+from lerobot_bimanual.results.episode import Episode, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require
-from lerobot_bimanual.results.statistics import SuccessRate
 
 PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "language_ablated"]
 PLAYERS: tuple[PlayerName, ...] = get_args(PlayerName)
@@ -211,11 +210,6 @@ def by_variation(episodes: Sequence[EpisodeOutcome]) -> dict[tuple[str, int], li
     for episode in episodes:
         found.setdefault((episode.task, episode.variation), []).append(episode)
     return {key: found[key] for key in sorted(found)}
-
-
-def variation_rates(episodes: Sequence[EpisodeOutcome]) -> dict[tuple[str, int], SuccessRate]:
-    """Success rate by task and variation, sorted."""
-    return {key: success_rate(found) for key, found in by_variation(episodes).items()}
 
 
 def median_duration_s(episodes: Sequence[EpisodeOutcome]) -> float:

@@ -17,7 +17,6 @@ ASLEEP = mujoco.mjtSleepState.mjS_ASLEEP.value
 HIDDEN_GROUP = mujoco.mjNGROUP - 1
 """Group of geoms that are not drawn."""
 
-SEGMENTATION_FLAGS = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
 """With both, each geom is drawn in a colour that is its number."""
 
 MARGIN_M = 0.001
@@ -95,22 +94,6 @@ class Composition:
             self._list(self._others, np.ones_like(self._room), self._options)
         pixels = self._draw(self._others, camera)
         return pixels.rgb, self._offscreen.depth_m(pixels.nearness)
-
-    def geoms(self, camera: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Geom indices, -1 where none is, and metric depth from one camera."""
-        scene = self._others
-        self._list(scene, np.ones_like(self._room), self._options)
-        for flag in SEGMENTATION_FLAGS:
-            scene.flags[flag] = True
-        pixels = self._draw(scene, camera)
-        for flag in SEGMENTATION_FLAGS:
-            scene.flags[flag] = False
-        geoms = np.full(scene.maxgeom + 1, -1, np.int32)  # by the colour, which is 0 where nothing is drawn
-        for geom in scene.geoms[: scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                geoms[geom.segid + 1] = geom.objid
-        numbers = pixels.rgb.astype(np.int32) @ (1, 2**8, 2**16)
-        return geoms[numbers], self._offscreen.depth_m(pixels.nearness)
 
     def _backdrop(self, camera: int) -> Backdrop | None:
         """Room and sleeping props; None where they cannot be drawn apart."""

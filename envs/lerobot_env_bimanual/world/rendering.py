@@ -1,7 +1,7 @@
 """RGB-D images of a scene."""
 
 import atexit
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,29 +66,6 @@ class Renderer:
         Raises:
             MissingGL: no OpenGL context can be made on this machine.
         """
-        return self._each_camera(Composition.image)
-
-    def segment(self) -> dict[str, tuple[NDArray[np.int32], NDArray[np.float32]]]:
-        """Which geom each pixel shows, one pass per camera.
-
-        Returns:
-            Per camera a fresh pair: index of the geom (height, width) int32, -1 where nothing is hit, and depth as
-            `render` returns it.
-
-        Raises:
-            MissingGL: no OpenGL context can be made on this machine.
-        """
-        return self._each_camera(Composition.geoms)
-
-    def close(self) -> None:
-        """Free the OpenGL context; the next `render` makes a new one."""
-        if self._offscreen is not None:
-            self._offscreen.free()
-            atexit.unregister(self._offscreen.free)
-            self._offscreen = self._composition = None
-
-    def _each_camera[Seen](self, take: Callable[[Composition, int], Seen]) -> dict[str, Seen]:
-        """What each camera sees; the context is made if there is none."""
         model, data, appearance = self._scene.model, self._scene.data, self._scene.appearance
         quality = self._quality.with_shadows() if appearance.casts_shadows else self._quality
         if self._offscreen is not None and self._offscreen.quality != quality:
@@ -100,9 +77,16 @@ class Renderer:
             composition = self._composition
             with applied(model, data, appearance.fields):
                 composition.begin(appearance.fingerprint)
-                return {camera: take(composition, model.camera(camera).id) for camera in self.cameras}
+                return {camera: composition.image(model.camera(camera).id) for camera in self.cameras}
         finally:
             release_gl()
+
+    def close(self) -> None:
+        """Free the OpenGL context; the next `render` makes a new one."""
+        if self._offscreen is not None:
+            self._offscreen.free()
+            atexit.unregister(self._offscreen.free)
+            self._offscreen = self._composition = None
 
     def __enter__(self) -> "Renderer":
         return self
