@@ -17,8 +17,6 @@ ASLEEP = mujoco.mjtSleepState.mjS_ASLEEP.value
 HIDDEN_GROUP = mujoco.mjNGROUP - 1
 """Group of geoms that are not drawn."""
 
-"""With both, each geom is drawn in a colour that is its number."""
-
 MARGIN_M = 0.001
 """Far more than rounding moves a drawn vertex."""
 
