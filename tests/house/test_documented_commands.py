@@ -16,18 +16,11 @@ from lerobot_bimanual.cli.flags import parse_flags
 ALL = list(commands(*DOCUMENTS, *sorted(ROOT.glob("examples/*.sh"))))
 PYTHON_BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
 
-RUN = re.compile(
-    r"lerobot-bimanual (task|dataset (verify|regenerate|replay)|results (compare|report))|lerobot-edit-dataset|cp "
-)
-"""Commands of pages that are run because they take seconds; all of the README are."""
-RUN_PAGES = ("datasets", "determinism", "learning")
-
 SMALLER = {
-    **dict.fromkeys(("episodes", "eval.n_episodes", "sample", "eval.batch_size"), "1"),
-    **dict.fromkeys(("steps", "save_freq"), "2"),
-    **dict.fromkeys(("image_size", "env.image_size"), "32"),
+    **dict.fromkeys(("--episodes", "--eval.n_episodes", "--eval.batch_size"), "1"),
+    **dict.fromkeys(("--steps", "--save_freq"), "2"),
 }
-"""Values of flags that are given, by name."""
+"""Values of flags that are given."""
 TRAINING = ("--steps=2", "--save_freq=2", "--batch_size=2", "--num_workers=0", "--policy.device=cpu")
 BENCHMARK = (
     "--demos=2",
@@ -100,33 +93,24 @@ def test_the_files_that_commands_read_exist() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_the_commands_of_the_readme_and_the_quick_ones_of_pages_run(tmp_path: Path) -> None:
+def test_the_commands_and_programs_of_the_readme_run_in_their_order(tmp_path: Path) -> None:
     for name in ("policies", "results"):
         (tmp_path / name).symlink_to(ROOT / name)
-    readme = [words for words in commands(ROOT / "README.md") if words[0] not in ("make", "source")]
-    pages = commands(*(ROOT / f"docs/{name}.md" for name in RUN_PAGES))
-    quick = [words for words in pages if RUN.match(shlex.join(words))]
-    assert len(readme) > 8
-    assert len(quick) > 8
-    for words in readme + quick:
-        run(small(words), tmp_path)
+    readme = ROOT / "README.md"
+    for words in commands(readme):
+        if words[0] not in ("make", "source"):
+            run(small(words), tmp_path)
+    for program in PYTHON_BLOCK.findall(readme.read_text(encoding="utf-8")):
+        run(["python", "-c", program], tmp_path)
 
 
 def small(words: list[str]) -> list[str]:
     """The same command with little to do."""
-    given = {word.partition("=")[0] for word in words}
+    flags = dict(word.partition("=")[::2] for word in words if "=" in word)
     further = [*FURTHER.get(words[0], ()), *FURTHER.get(" ".join(words[1:3]), ())]
-    return [_small(word) for word in words] + [
-        flag for flag in further if flag.partition("=")[0] not in given
-    ]
-
-
-def _small(word: str) -> str:
-    name, equals, value = word.removeprefix("--").partition("=")
-    if name in ("seeds", "episodes") and ":" in value:
-        first = int(value.partition(":")[0])
-        return f"--{name}={first}:{first + 1}"
-    return f"--{name}={SMALLER.get(name, value)}" if equals and word.startswith("--") else word
+    added = [flag for flag in further if flag.partition("=")[0] not in flags]
+    fewer = {name: f"{name}={SMALLER[name]}" for name in flags if name in SMALLER}
+    return [fewer.get(word.partition("=")[0], word) for word in words] + added
 
 
 def run(words: list[str], folder: Path) -> None:
@@ -141,14 +125,3 @@ def run(words: list[str], folder: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
-
-
-@pytest.mark.slow
-def test_the_python_programs_of_the_pages_run(tmp_path: Path) -> None:
-    """Those that import everything that they need."""
-    blocks = [text for page in DOCUMENTS for text in PYTHON_BLOCK.findall(page.read_text(encoding="utf-8"))]
-    programs = [text for text in blocks if text.startswith("import gymnasium")]
-    assert len(programs) >= 3
-    for text in programs:
-        (tmp_path / "program.py").write_text(text, encoding="utf-8")
-        run(["python", "program.py"], tmp_path)

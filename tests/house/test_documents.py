@@ -1,10 +1,8 @@
 """Tables and links in the documents are true."""
 
 import re
-import sys
-from collections.abc import Iterator
+import runpy
 from pathlib import Path
-from typing import Any
 
 import pytest
 from documents import DOCUMENTS, ROOT
@@ -27,17 +25,23 @@ def test_the_readme_names_every_command_and_no_other() -> None:
 
 
 def test_every_page_is_in_the_navigation_of_the_site() -> None:
-    import yaml
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    assert {path.name for path in ROOT.glob("docs/*.md")} <= {*re.findall(r"[\w/]+\.md", navigation)}
 
-    def pages(entry: Any) -> Iterator[str]:
-        if isinstance(entry, str):
-            yield entry
-        else:
-            for part in entry.values() if isinstance(entry, dict) else entry:
-                yield from pages(part)
 
-    named = set(pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
-    assert {path.name for path in ROOT.glob("docs/*.md")} <= named
+def test_the_files_and_classes_that_the_page_of_the_architecture_names_exist() -> None:
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    packages = [
+        ROOT,
+        *(path.parent for path in ROOT.glob("*/lerobot_*_bimanual/__init__.py")),
+        ROOT / "lerobot_bimanual",
+    ]
+    named = set(re.findall(r"`([\w/.]+(?:\.py|/))`", page))
+    assert [name for name in named if not any((package / name).exists() for package in packages)] == []
+    sources = "".join(
+        path.read_text(encoding="utf-8") for package in packages[1:] for path in package.rglob("*.py")
+    )
+    assert [name for name in re.findall(r"`([A-Z]\w+)`", page) if f"class {name}" not in sources] == []
 
 
 def test_the_table_of_the_schema_names_every_column() -> None:
@@ -72,19 +76,8 @@ def test_the_table_of_cameras_is_the_scene() -> None:
         assert f"| `{camera.name}` | {places} | {camera.fovy_deg:g}° |" in text
 
 
-def test_tables_of_pages_are_those_of_the_board_and_the_registry() -> None:
-    tables = script("tables")
-    for name, (place, _) in tables.TABLES.items():
+def test_tables_of_pages_are_those_of_the_results_and_the_registry() -> None:
+    tables = runpy.run_path(str(ROOT / "scripts/tables.py"))
+    for name, (place, _) in tables["TABLES"].items():
         page = (ROOT / place).read_text(encoding="utf-8")
-        assert tables.with_table(page, name) == page, "run scripts/tables.py"
-
-
-def script(name: str) -> Any:
-    """A script as a module; those that it imports lie beside it."""
-    import importlib
-
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        return importlib.import_module(name)
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
+        assert tables["with_table"](page, name) == page, "run scripts/tables.py"

@@ -1,6 +1,5 @@
 """Things that must agree across the repository, and things that must not be in it."""
 
-import os
 import re
 import subprocess
 import tomllib
@@ -92,13 +91,3 @@ def test_no_file_names_a_private_path_or_a_registry() -> None:
 def test_no_file_but_trained_weights_is_larger_than_a_megabyte() -> None:
     large = {path.relative_to(ROOT) for path in files_of_the_repository() if path.stat().st_size > 1_000_000}
     assert not [path for path in large if not path.match("results/checkpoints/*/model.safetensors")]
-
-
-@pytest.mark.parametrize(
-    "script", [".ci/run", "benchmarks/gpu_train.sh", "scripts/find_uv.sh", "scripts/setup.sh"]
-)
-def test_scripts_are_executable_and_stop_at_the_first_error(script: str) -> None:
-    assert os.access(ROOT / script, os.X_OK)
-    text = (ROOT / script).read_text()
-    assert text.startswith("#!/usr/bin/env bash\n")
-    assert "set -euo pipefail\n" in text
