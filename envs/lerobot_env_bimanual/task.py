@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +20,8 @@ from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
+
+type Script = Callable[[SceneView], Iterator[Stage]]
 
 
 class Prehension(StrEnum):
@@ -172,3 +175,16 @@ class Task(ABC):
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:
         """Conditions of success of one variation."""
         return self.spec.success
+
+    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+        """The script that follows the instruction of another variation in this scene; None if the scene lacks its things.
+
+        A script may take for granted that the scene was placed for its variation; such a task says here what the
+        instructions of other variations mean.
+        """
+        return partial(self.script, variation=variation)
+
+    def readings(self, scene: SceneView) -> list[Script]:
+        """A script for every instruction that names what is in the scene, in the order of the variations."""
+        scripts = (self.reading(scene, variation) for variation in self.spec.variations)
+        return [script for script in scripts if script is not None]

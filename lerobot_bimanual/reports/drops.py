@@ -4,9 +4,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from lerobot_bimanual.results.comparison import Pairing
 from lerobot_bimanual.results.robustness import PolicyCondition, RobustnessResult
-from lerobot_bimanual.results.statistics import SuccessRate, holm
+from lerobot_bimanual.results.statistics import Pairing, SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 
 SIGNIFICANT = 0.05

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.drops import corrected_by_level
-from lerobot_bimanual.results.comparison import Pairing
 from lerobot_bimanual.results.robustness import NOMINAL, PolicyCondition, RobustnessResult
+from lerobot_bimanual.results.statistics import Pairing
 from lerobot_bimanual.tables import print_table
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 

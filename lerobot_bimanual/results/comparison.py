@@ -11,8 +11,8 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.statistics import (
+    Pairing,
     SuccessRate,
-    mcnemar_p_value,
     sign_flip_p_value,
 )
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
@@ -21,39 +21,6 @@ type Results = Mapping[Path, BenchmarkResult]
 
 DATASET_NAMES = ("repo_id",)
 """Settings of demonstrations that do not decide their content."""
-
-
-@dataclass(frozen=True)
-class Pairing:
-    """Outcomes of two policies on the same episodes.
-
-    Attributes:
-        both: episodes that both solved.
-        only_first: episodes that only the first solved.
-        only_second: episodes that only the second solved.
-        neither: episodes that neither solved.
-    """
-
-    both: int
-    only_first: int
-    only_second: int
-    neither: int
-
-    @classmethod
-    def of(cls, first: Sequence[bool], second: Sequence[bool]) -> "Pairing":
-        """The pairing of two lists of success, one entry per episode."""
-        outcomes = list(zip(first, second, strict=True))
-        return cls(
-            both=outcomes.count((True, True)),
-            only_first=outcomes.count((True, False)),
-            only_second=outcomes.count((False, True)),
-            neither=outcomes.count((False, False)),
-        )
-
-    @property
-    def p_value(self) -> float:
-        """Of McNemar's exact test, two-sided."""
-        return mcnemar_p_value(self.only_first, self.only_second)
 
 
 @dataclass(frozen=True)

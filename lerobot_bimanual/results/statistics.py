@@ -113,3 +113,36 @@ def holm(p_values: Sequence[float]) -> list[float]:
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
         corrected[index] = largest
     return corrected
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """Outcomes of two policies on the same episodes.
+
+    Attributes:
+        both: episodes that both solved.
+        only_first: episodes that only the first solved.
+        only_second: episodes that only the second solved.
+        neither: episodes that neither solved.
+    """
+
+    both: int
+    only_first: int
+    only_second: int
+    neither: int
+
+    @classmethod
+    def of(cls, first: Sequence[bool], second: Sequence[bool]) -> Pairing:
+        """The pairing of two lists of success, one entry per episode."""
+        outcomes = list(zip(first, second, strict=True))
+        return cls(
+            both=outcomes.count((True, True)),
+            only_first=outcomes.count((True, False)),
+            only_second=outcomes.count((False, True)),
+            neither=outcomes.count((False, False)),
+        )
+
+    @property
+    def p_value(self) -> float:
+        """Of McNemar's exact test, two-sided."""
+        return mcnemar_p_value(self.only_first, self.only_second)

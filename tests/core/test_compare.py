@@ -8,8 +8,8 @@ from sample_results import RESULT, VERSIONS, put, trained, variant
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.comparison import Comparison, Pairing
-from lerobot_bimanual.results.statistics import mcnemar_p_value
+from lerobot_bimanual.results.comparison import Comparison
+from lerobot_bimanual.results.statistics import Pairing, mcnemar_p_value
 
 OTHER_VERSIONS = VERSIONS | {"mujoco": "4"}
 

@@ -12,7 +12,6 @@ from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotat
 from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes, noop
-from lerobot_env_bimanual.experts.instruction_scripts import readings
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -171,7 +170,7 @@ def test_one_of_the_readings_of_a_scene_is_the_right_one(env_of, name):
     env = env_of(name)
     for variation in get_task(name).spec.variations:
         env.reset(seed=0, options={"variation": variation.index})
-        first = [next(iter(script(env.scene))) for script in readings(env.task_definition, env.scene)]
+        first = [next(iter(script(env.scene))) for script in env.task_definition.readings(env.scene)]
         expert = next(iter(env.task_definition.script(env.scene, variation)))
         poses = [_poses(stage) for stage in first]
         assert any(np.allclose(pose, _poses(expert)) for pose in poses)

@@ -27,10 +27,10 @@ from lerobot_bimanual.keypose import (
 )
 from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.instruction_scripts import Script, readings
 from lerobot_env_bimanual.experts.replanning import replanning
 from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.task import Script
 
 RANDOM_KEYPOSES = 25
 
@@ -90,7 +90,7 @@ def language_ablated(rng: np.random.Generator) -> Player:
     """The expert's keyposes for an instruction drawn at random among those that the scene allows."""
 
     def play(env: BimanualEnv) -> Iterator[Move]:
-        scripts = readings(env.task_definition, env.scene)
+        scripts = env.task_definition.readings(env.scene)
         yield from play_script(env, scripts[rng.integers(len(scripts))])
 
     return play

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 
 import pandas as pd
 
@@ -18,7 +19,7 @@ from lerobot_bimanual.results.expert_report import (
     Summary,
 )
 from lerobot_bimanual.results.statistics import SuccessRate
-from lerobot_env_bimanual.experts.instruction_scripts import chance
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
 from lerobot_env_bimanual.experts.runner import OUT_OF_MOVES, OUT_OF_TIME
 from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, ORIGINAL_ORACLE_MEAN, PAPER
@@ -107,7 +108,17 @@ def success_table(reports: ExpertReports) -> pd.DataFrame:
 
 def _language_ablated(reports: ExpertReports, task: str) -> str:
     rate = reports.rate("language_ablated", task)
-    return _cell(rate) if rate is None else f"{_cell(rate)} ({chance(get_task(task)):.0%})"
+    return _cell(rate) if rate is None else f"{_cell(rate)} ({_chance(task):.0%})"
+
+
+def _chance(task: str) -> float:
+    """Success rate of a player that follows any of the instructions that the scene allows, on average over variations."""
+    env, shares = BimanualEnv(task, split="val", obs="state"), []
+    for variation in get_task(task).spec.variations:
+        env.reset(seed=0, options={"variation": variation.index})
+        shares.append(1 / len(env.task_definition.readings(env.scene)))
+    env.close()
+    return fmean(shares)
 
 
 def _cell(rate: SuccessRate | None) -> str:

@@ -77,7 +77,7 @@ class EpisodeLog:
 
 
 def _source_digest() -> str:
-    """SHA-256 of all code that decides the outcome of an episode, which may change while a sweep is interrupted.
+    """SHA-256 of all code and data that decides the outcome of an episode, which may change while a sweep is interrupted.
 
     That is this project's packages, and the package or file of every other task and axis.
     """
@@ -89,7 +89,8 @@ def _source_digest() -> str:
             continue  # playing the task reports that it cannot be imported
         origin = Path(spec.origin)
         root = origin.parent
-        for path in sorted(root.rglob("*.py")) if spec.submodule_search_locations else [origin]:
+        files = (path for path in root.rglob("*") if path.suffix in (".py", ".toml"))
+        for path in sorted(files) if spec.submodule_search_locations else [origin]:
             digest.update(f"{name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -18,6 +18,7 @@ does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -28,7 +29,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Prehension, Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -112,6 +113,16 @@ class DualPushButtons(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, press."""
         return press(scene, LEFT, RIGHT)
+
+    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+        """Push the buttons of the two named colours, if both are there, each with the hand on whose side it lies."""
+        named = [COLORS[variation.words[word]] for word in WORDS[:2]]
+        buttons = (RIGHT, LEFT, OTHER)
+        found = [button for button in buttons if any(scene.has_color(button, color) for color in named)]
+        if len(found) < len(named):
+            return None
+        right, left = sorted(found, key=lambda button: scene.pose(button).position[1])
+        return partial(press, left_button=left, right_button=right)
 
 
 def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Stage]:

@@ -14,6 +14,7 @@ leaves room for the fingers beside it.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import Prehension, Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -103,6 +104,12 @@ class HandoverItem(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""
         yield from hand_over(scene, TARGET, LEFT_BEHIND_M, RIGHT_BEHIND_M)
+
+    def reading(self, scene: SceneView, variation: Variation) -> Script | None:
+        """Hand over the item of the named colour, whichever it is."""
+        named = [item for item in ITEMS if scene.has_color(item, COLORS[variation.words["color"]])]
+        margins = {"left_behind_m": LEFT_BEHIND_M, "right_behind_m": RIGHT_BEHIND_M}
+        return partial(hand_over, item=named[0], **margins) if named else None
 
 
 def _between_fingers(other: Pose, target: Pose) -> bool:

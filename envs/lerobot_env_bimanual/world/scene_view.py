@@ -81,6 +81,10 @@ class SceneView:
         index = self.model.body(body).id
         return Pose(self.data.xpos[index], self.data.xquat[index])
 
+    def has_color(self, geom: str, rgba: tuple[float, ...]) -> bool:
+        """Whether a geom has a colour, red, green, blue and opacity from 0 to 1."""
+        return bool(np.allclose(self.model.geom(geom).rgba, rgba))
+
     def speed(self, body: str) -> float:
         """Linear speed of a body's frame, m/s."""
         velocity = np.empty(6)
