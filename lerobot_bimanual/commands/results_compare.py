@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.reports.robustness_comparison import RobustnessComparison
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
@@ -52,16 +51,14 @@ def results_compare(config: ResultsCompareConfig) -> None:
 
         check_chart_file(config.figure)
     if is_robustness_result(config.first) or is_robustness_result(config.second):
-        sweeps = RobustnessComparison(
-            RobustnessResult.read(config.first), RobustnessResult.read(config.second)
-        )
-        sweeps.print()
-        for line in sweeps.remarks():
-            print(line)
+        from lerobot_bimanual.reports.robustness_text import print_comparison
+
+        one, other = RobustnessResult.read(config.first), RobustnessResult.read(config.second)
+        print_comparison(one, other)
         if config.figure is not None:
             from lerobot_bimanual.reports.robustness_figures import heat_map
 
-            heat_map({"first": sweeps.first, "second": sweeps.second}).save(config.figure)
+            heat_map({"first": one, "second": other}).save(config.figure)
         return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from lerobot_bimanual.reports.charts import BLUE, GREY, INK, ORANGE, Chart, new_figure, styled
-from lerobot_bimanual.reports.drops import SIGNIFICANT
+from lerobot_bimanual.reports.robustness_table import SIGNIFICANT
 from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.statistics import holm
 

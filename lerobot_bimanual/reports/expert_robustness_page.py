@@ -1,16 +1,18 @@
 """Page of the experts' robustness: which conditions are valid for policies."""
 
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
+# The types of pandas do not tell a frame from a series where it is indexed or grouped.
+
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lerobot_bimanual.pages import render
-from lerobot_bimanual.reports.robustness_page import LEVELS, magnitudes_text
+from lerobot_bimanual.reports.robustness_page import magnitudes_text
+from lerobot_bimanual.reports.robustness_table import LEVELS
 from lerobot_bimanual.results.robustness import MIN_EXPERT_RATE, ExpertCondition, ExpertRobustnessReport
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str:
@@ -19,59 +21,50 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
     Args:
         reports: by task.
     """
-    tasks = [
+    table = pd.DataFrame(
         {
-            "name": task,
-            "report": report,
-            "nominal": report.rates(report.nominal),
-            "table": _task_table(report),
+            "task": task,
+            "axis": each.axis,
+            "level": each.level,
+            "valid": report.is_valid(each),
+            "text": _counts(report, each),
         }
         for task, report in reports.items()
-    ]
+        for each in report.conditions[1:]
+    )
+    tasks = []
+    for task, report in reports.items():
+        cells = _by_level(table[table.task == task].set_index(["axis", "level"]).text)
+        magnitudes = {axis.name: f"{axis.name} ({magnitudes_text(axis)})" for axis in report.axes}
+        nominal = report.rates(report.nominal)
+        tasks.append(
+            {"name": task, "report": report, "nominal": nominal, "table": cells.replace({"axis": magnitudes})}
+        )
     return render(
         "lerobot_bimanual.reports",
         "expert_robustness.md",
         min_expert_rate=MIN_EXPERT_RATE,
-        overview=_overview(reports),
+        overview=_by_level(
+            pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
+        ),
         tasks=tasks,
     )
 
 
-def _overview(reports: Mapping[str, ExpertRobustnessReport]) -> pd.DataFrame:
-    import pandas as pd
-
-    axes = sorted({axis.name for report in reports.values() for axis in report.axes})
-    levels = {f"level {level}": [_valid_tasks(reports, axis, level) for axis in axes] for level in LEVELS}
-    return pd.DataFrame({"axis": axes, **levels})
+def _by_level(texts: pd.Series) -> pd.DataFrame:
+    """Texts by axis and level as a table with a line per axis."""
+    cells = texts.unstack().reindex(columns=LEVELS).fillna("").add_prefix("level ")
+    return cells.rename_axis("axis").reset_index()
 
 
-def _valid_tasks(reports: Mapping[str, ExpertRobustnessReport], axis: str, level: int) -> str:
+def _valid_tasks(lines: pd.DataFrame) -> str:
     """Number of tasks on which a condition is valid, of those that have it; in brackets the others."""
-    found = {
-        task: report.is_valid(condition)
-        for task, report in reports.items()
-        if (condition := report.by_key.get((axis, level))) is not None
-    }
-    others = [task for task, is_valid in found.items() if not is_valid]
-    counts = f"{len(found) - len(others)} of {len(found)}" if found else ""
-    return f"{counts} (not {', '.join(others)})" if others else counts
+    counts = f"{lines.valid.sum()} of {len(lines)}"
+    return counts if lines.valid.all() else f"{counts} (not {', '.join(lines.task[~lines.valid])})"
 
 
-def _task_table(report: ExpertRobustnessReport) -> pd.DataFrame:
-    import pandas as pd
-
-    labels = [f"{axis.name} ({magnitudes_text(axis)})" for axis in report.axes]
-    levels = {
-        f"level {level}": [_counts(report, report.by_key.get((axis.name, level))) for axis in report.axes]
-        for level in LEVELS
-    }
-    return pd.DataFrame({"axis": labels, **levels})
-
-
-def _counts(report: ExpertRobustnessReport, condition: ExpertCondition | None) -> str:
+def _counts(report: ExpertRobustnessReport, condition: ExpertCondition) -> str:
     """Expert and open-loop baseline, each of how many episodes; in brackets where the expert solves too few."""
-    if condition is None:
-        return ""
     rates = report.rates(condition)
     text = ", ".join(f"{rates[name].successes}/{rates[name].trials}" for name in ("expert", "open_loop"))
     return text if report.is_valid(condition) else f"({text})"

@@ -1,33 +1,27 @@
 """Page of the robustness of several policies, side by side."""
 
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
+# The types of pandas do not tell a frame from a series where it is indexed or grouped.
+
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
 
 from lerobot_bimanual.pages import render
-from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.reports.drops import SIGNIFICANT, Drop, drops_of, level_sums
-from lerobot_bimanual.reports.trainings import Distance, Trainings, policy_name
-from lerobot_bimanual.results.robustness import (
-    MIN_EXPERT_RATE,
-    NOMINAL,
-    AxisRecord,
-    RobustnessResult,
-    condition_name,
-    short_name,
+from lerobot_bimanual.reports.robustness_table import (
+    LEVELS,
+    SIGNIFICANT,
+    axis_names,
+    by_axis,
+    conditions_table,
 )
-from lerobot_bimanual.results.statistics import SuccessRate
-
-if TYPE_CHECKING:
-    import pandas as pd
+from lerobot_bimanual.results.robustness import MIN_EXPERT_RATE, AxisRecord, RobustnessResult
 
 type Results = Mapping[str, RobustnessResult]
 """Robustness results by name."""
-
-LEVELS = range(1, MAX_LEVEL + 1)
-ABSENT = "."
 
 
 def robustness_page(results: Results, figure: str | None = None) -> str:
@@ -37,128 +31,84 @@ def robustness_page(results: Results, figure: str | None = None) -> str:
         results: by name.
         figure: link to the heat map of these results; None for a page without.
     """
-    spread, distances = _trainings(results)
-    by_task: defaultdict[str, dict[str, RobustnessResult]] = defaultdict(dict)
-    for name, result in results.items():
-        by_task[result.task][name] = result
+    table = conditions_table(results)
+    spread, distances = _trainings(table)
     return render(
         "lerobot_bimanual.reports",
         "robustness.md",
         significant=SIGNIFICANT,
         min_expert_rate=MIN_EXPERT_RATE,
         figure=figure,
-        all_tasks=_all_tasks(results),
+        all_tasks=_all_tasks(table),
         spread=spread,
         distances=distances,
-        tasks=[_task(task, by_task[task]) for task in sorted(by_task)],
+        tasks=[_task(task, lines, results) for task, lines in table.groupby("task")],
     )
 
 
-def _axis_names(results: Sequence[RobustnessResult]) -> list[str]:
-    """Axes of any of the results, by group and name."""
-    return [name for _, name in sorted({(axis.group, axis.name) for each in results for axis in each.axes})]
-
-
-def _conditions(axes: Sequence[str]) -> dict[str, list[str]]:
-    """Names of conditions by axis, the nominal one first."""
-    return {NOMINAL: [NOMINAL]} | {axis: [condition_name(axis, level) for level in LEVELS] for axis in axes}
-
-
-def _all_tasks(results: Results) -> pd.DataFrame | None:
+def _all_tasks(table: pd.DataFrame) -> pd.DataFrame | None:
     """Success on each condition over the tasks where it is valid, of every policy that was evaluated on several tasks."""
-    import pandas as pd
-
-    by_policy: defaultdict[str, list[RobustnessResult]] = defaultdict(list)
-    for name, result in results.items():
-        by_policy[policy_name(name, result)].append(result)
-    table = {}
-    for policy, found in by_policy.items():
-        if (tasks := len({each.task for each in found})) > 1:
-            trainings = f", {len(found)} trainings" if len(found) > tasks else ""
-            table[f"{policy}, {tasks} tasks{trainings}"] = found
-    if not table:
+    counts = table.groupby("policy")[["task", "result"]].nunique()
+    counts = counts[counts.task > 1]
+    if counts.empty:
         return None
-    conditions = _conditions(_axis_names([each for found in table.values() for each in found]))
-    columns = {
-        heading: [" ".join(_share(found, name) for name in names) for names in conditions.values()]
-        for heading, found in table.items()
+    headings = {
+        policy: f"{policy}, {tasks} tasks" + (f", {trainings} trainings" if trainings > tasks else "")
+        for policy, (tasks, trainings) in zip(counts.index, counts.to_numpy(), strict=True)
     }
-    return pd.DataFrame({"axis": [*conditions], **columns})
+    shown = table[table.policy.isin(headings)]
+    sums = shown[shown.valid].groupby(["condition", "policy"])[["solved", "n"]].sum()
+    cells = (sums.solved / sums.n).map("{:.0%}".format).unstack()
+    return by_axis(cells.rename(columns=headings), axis_names(shown))
 
 
-def _share(results: Sequence[RobustnessResult], condition: str) -> str:
-    """Percent solved of the episodes of a condition where it is valid."""
-    found = [each.by_name[condition] for each in results if condition in each.by_name]
-    rates = [each.rates["policy"] for each in found if each.is_valid]
-    if not rates:
-        return ABSENT
-    return f"{sum(rate.successes for rate in rates) / sum(rate.trials for rate in rates):.0%}"
+def _trainings(table: pd.DataFrame) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
+    """How far trainings of one policy are apart axis by axis, and how far policies are over all conditions.
 
-
-def _trainings(results: Results) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
-    """How far trainings of one policy are apart axis by axis, and how far policies are over all conditions."""
-    import pandas as pd
-
-    trainings = Trainings(results)
-    policies = trainings.policies
+    Differences are those of two trainings on the same episodes of the same task and world, where the condition is valid.
+    """
+    trained = table.drop_duplicates(["task", "policy", "checkpoint", "condition"])
+    several = trained[trained.groupby(["task", "policy"]).checkpoint.transform("nunique") > 1]
+    policies = sorted(several.policy.unique())
     if not policies:
         return None, None
-    conditions = _conditions(_axis_names([*results.values()]))
-    every = [name for names in conditions.values() for name in names]
-    spread = {
-        policy: [
-            " ".join(_mean(trainings.apart(policy, policy, [name])) for name in names)
-            for names in conditions.values()
-        ]
-        for policy in policies
-    }
-    distances = {
-        second: [_largest(trainings.apart(first, second, every)) for first in policies] for second in policies
-    }
-    return pd.DataFrame({"axis": [*conditions], **spread}), pd.DataFrame({"": policies, **distances})
+    valid = several[several.valid]
+    pairs = valid.merge(valid, on=["task", "condition", "world", "seeds", "n"], suffixes=("", "_other"))
+    is_pair = (pairs.policy != pairs.policy_other) | (pairs.checkpoint < pairs.checkpoint_other)
+    pairs = pairs[is_pair].assign(apart=lambda pairs: (pairs.solved - pairs.solved_other).abs() / pairs.n)
+    own = pairs[pairs.policy == pairs.policy_other]
+    spread = own.groupby(["condition", "policy"]).apart.mean().map("{:.0%}".format).unstack()
+    over_all = pairs.groupby(["policy", "policy_other"]).apart.agg(["mean", "max"])
+    texts = over_all.apply(lambda line: f"{line['mean']:.0%} ({line['max']:.0%})", axis=1).unstack()
+    distances = texts.reindex(policies)[policies].fillna(".").rename_axis("").reset_index()
+    return by_axis(spread, axis_names(table)), distances
 
 
-def _mean(distance: Distance) -> str:
-    return f"{distance.mean:.0%}" if distance.pairs else ABSENT
-
-
-def _largest(distance: Distance) -> str:
-    return f"{_mean(distance)} ({distance.largest:.0%})" if distance.pairs else ABSENT
-
-
-def _task(task: str, results: Results) -> dict[str, Any]:
+def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
     """What the page says of one task."""
-    import pandas as pd
-
-    axes = {axis.name: axis for result in results.values() for axis in result.axes}
-    names = _axis_names([*results.values()])
-    labels = ["nominal", *(f"{name} ({magnitudes_text(axes[name])})" for name in names)]
-    labels += [f"valid conditions of level {level}" for level in LEVELS]
-    columns, lines = {}, []
-    for name, result in results.items():
-        drops, sums, nominal = drops_of(result), level_sums(result), result.nominal
-        played = {axis.name for axis in result.axes}
-        columns[short_name(name, result)] = [
-            counts_text(nominal.rates["policy"]),
-            *(
-                " ".join(_cell(drops.get(condition_name(axis, level))) for level in LEVELS)
-                if axis in played
-                else ""
-                for axis in names
-            ),
-            *(counts_text(sums[level]) if level in sums else "" for level in LEVELS),
-        ]
-        lines.append(
-            f"{name}: {result.policy}, weights {result.config.checkpoint_sha256[:12]}, {result.config.options['split']} seeds "
-            f"{nominal.seeds[0]} to {nominal.seeds[-1]}, batches of {result.config.batch_size}; nominal: expert "
-            f"{counts_text(nominal.rates['expert'])}, open loop {counts_text(nominal.rates['open_loop'])}."
-        )
-    return {
-        "name": task,
-        "table": pd.DataFrame({"axis": labels, **columns}),
-        "lines": lines,
-        "not_applicable": sorted({axis for result in results.values() for axis in result.not_applicable}),
-    }
+    own = {name: result for name, result in results.items() if result.task == task}
+    records = {axis.name: axis for result in own.values() for axis in result.axes}
+    labels = table.label.drop_duplicates()
+    cells = table.assign(text=table.apply(_cell, axis=1)).pivot(
+        index="condition", columns="label", values="text"
+    )
+    shown = by_axis(cells[labels], axis_names(table))
+    shown["axis"] = [
+        f"{name} ({magnitudes_text(records[name])})" if name in records else name for name in shown.axis
+    ]
+    sums = table[table.valid & (table.level > 0)].groupby(["level", "label"])[["solved", "n"]].sum()
+    totals = sums.apply(lambda line: f"{line.solved} of {line.n}", axis=1).unstack()
+    totals = totals.reindex(index=LEVELS, columns=labels).fillna("")
+    totals.insert(0, "axis", [f"valid conditions of level {level}" for level in LEVELS])
+    lines = [
+        f"{line.result}: {own[line.result].policy}, weights {line.checkpoint[:12]}, "
+        f"{own[line.result].config.options['split']} seeds {line.seeds[0]} to {line.seeds[-1]}, batches of "
+        f"{own[line.result].config.batch_size}; nominal: expert {line.expert} of {line.n}, open loop {line.open_loop} of "
+        f"{line.n}."
+        for line in table[table.level == 0].itertuples()
+    ]
+    without = sorted({axis for result in own.values() for axis in result.not_applicable})
+    return {"name": task, "table": pd.concat([shown, totals]), "lines": lines, "not_applicable": without}
 
 
 def magnitudes_text(axis: AxisRecord) -> str:
@@ -166,16 +116,10 @@ def magnitudes_text(axis: AxisRecord) -> str:
     return f"{', '.join(f'{magnitude:g}' for magnitude in axis.magnitudes)} {axis.unit}"
 
 
-def counts_text(rate: SuccessRate) -> str:
-    """Successes and episodes, without an interval."""
-    return f"{rate.successes} of {rate.trials}"
-
-
-def _cell(drop: Drop | None) -> str:
+def _cell(line: pd.Series) -> str:
     """Successes; in bold where they differ from nominal; in brackets where the condition is not valid."""
-    if drop is None:
-        return ABSENT
-    solved = str(drop.condition.rates["policy"].successes)
-    if drop.p_holm is None:
-        return f"({solved})"
-    return f"**{solved}**" if drop.is_significant else solved
+    if line.level == 0:
+        return f"{line.solved} of {line.n}"
+    if not line.valid:
+        return f"({line.solved})"
+    return f"**{line.solved}**" if line.p_holm <= SIGNIFICANT else f"{line.solved}"

@@ -67,7 +67,7 @@ def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
         each.model_copy(update={"episodes": ROBUSTNESS.nominal.episodes}) for each in ROBUSTNESS.conditions
     )
     marked = [
-        [line.get_xdata()[0] for line in panel.get_lines() if line.get_marker() == "D"]
+        [level for line in panel.get_lines() if line.get_marker() == "D" for level in line.get_xdata()]
         for each in (ROBUSTNESS, result(conditions=harmless))
         for panel in sweep_figure(each).figure.axes[:2]
     ]

@@ -6,7 +6,8 @@ from sample_robustness import AXES, EXPERT_REPORT, ROBUSTNESS, condition, result
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.reports.drops import drops_of, level_sums
+from lerobot_bimanual.reports.robustness_table import conditions_table
+from lerobot_bimanual.reports.robustness_text import print_robustness
 from lerobot_bimanual.results.robustness import (
     ExpertRobustnessReport,
     RobustnessResult,
@@ -61,22 +62,22 @@ def test_seeds_of_an_expert_report_are_of_its_episodes(seeds):
 
 
 def test_each_condition_is_compared_with_the_nominal_one_and_corrected_over_the_axes_of_its_level():
-    found = drops_of(ROBUSTNESS)
-    assert "nominal" not in found
-    assert found["camera_moved:2"].difference == pytest.approx(-0.6)
-    pair = [found[name].pairing.p_value for name in ("camera_moved:2", "mass:2")]
-    assert pair == [mcnemar_p_value(6, 0), mcnemar_p_value(2, 0)]
-    assert [found[name].p_holm for name in ("camera_moved:2", "mass:2")] == holm(pair)
+    table = conditions_table({"mine": ROBUSTNESS}).set_index("condition")
+    assert (table.lost["camera_moved:2"], table.won["camera_moved:2"]) == (6, 0)
+    pair = ["camera_moved:2", "mass:2"]
+    assert [*table.p[pair]] == [mcnemar_p_value(6, 0), mcnemar_p_value(2, 0)]
+    assert [*table.p_holm[pair]] == holm([*table.p[pair]])
+    assert table.p_holm["camera_moved:3"] == mcnemar_p_value(10, 0)  # the only valid one of its level
+    assert table.p_holm[["nominal", "mass:3"]].isna().all()
+    assert not table.valid["mass:3"]
 
 
-def test_a_condition_that_the_expert_fails_is_counted_in_no_sum():
-    assert not ROBUSTNESS.by_name["mass:3"].is_valid
-    assert drops_of(ROBUSTNESS)["mass:3"].p_holm is None
-    assert drops_of(ROBUSTNESS)["camera_moved:3"].p_holm == mcnemar_p_value(
-        10, 0
-    )  # the only one of its level
-    counts = {0: (10, 10), 1: (19, 20), 2: (12, 20), 3: (0, 10)}
-    assert level_sums(ROBUSTNESS) == {level: SuccessRate(*count) for level, count in counts.items()}
+def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
+    print_robustness(ROBUSTNESS)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "camera_moved:2 5 4 17% to 69% 10 0 6, 0 0.0312 0.0625" in printed
+    assert "level 0: 10 of 10; level 1: 19 of 20; level 2: 12 of 20; level 3: 0 of 10" in printed
+    assert "in no sum: mass:3" in printed
 
 
 def test_the_experts_report_decides_over_the_few_episodes_of_a_result():

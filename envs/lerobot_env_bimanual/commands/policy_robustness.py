@@ -61,8 +61,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from tqdm import tqdm
 
     from lerobot_bimanual.cli import show_next
-    from lerobot_bimanual.reports.drops import print_drops, remarks
     from lerobot_bimanual.reports.robustness_figures import sweep_figure
+    from lerobot_bimanual.reports.robustness_text import print_robustness
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
     missing = sweep.missing()
@@ -90,9 +90,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     assert result is not None  # it has the nominal condition at least
     figure = sweep.output.with_suffix(".png")
     sweep_figure(result).save(figure)
-    print_drops(result)
+    print_robustness(result)
     for line in (
-        *remarks(result),
         f"result  {sweep.output}",
         f"figure  {figure}",
         f"records {sweep.records}",
