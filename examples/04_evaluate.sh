@@ -5,7 +5,6 @@ TASK=${TASK:-handover_item_easy}
 POLICY=${POLICY:-results/checkpoints/peract2_on_all}
 EPISODES=${EPISODES:-4}
 SEED=${SEED:-1000}
-SEEDS=${SEEDS:-$SEED:$((SEED + EPISODES))}
 OUT=${OUT:-outputs/evaluate}
 
 # Check a stranger's checkpoint before anything loads it.
@@ -18,9 +17,9 @@ lerobot-eval --policy.path="$POLICY" --policy.device=cpu --seed="$SEED" \
     --eval.n_episodes="$EPISODES" --eval.batch_size=2 --output_dir="$OUT/eval"
 
 # The same placements without any policy: the expert sees the scene's state, the open-loop baseline does not.
-lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --output="$OUT/expert.json"
-lerobot-bimanual expert evaluate --task="$TASK" --seeds="$SEEDS" --control=blind --output="$OUT/blind.json" ||
-    echo "the blind control scores more than it should; on few episodes that happens"
+lerobot-bimanual expert evaluate --task="$TASK" --first_seed="$SEED" --episodes="$EPISODES" --output="$OUT/expert.json"
+lerobot-bimanual expert evaluate --task="$TASK" --first_seed="$SEED" --episodes="$EPISODES" --player=open_loop --output="$OUT/open_loop.json" ||
+    echo "the open-loop baseline scores more than it should, which happens on few episodes"
 
 # The first of them as a video and in pictures, the policy beside the expert.
 lerobot-bimanual task view --task="$TASK" --first_seed="$SEED" --checkpoint="$POLICY" --video --output="$OUT/view"

@@ -5,8 +5,8 @@ this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its
 verb, `--env.task` and Gymnasium know it:
 
     pip install -e examples/07_own_task
-    lerobot-bimanual expert evaluate --task=raise_block --seeds=0:20
-    lerobot-bimanual expert evaluate --task=raise_block --seeds=0:20 --control=blind
+    lerobot-bimanual expert evaluate --task=raise_block --episodes=20
+    lerobot-bimanual expert evaluate --task=raise_block --episodes=20 --player=open_loop
     lerobot-bimanual dataset generate --task=raise_block --episodes=20 --root=data/raise_block
 
 A task of this repository is the same code in a file of `lerobot_env_bimanual/tasks/`, without an entry point.

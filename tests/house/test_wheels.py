@@ -104,7 +104,7 @@ def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(
     ours = ("-m", "lerobot_bimanual.cli")
     listed = succeed(python, *ours, "task", "list", "--task=prehensile", "--format=json")
     assert "raise_block" in {row["name"] for row in json.loads(listed[: listed.rindex("]") + 1])}
-    succeed(python, *ours, "expert", "evaluate", "--task=raise_block", "--seeds=0:2", "--workers=1")
+    succeed(python, *ours, "expert", "evaluate", "--task=raise_block", "--episodes=2", "--workers=1")
     root = tmp_path / "dataset"
     sizes = ("--task=raise_block", "--episodes=1", "--view=keyframes", "--image_size=32", "--workers=1")
     succeed(python, *ours, "dataset", "generate", *sizes, f"--root={root}")
