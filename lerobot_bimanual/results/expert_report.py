@@ -1,7 +1,6 @@
 """How often the expert or a baseline solves tasks, episode by episode, as a JSON file."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from statistics import median
 from typing import Annotated, Literal, NamedTuple, Self, get_args
@@ -95,43 +94,6 @@ class VariationLoad(Record):
     task: str
     variation: NonNegativeInt
     load: LoadMetrics
-
-
-@dataclass(frozen=True)
-class Summary:
-    """Numbers of the solved episodes of an expert on one variation, computed from the episodes.
-
-    Attributes:
-        median_s: median duration in s of the robots' time.
-        median_keyposes: median number of keyposes.
-        acceptance: episodes over placements that were drawn for all of them.
-        line_fallbacks: contact moves without a straight line, in all episodes.
-        worst_tip_error_mm: largest distance of a hand from its target at the end of a keypose that did not end the episode.
-        keyframes_found: episodes whose keyframes are found again.
-        replayed: episodes whose replay went through the same states.
-    """
-
-    median_s: float
-    median_keyposes: float
-    acceptance: float
-    line_fallbacks: int
-    worst_tip_error_mm: float
-    keyframes_found: int
-    replayed: int
-
-    @classmethod
-    def of(cls, episodes: Sequence[EpisodeOutcome]) -> Self:
-        """The summary of all episodes of a variation, at least one of them solved."""
-        solved = [episode for episode in episodes if episode.success]
-        return cls(
-            median_s=median_duration_s(solved),
-            median_keyposes=float(median(len(episode.moves) for episode in solved)),
-            acceptance=len(episodes) / sum(episode.draws for episode in episodes),
-            line_fallbacks=sum(episode.line_fallbacks for episode in episodes),
-            worst_tip_error_mm=worst_tip_error_mm(solved),
-            keyframes_found=sum(bool(episode.keyframes_found) for episode in solved),
-            replayed=sum(bool(episode.replayed) for episode in solved),
-        )
 
 
 class ExpertReport(Record):

@@ -5,7 +5,7 @@ Usage, in the folder `tests`: python -m adversaries [--task=lift_tray] [--first_
 
 import argparse
 
-from adversaries.single_arm import single_arm
+from adversaries.single_arm import TASKS, single_arm
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_episode
@@ -14,12 +14,12 @@ from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--task", default="all")
+    parser.add_argument("--task", default="")
     parser.add_argument("--first_seed", type=int, default=61000)
     parser.add_argument("--episodes", type=int, default=20)
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.episodes)
-    for task in resolve_tasks(arguments.task):
+    for task in resolve_tasks(arguments.task) if arguments.task else TASKS:
         env = BimanualEnv(task, split="test", obs="state")
         for arm in ARMS:
             solved = [seed for seed in seeds if run_episode(env, seed, single_arm(arm)).success]

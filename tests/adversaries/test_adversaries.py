@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adversaries.single_arm import single_arm, strategies_of
+from adversaries.single_arm import TASKS, single_arm, strategies_of
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.env import BimanualEnv
@@ -13,7 +13,6 @@ from lerobot_env_bimanual.experts.runner import run_episode
 
 RESULTS = json.loads((Path(__file__).parent / "results.json").read_text())
 ROWS = {(row["task"], row["arm"]): row for row in RESULTS["rows"]}
-TASKS = sorted({task for task, _ in ROWS})
 
 
 @pytest.mark.parametrize("task", TASKS)

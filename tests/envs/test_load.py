@@ -7,9 +7,8 @@ from made_up_sweep import LIGHT
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.results.expert_report import LoadMetrics
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts import measurement
-from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, felt
-from lerobot_env_bimanual.experts.measurement import keyframes_found, run_measured
+from lerobot_env_bimanual.experts import load as load_module
+from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, felt, keyframes_found, run_measured
 from lerobot_env_bimanual.experts.runner import expert, run_expert
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
@@ -45,8 +44,8 @@ def test_a_replay_of_other_actions_is_reported(env, monkeypatch):
     def changed(env, seed, variation, actions, hashes):
         return replay(env, seed, variation, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
 
-    replay = measurement.replay
-    monkeypatch.setattr(measurement, "replay", changed)
+    replay = load_module.replay
+    monkeypatch.setattr(load_module, "replay", changed)
     assert run_measured(env, SEED, expert(), "keypose").replayed is False
 
 

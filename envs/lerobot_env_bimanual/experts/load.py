@@ -1,4 +1,4 @@
-"""What an episode asks of the arms, held against what the real ones allow.
+"""Measurements of an expert's episode: loads of the arms beside the limits of real ones, keyframes, and a replay.
 
 Measured at every step of physics (2 ms), of both arms:
 
@@ -17,14 +17,19 @@ constant within a tick and step between two within one step of physics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_bimanual.results.expert_report import LoadMetrics
+from lerobot_bimanual.keyframes import discover_keyframes
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, LoadMetrics
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.runner import Player, run_episode
+from lerobot_env_bimanual.replay import ReplayMode, replay
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.contacts import ContactQueries
@@ -39,6 +44,7 @@ FINGER_STEPS = 5
 """Over which the speed of a finger is averaged."""
 NONE = -1
 """No arm."""
+KEYFRAME_TOLERANCE_FRAMES = 2
 
 
 BOUNDS = {
@@ -218,3 +224,53 @@ def _averaged(speeds: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _peak(values: NDArray[np.float64]) -> float:
     return float(np.abs(values).max(initial=0.0))
+
+
+def run_measured(
+    env: BimanualEnv, seed: int, player: Player, replay_mode: ReplayMode | Literal["none"] = "none"
+) -> EpisodeOutcome:
+    """Play one episode of an expert, and measure it if it is solved.
+
+    Args:
+        env: environment whose control mode takes keyposes.
+        seed: seed of the reset.
+        player: an expert.
+        replay_mode: whether a solved episode is played again, by its joint actions or its keyposes; every state is
+            compared. The replay starts another episode in the same environment.
+    """
+    meter, actions, hashes = LoadMeter(env.scene), list[NDArray[np.float32]](), list[str]()
+    keyposes: list[NDArray[np.float32]] = []
+
+    def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+        meter.observe_tick(joint_action)
+        actions.append(joint_action.copy())
+        hashes.append(env.state_hash())
+
+    with env.observed_by(note, meter.observe_step):
+        outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action))
+    if not outcome.success:
+        return outcome
+    load, replayed = meter.result(), None
+    if replay_mode != "none":
+        columns = dict(enumerate(map(state_hash_column, [*hashes, env.state_hash()])))
+        replayed = replay(
+            env, seed, env.variation, actions if replay_mode == "joint" else keyposes, columns
+        ).matches
+    return outcome.model_copy(
+        update={
+            "load": load,
+            "keyframes_found": keyframes_found(np.array(actions), [move.ticks for move in outcome.moves]),
+            "replayed": replayed,
+        }
+    )
+
+
+def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> bool:
+    """Whether keyframe discovery on joint actions (n, 16) finds the ends of keyposes of these ticks, and nothing else.
+
+    An end counts as found within `KEYFRAME_TOLERANCE_FRAMES`.
+    """
+    found, expected = np.array(discover_keyframes(joint_actions)), np.cumsum(ticks)
+    return found.shape == expected.shape and bool(
+        (np.abs(found - expected) <= KEYFRAME_TOLERANCE_FRAMES).all()
+    )

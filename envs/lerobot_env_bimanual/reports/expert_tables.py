@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
+from statistics import fmean, median
 
 import pandas as pd
 
@@ -16,7 +16,8 @@ from lerobot_bimanual.results.expert_report import (
     EpisodeOutcome,
     ExpertReport,
     LoadMetrics,
-    Summary,
+    median_duration_s,
+    worst_tip_error_mm,
 )
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.env import BimanualEnv
@@ -140,21 +141,18 @@ def evidence_table(reports: ExpertReports) -> pd.DataFrame:
     rows = []
     for task in reports.tasks:
         variations = reports.variations(EXACT, task)
-        rates, summaries = [*map(success_rate, variations)], [*map(Summary.of, variations)]
-        solved, episodes = (
-            sum(rate.successes for rate in rates),
-            [each for found in variations for each in found],
-        )
+        episodes = [episode for found in variations for episode in found]
+        solved = [episode for episode in episodes if episode.success]
         failures = [episode.failure for episode in episodes]
         rows.append(
             (
                 f"`{task}`",
-                f"{min(rate.interval[0] for rate in rates):.1%}",
-                f"{sum(summary.replayed for summary in summaries)}/{solved}",
-                f"{sum(summary.keyframes_found for summary in summaries)}/{solved}",
-                f"{max(summary.worst_tip_error_mm for summary in summaries):.1f} mm",
+                f"{min(success_rate(found).interval[0] for found in variations):.1%}",
+                f"{sum(bool(episode.replayed) for episode in solved)}/{len(solved)}",
+                f"{sum(bool(episode.keyframes_found) for episode in solved)}/{len(solved)}",
+                f"{worst_tip_error_mm(solved):.1f} mm",
                 sum(failure not in (None, OUT_OF_MOVES, OUT_OF_TIME) for failure in failures),
-                sum(summary.line_fallbacks for summary in summaries),
+                sum(episode.line_fallbacks for episode in episodes),
                 f"{len(episodes) / sum(episode.draws for episode in episodes):.0%}",
             )
         )
@@ -173,9 +171,9 @@ def paper_table(reports: ExpertReports) -> pd.DataFrame:
                 f"`{task}`",
                 len(spec.variations),
                 f"{movable_items(task)} ({paper.items if paper else NOT_MEASURED})",
-                f"{_mean(variations, lambda summary: summary.median_keyposes):.1f} "
+                f"{_mean(variations, lambda solved: median(len(episode.moves) for episode in solved)):.1f} "
                 f"({paper.keyframes if paper else NOT_MEASURED})",
-                f"{_mean(variations, lambda summary: summary.median_s):.1f} s "
+                f"{_mean(variations, median_duration_s):.1f} s "
                 f"({f'{paper.duration_s:.1f} s' if paper else NOT_MEASURED})",
                 NOT_MEASURED if oracle is None else f"{oracle:.0%}",
             )
@@ -246,7 +244,10 @@ def movable_items(task: str) -> int:
     return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
 
 
-def _mean(variations: Sequence[Sequence[EpisodeOutcome]], value: Callable[[Summary], float]) -> float:
-    """Mean over variations, weighted by their episodes."""
-    episodes = sum(map(len, variations))
-    return sum(value(Summary.of(found)) * len(found) for found in variations) / episodes
+def _mean(
+    variations: Sequence[Sequence[EpisodeOutcome]], value: Callable[[Sequence[EpisodeOutcome]], float]
+) -> float:
+    """Mean over variations of a value of their solved episodes, weighted by their episodes."""
+    solved = [[episode for episode in found if episode.success] for found in variations]
+    weights = [len(found) for found in variations]
+    return sum(value(each) * weight for each, weight in zip(solved, weights, strict=True)) / sum(weights)

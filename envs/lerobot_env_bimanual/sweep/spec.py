@@ -10,7 +10,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player
-from lerobot_env_bimanual.experts.measurement import run_measured
+from lerobot_env_bimanual.experts.load import run_measured
 from lerobot_env_bimanual.experts.runner import failed_to_start, run_episode
 from lerobot_env_bimanual.replay import ReplayMode
 
