@@ -1,4 +1,4 @@
-"""One recorded demonstration, independent of how it is stored."""
+"""A recorded demonstration, independent of how it is stored."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Episode:
+class Demonstration:
     """A finished demonstration.
 
     A demonstration of T ticks has T + 1 observations; row t is the one before tick t, row T the last one.

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.joint_action import by_arm
 
 
-def rows_of_view(episode: Episode, view: View, intermediate: Sequence[float] = ()) -> list[int]:
+def rows_of_view(episode: Demonstration, view: View, intermediate: Sequence[float] = ()) -> list[int]:
     """Rows of an episode that a view stores, ascending.
 
     Args:
@@ -33,7 +33,7 @@ def rows_of_view(episode: Episode, view: View, intermediate: Sequence[float] = (
     return sorted(chosen)
 
 
-def row_columns(episode: Episode, row: int, view: View) -> dict[str, NDArray | str]:
+def row_columns(episode: Demonstration, row: int, view: View) -> dict[str, NDArray | str]:
     """Everything but images that a view stores in a row, with the dtypes of the schema.
 
     Row T repeats the last action, keypose and state hash, as no tick follows it.
@@ -57,7 +57,7 @@ def row_columns(episode: Episode, row: int, view: View) -> dict[str, NDArray | s
     }
 
 
-def _motion_ticks(episode: Episode, start: int, end: int) -> int:
+def _motion_ticks(episode: Demonstration, start: int, end: int) -> int:
     """Ticks of a stage until its joint targets stop changing; rest and gripper events follow after."""
     steps = episode.steps
     before = steps[start - 1].action if start else steps[0].observation[schema.STATE]

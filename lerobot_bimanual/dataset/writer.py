@@ -16,7 +16,7 @@ from lerobot_bimanual.dataset.reader import episode_table, read_info
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, check_video, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
-from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.episode import Demonstration
 
 PNG_LEVEL = 5
 """Of zlib. LeRobot compresses at level 6, which takes 15.6 ms for a view of 256x256 where level 5 takes 8.7, for 5 % more
@@ -105,11 +105,11 @@ class ViewWriter:
         else:
             self._writer.cancel_pending_videos()
 
-    def rows(self, episode: Episode) -> list[int]:
+    def rows(self, episode: Demonstration) -> list[int]:
         """Rows of an episode that this view stores."""
         return rows_of_view(episode, self.view, self._intermediate)
 
-    def add_row(self, episode: Episode, row: int, images: dict[str, NDArray]) -> None:
+    def add_row(self, episode: Demonstration, row: int, images: dict[str, NDArray]) -> None:
         """Append a row of the running episode; rows come in the order of `rows`."""
         frame = row_columns(episode, row, self.view)
         for camera in self._cameras:
@@ -133,7 +133,7 @@ class ViewWriter:
         check_videos(self.root)
 
 
-def write_episode(episode: Episode, writers: Sequence[ViewWriter]) -> None:
+def write_episode(episode: Demonstration, writers: Sequence[ViewWriter]) -> None:
     """Write an episode into several views at once, asking for the images of each row only once."""
     wanted = [set(writer.rows(episode)) for writer in writers]
     for row in range(episode.rows):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.keypose import KEYPOSE_DIM
 
 STAGE_TICKS = (12, 9)
@@ -19,7 +19,7 @@ SIZE = (24, 32)
 
 
 @pytest.fixture(scope="session")
-def make_episode() -> Callable[[int], Episode]:
+def make_episode() -> Callable[[int], Demonstration]:
     """Builds the same random episode of 21 ticks for the same seed."""
     return _make_episode
 
@@ -71,7 +71,7 @@ def install_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[
     return install
 
 
-def _make_episode(seed: int) -> Episode:
+def _make_episode(seed: int) -> Demonstration:
     rng = np.random.default_rng(seed)
     ticks = sum(STAGE_TICKS)
     observed = [
@@ -89,7 +89,7 @@ def _make_episode(seed: int) -> Episode:
             state_hash = int(rng.integers(-(2**63), 2**63 - 1))
             steps.append(Step(observation(stage), actions[min(tick, motion_ticks - 1)], stage, state_hash))
     images = [_images(row) for row in range(ticks + 1)]
-    return Episode(
+    return Demonstration(
         meta=EpisodeMeta("lift_ball", 0, "train", seed, "lift the ball"),
         keyposes=rng.normal(size=(len(STAGE_TICKS), KEYPOSE_DIM)).astype(np.float32),
         steps=tuple(steps),

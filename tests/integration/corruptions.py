@@ -32,7 +32,8 @@ FRONT, FRONT_DEPTH, WRIST = (
     schema.image_key("left_wrist"),
 )
 VIDEO = f"videos/{FRONT}/chunk-000/file-000.mp4"
-FRAMES, KEYFRAMES = ("frames",), ("keyframes",)
+FRAMES: tuple[View, ...] = ("frames",)
+KEYFRAMES: tuple[View, ...] = ("keyframes",)
 
 type Change = Callable[[Path], object]
 
@@ -128,8 +129,9 @@ def encoded_again(change: Callable[[list[np.ndarray]], list[np.ndarray]]) -> Cha
     """Changes the frames of the front video and encodes them as before."""
 
     def rewrite(root: Path) -> None:
-        with av.open(str(root / VIDEO)) as container:
-            frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        container = av.open(str(root / VIDEO))
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        container.close()
         with av.open(str(root / VIDEO), "w") as container:
             stream = container.add_stream("libx264", rate=CONTROL_HZ, options={"crf": "18"})
             stream.height, stream.width, stream.pix_fmt = *frames[0].shape[:2], "yuv420p"
@@ -195,7 +197,7 @@ CORRUPTIONS = (
     ),
     Corruption(
         "provenance rounds keyposes",
-        "replayed keyposes",
+        "replay",
         provenance(lambda p: p["settings"].update(discretise=100)),
     ),
     Corruption("a column is missing", "readable", table(lambda t: t.drop_columns([schema.SEED]))),
@@ -208,23 +210,21 @@ CORRUPTIONS = (
     Corruption("one tick", "replay", column(schema.TICK, lambda v: v + 1, [-1])),
     Corruption(
         "one action by 1e-6",
-        "replayed actions",
+        "replay",
         column(schema.ACTION, element(1, lambda v: v + 1e-6), [2]),
     ),
     Corruption(
         "labels by a centimetre",
-        "replayed keyposes",
+        "replay",
         column(schema.NEXT_KEYPOSE, element(0, lambda v: v + 0.01)),
     ),
-    Corruption("a keyframe too many", "replayed keyposes", column(schema.KEYFRAME, lambda _: True, [0])),
+    Corruption("a keyframe too many", "replay", column(schema.KEYFRAME, lambda _: True, [0])),
     Corruption(
         "one camera pose",
-        "replayed observations",
+        "replay",
         column(schema.CAMERA_EXTRINSICS, element(3, lambda v: v + 2e-5), [2]),
     ),
-    Corruption(
-        "not a number", "replayed observations", column(schema.STATE, element(3, lambda _: float("nan")), [2])
-    ),
+    Corruption("not a number", "replay", column(schema.STATE, element(3, lambda _: float("nan")), [2])),
     Corruption("video is gone", "images complete", lambda root: (root / VIDEO).unlink(), FRAMES),
     Corruption("video is cut off", "images complete", lambda root: truncate(root / VIDEO), FRAMES),
     Corruption(

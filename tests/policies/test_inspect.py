@@ -19,7 +19,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
-from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_policy_bimanual.inspection.accuracy import measure
@@ -63,7 +63,7 @@ def record(root: Path, cameras: tuple[str, ...]) -> Path:
     keypose = np.array(
         [0.3, 0.2, 1.0, 0, 1, 0, 0, 1, 0, 0.3, -0.2, 0.9, 0.6, 0.8, 0, 0, 0, 1], dtype=np.float32
     )
-    episode = Episode(
+    episode = Demonstration(
         meta=EpisodeMeta("lift_ball", 0, "train", 0, "lift the ball"),
         keyposes=np.stack([keypose, keypose]),
         steps=tuple(Step(observation(stage), action, stage, stage) for stage in range(2)),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.episode import Episode, EpisodeMeta, Step
+from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
@@ -56,7 +56,7 @@ class Recorder:
         )
         self._codec = codec
 
-    def record(self, seed: int, variation: int) -> tuple[EpisodeOutcome, Episode | None]:
+    def record(self, seed: int, variation: int) -> tuple[EpisodeOutcome, Demonstration | None]:
         """Play one episode.
 
         Args:
@@ -114,7 +114,7 @@ class _Tape:
         self.states.append(env.scene.save_state())
         self.hashes.append(env.state_hash())
 
-    def episode(self, meta: EpisodeMeta, final_observation: dict[str, NDArray], render: Any) -> Episode:
+    def episode(self, meta: EpisodeMeta, final_observation: dict[str, NDArray], render: Any) -> Demonstration:
         hashes_after = self.hashes[1:]
         steps = tuple(
             Step(observation, action, stage, schema.state_hash_column(state_hash))
@@ -123,7 +123,7 @@ class _Tape:
             )
         )
         states = self.states
-        return Episode(
+        return Demonstration(
             meta, np.array(self.keyposes), steps, final_observation, lambda row: render(states[row])
         )
 

@@ -14,7 +14,7 @@ from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
-from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
@@ -51,7 +51,7 @@ class ShardRecorder:
         settings: GenerationSettings,
         shard: Shard,
         target: Path,
-        on_episode: Callable[[], None] = lambda: None,
+        on_episode: Callable[[], object] = lambda: None,
     ) -> None:
         """Record a shard and move it to `target` in one piece.
 
@@ -101,7 +101,7 @@ class ShardRecorder:
         return self._recorder
 
 
-def _record(recorder: Recorder, candidate: EpisodeKey) -> tuple[Episode | None, str]:
+def _record(recorder: Recorder, candidate: EpisodeKey) -> tuple[Demonstration | None, str]:
     """The episode, or none and the reason."""
     try:
         outcome, episode = recorder.record(candidate.seed, candidate.variation)

@@ -27,9 +27,8 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.schema import VIEWS
 from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_env_bimanual.generation.origin import Origin
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
-from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.settings import GenerationSettings, Origin
 
 ALMOST_FULL_BYTES = 2**20
 """A disk with less space is taken for full; image writers hide the reason of their failures."""
@@ -135,7 +134,8 @@ class Staging:
         if not path.parent.exists():
             return None
         report = ShardReport.read(path)
-        if {*report.episodes, *(seed.key for seed in report.skipped)} != {*shard.candidates}:
+        tried = [*report.episodes, *(seed.key for seed in report.skipped)]
+        if sorted(map(str, tried)) != sorted(map(str, shard.candidates)):
             raise DatasetError(f"{path} does not list the planned candidates: remove {path.parent}")
         return report
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedEpisode
-from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.keypose import POSITION
 from lerobot_env_bimanual.verification.fault import Fault
 
@@ -75,7 +75,7 @@ class RenderedRows:
         is_video: whether colours are stored as video.
     """
 
-    def __init__(self, episode: RecordedEpisode, played: Episode, rows: Iterable[int], is_video: bool):
+    def __init__(self, episode: RecordedEpisode, played: Demonstration, rows: Iterable[int], is_video: bool):
         ticks = episode.columns[schema.TICK].tolist()
         self._new = {
             row: _as_stored(played.images(ticks[row])) for row in rows if 0 <= ticks[row] < played.rows

@@ -98,8 +98,9 @@ def check_episode_statistics(
     from lerobot.datasets.compute_stats import compute_episode_stats
 
     features = read_info(root)["features"]
+    columns: dict[str, Any] = episode.columns | episode.bookkeeping
     with np.errstate(all="ignore"):  # other checks find numbers that are not finite
-        computed = compute_episode_stats(episode.columns | episode.bookkeeping, features)
+        computed = compute_episode_stats(columns, features)
     computed |= {key: statistics.result() for key, statistics in images.items()}
     stored = _by_feature(episode_table(root).slice(episode.index, 1).to_pylist()[0])
     yield from _differences(stored, computed, features)

@@ -20,22 +20,15 @@ from lerobot_bimanual.dataset.reader import (
     frames_per_second,
     read_table,
 )
-from lerobot_bimanual.episode import Episode
+from lerobot_bimanual.episode import Demonstration
 from lerobot_env_bimanual.verification.columns import check_bookkeeping, check_key
 from lerobot_env_bimanual.verification.fault import Fault, faults_of
-from lerobot_env_bimanual.verification.images import ImageInspection
+from lerobot_env_bimanual.verification.images import COMPLETE, DEPTH_RANGE, inspected_images
 from lerobot_env_bimanual.verification.metadata import READABLE
 from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
-from lerobot_env_bimanual.verification.simulation import REPLAY, Player, compare_columns
+from lerobot_env_bimanual.verification.simulation import Player, check_replay
 from lerobot_env_bimanual.verification.statistics import ImageStatistics, check_episode_statistics
 
-KEY, BOOKKEEPING, STATISTICS, LOADER, IMAGES = (
-    "episode key",
-    "bookkeeping",
-    "statistics",
-    "LeRobot's loader",
-    "images",
-)
 LOADED_ROWS = 2
 """Rows of the sampled episode that are read through LeRobot's loader."""
 
@@ -101,41 +94,40 @@ class Verifier:
         if not episodes:
             return EpisodeReport(index, "", faults)
         (episode,) = episodes
-        faults[KEY] = faults_of(check_key, self._dataset, episode)
-        faults[BOOKKEEPING] = faults_of(self._check_bookkeeping, episode)
+        faults["episode key"] = faults_of(check_key, self._dataset, episode)
+        faults["bookkeeping"] = faults_of(self._check_bookkeeping, episode)
         played = self._play(episode, faults)
         hashes: list[str] = []
-        faults[IMAGES] = faults_of(self._check_images, episode, played, faults, hashes)
+        faults["images"] = faults_of(self._check_images, episode, played, faults, hashes)
         return EpisodeReport(index, "".join(hashes), faults)
 
     def _check_bookkeeping(self, episode: RecordedEpisode) -> Iterator[Fault]:
         entry = self._entries[episode.index]
         yield from check_bookkeeping(episode, entry, self._sentences, frames_per_second(self._dataset.info))
 
-    def _play(self, episode: RecordedEpisode, faults: dict[str, tuple[Fault, ...]]) -> Episode | None:
+    def _play(self, episode: RecordedEpisode, faults: dict[str, tuple[Fault, ...]]) -> Demonstration | None:
         """The episode, played again and compared, if it can be."""
         if not self._thoroughness.simulate:
             return None
-        played: list[Episode] = []
+        played: list[Demonstration] = []
 
         def play() -> Iterator[Fault]:
             height, width, _ = next(iter(self._reader.shapes.values()))
             played.append(self._player.play(self._dataset, episode.meta, (height, width)))
-            faults.update(compare_columns(self._dataset, episode, played[0]))
-            yield from faults.pop(REPLAY)
+            yield from check_replay(self._dataset, episode, played[0])
 
-        faults[REPLAY] = faults_of(play)
+        faults["replay"] = faults_of(play)
         return played[0] if played else None
 
     def _check_images(
         self,
         episode: RecordedEpisode,
-        played: Episode | None,
+        played: Demonstration | None,
         faults: dict[str, tuple[Fault, ...]],
         hashes: list[str],
     ) -> Iterator[Fault]:
         """Decode every image once for all checks, which add what they find to `faults`."""
-        inspection = ImageInspection(self._reader, episode.index, len(episode))
+        image_faults: dict[str, list[Fault]] = {COMPLETE: [], DEPTH_RANGE: []}
         digest = EpisodeHash(episode, self._reader.units)
         is_sampled = episode.index == self._thoroughness.sampled
         features = self._dataset.info["features"]
@@ -144,7 +136,7 @@ class Verifier:
         rows = draw_rows(episode, LOADED_ROWS, self._thoroughness.seed) if is_sampled else []
         loaded: dict[int, dict[str, NDArray]] = {row: {} for row in rows}
         rendered = self._render(episode, played)
-        for key, row, image in inspection.images():
+        for key, row, image in inspected_images(self._reader, episode.index, len(episode), image_faults):
             digest.add_image(key, image)
             if is_sampled:
                 statistics[key].add(image)
@@ -152,18 +144,18 @@ class Verifier:
                 rendered.see(key, row, image)
             if row in loaded:
                 loaded[row][key] = image
-        faults |= inspection.faults()
+        faults |= {check: tuple(found) for check, found in image_faults.items()}
         if rendered is not None:
             faults |= rendered.faults()
-        if inspection.is_whole:
+        if not image_faults[COMPLETE]:
             hashes.append(digest.hexdigest())
-            faults[STATISTICS] = faults_of(check_episode_statistics, self._root, episode, statistics)
+            faults["statistics"] = faults_of(check_episode_statistics, self._root, episode, statistics)
             # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
             if is_sampled:
-                faults[LOADER] = faults_of(self._check_loader, episode, loaded)
+                faults["LeRobot's loader"] = faults_of(self._check_loader, episode, loaded)
         yield from ()
 
-    def _render(self, episode: RecordedEpisode, played: Episode | None) -> RenderedRows | None:
+    def _render(self, episode: RecordedEpisode, played: Demonstration | None) -> RenderedRows | None:
         """New images of some rows, if they can be had."""
         is_video, count = self._dataset.view == "frames", self._thoroughness.rendered_rows
         if played is None or count == 0:
@@ -184,7 +176,7 @@ class Verifier:
             "local/verified", root=self._root, episodes=[episode.index], video_backend="pyav"
         )
         for row, wanted in images.items():
-            item: dict[str, Any] = loader[row]
+            item: Any = loader[row]
             for key, column in (episode.columns | episode.bookkeeping).items():
                 if not np.array_equal(np.squeeze(item[key]), np.squeeze(column[row])):
                     yield Fault(f"LeRobot gives {key} as {item[key]}", row)
