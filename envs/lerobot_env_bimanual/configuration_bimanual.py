@@ -67,7 +67,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         """
         from lerobot_env_bimanual.env import BimanualEnv
         from lerobot_env_bimanual.tasks.registry import get_task
-        from lerobot_env_bimanual.vector import LazyVectorEnv
+        from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
         asynchronous = use_async_envs and n_envs > 1
         return {

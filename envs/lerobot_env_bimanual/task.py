@@ -43,6 +43,13 @@ class Taxonomy:
     synchronous: bool
     prehension: Prehension
 
+    @classmethod
+    def of(cls, words: str) -> Taxonomy:
+        """The row with these words, such as "temporal spatial symmetric prehensile"; the last says the prehension."""
+        *properties, prehension = words.split()
+        names = ("temporal", "spatial", "physical", "symmetric", "synchronous")
+        return cls(*(name in properties for name in names), Prehension(prehension))
+
     @property
     def suites(self) -> tuple[str, ...]:
         """Names of the suites that a task with this row belongs to, apart from `all`."""
@@ -76,11 +83,11 @@ class TaskSpec:
         name: snake_case, also the module's name.
         id: position in the PerAct2 paper's list of tasks; part of every episode's seed, never reused.
         instructions: sentence templates over `Variation.words`; the first one is canonical.
-        variations: one row per variation, in order of their index.
         taxonomy: how the two arms depend on each other.
         props: the things of the scene besides robots and table.
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
+        variations: one row per variation, in order of their index.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
@@ -90,11 +97,11 @@ class TaskSpec:
     name: str
     id: int
     instructions: tuple[str, ...]
-    variations: tuple[Variation, ...]
     taxonomy: Taxonomy
     props: tuple[Prop, ...]
     success: tuple[Condition, ...]
     horizon_ticks: int
+    variations: tuple[Variation, ...] = (Variation(),)
     needs_both_arms: bool = False
     load_bounds: Mapping[str, float] = field(default_factory=dict)
     random_rate: float = 0.0

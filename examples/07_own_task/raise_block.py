@@ -22,7 +22,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -40,15 +40,7 @@ class RaiseBlock(Task):
         name="raise_block",
         id=100,  # part of every seed; the package's own tasks use 0 to 12
         instructions=("raise the block",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=False,
-            spatial=False,
-            physical=False,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("prehensile"),
         props=(BLOCK,),
         success=(Held("block", by=Arm.RIGHT), Above("block", 0.95)),
         horizon_ticks=300,

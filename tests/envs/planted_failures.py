@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.replanning import replanning
 from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
-from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.task import Script
+from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 
 Keyposes = NDArray[np.float32]
 SEED = 40_001

@@ -17,11 +17,11 @@ from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, placement_hash
 from lerobot_env_bimanual.audit.result_files import result_files
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.vector import LazyVectorEnv
+from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
+from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
 pytestmark = pytest.mark.sim
 
@@ -181,8 +181,7 @@ def test_a_record_of_another_world_is_named(played, tmp_path, capsys):
     assert "world of lift_ball is 000000000000" in capsys.readouterr().out
 
 
-def test_a_log_of_episodes_beside_a_record_is_no_result(tmp_path):
-    (tmp_path / "lift_ball_episodes.json").write_text("[]")
+def test_a_folder_without_records_holds_no_results(tmp_path):
     with pytest.raises(BimanualError, match="holds no results"):
         result_files(tmp_path)
     (tmp_path / "lift_ball_test_record.json").write_text("{}")

@@ -218,10 +218,3 @@ def test_where_two_images_are_equally_near_they_are_not_laid_over_each_other(sce
     assert np.array_equal(image.depth_m, offscreen.depth_m(image.nearness))
     assert behind.behind(Pixels(blue, np.array([[0.5, 0.1, 0.0]], np.float32))) is None
     offscreen.free()
-
-
-def test_rendering_leaves_the_groups_of_geoms_alone(scene):
-    groups = scene.model.geom_group.copy()
-    with Renderer(scene, height=SIZE, width=SIZE) as renderer:
-        renderer.render()
-    assert np.array_equal(scene.model.geom_group, groups)

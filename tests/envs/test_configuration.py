@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import draccus
-import numpy as np
 import pytest
 from lerobot.configs import FeatureType
 from lerobot.envs.configs import EnvConfig
@@ -45,10 +44,6 @@ def test_flags_reach_the_environment():
     assert (options.control_mode, options.video_dir, options.max_keyposes) == ("joint", "films", 7)
 
 
-def test_a_square_image_size_is_a_number():
-    assert parse("--env.image_size=64").features[schema.image_key("front")].shape == (64, 64, 3)
-
-
 def test_policies_see_the_names_and_shapes_of_the_dataset():
     features = env_to_policy_features(BimanualEnvConfig(image_size="24x32"))
     dataset = schema.features(CAMERA_NAMES, 24, 32, "frames")
@@ -69,10 +64,6 @@ def test_the_declared_action_follows_the_control_mode(mode, length):
     assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
 
 
-def test_without_images_no_camera_is_declared():
-    assert set(BimanualEnvConfig(obs="state").features) == {schema.ACTION, "agent_pos"}
-
-
 def test_environments_are_grouped_by_task():
     envs = make_env(parse("--env.task=push_box,symmetric"), n_envs=2)
     expected = dict.fromkeys(("push_box", *list_suites()["symmetric"]))
@@ -82,18 +73,6 @@ def test_environments_are_grouped_by_task():
         assert task_id == get_task(task).spec.id
         assert env.num_envs == 2
         assert env.call("task") == (task, task)
-
-
-def test_a_new_rollout_thaws_what_autoreset_leaves_frozen():
-    (env,) = make_env(parse("--env.task=lift_ball", "--env.obs=state"))["lift_ball"].values()
-    env.reset(seed=[0], options={"lerobot_new_rollout": True})
-    impossible = np.zeros((1, 18), dtype=np.float32)
-    for _ in range(3):
-        _, _, _, _, info = env.step(impossible)
-        assert "quaternion" in info["failure"][0]
-    _, info = env.reset(seed=[1], options={"lerobot_new_rollout": True})
-    assert info["failure"][0] == ""
-    env.close()
 
 
 @pytest.mark.parametrize(

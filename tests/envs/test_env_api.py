@@ -22,7 +22,6 @@ from lerobot_bimanual.errors import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
-from lerobot_env_bimanual.episode.reset_arguments import checked_seeds
 from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
@@ -97,19 +96,6 @@ def test_vectors_say_where_the_arms_are(state_env):
         assert agent[7] == pytest.approx(1.0, abs=0.02)
         assert np.allclose(pose[:3], scene.tcp(arm).position, atol=1e-6)
     assert np.allclose(observation["gripper_fingers"], 0.04, atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("obs", "present", "absent"),
-    [
-        ("rgb", {"pixels", "camera_extrinsics", "agent_pos"}, {"images.front_depth"}),
-        ("state", {"camera_intrinsics", "ee_pose", "agent_pos"}, {"pixels", "images.front_depth"}),
-    ],
-)
-def test_observation_modes_leave_images_out(obs, present, absent):
-    keys = set(BimanualEnv(TASK, obs=obs).observation_space.spaces)
-    assert present <= keys
-    assert not absent & keys
 
 
 def test_only_the_chosen_cameras_are_observed_while_calibration_covers_all(rgbd_env):
@@ -208,14 +194,6 @@ def test_fixing_the_variation_changes_nothing_else():
     fixed.close()
 
 
-def test_numbers_of_numpy_are_seeds_and_variations():
-    env = BimanualEnv("handover_item", obs="state")
-    env.reset(seed=np.int64(3), options={"variation": np.int64(4)})
-    assert env.variation == 4
-    env.close()
-    assert checked_seeds(np.array(5), 2) == [5, 6]
-
-
 def test_a_reset_can_choose_the_variation_of_its_episode():
     env, fixed = (
         BimanualEnv("handover_item", obs="state"),
@@ -233,13 +211,6 @@ def test_a_reset_can_choose_the_variation_of_its_episode():
     assert env.variation == drawn
     env.close()
     fixed.close()
-
-
-def test_an_unknown_option_is_answered_with_the_known_ones():
-    with pytest.raises(
-        InvalidChoice, match=r"variation, split, cameras, image_size.*Did you mean 'image_size'"
-    ):
-        BimanualEnv("lift_ball", image_sizes=64)
 
 
 def test_options_may_be_given_together_and_single_ones_win():

@@ -12,10 +12,10 @@ from lerobot_bimanual.errors import InvalidAction
 from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness, other_conditions
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.hold_after_done import INVALID_ACTION
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
 from lerobot_env_bimanual.tasks._handover import hand_over
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
 
 pytestmark = pytest.mark.sim
 

@@ -1,12 +1,10 @@
 """Whatever is given to an environment: a transition, or one error in words that leaves everything as it was."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,7 +14,7 @@ from hypothesis.extra import numpy as nps
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import ControlMode, EnvOptions
-from lerobot_env_bimanual.tasks.registry import gym_id, list_tasks
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 pytestmark = pytest.mark.fuzz
 
@@ -118,31 +116,6 @@ def test_any_options_make_an_environment_or_are_refused(options, misspelt):
         assert EnvOptions(**env.options.keywords()) == env.options
         assert env.action_space.contains(env.action_space.sample())
     assert set(Path.cwd().iterdir()) == before
-
-
-@given(options=OPTIONS, misspelt=MISSPELT)
-def test_gymnasium_gets_the_same_answers(options, misspelt):
-    reserved = {
-        "id",
-        "max_episode_steps",
-        "disable_env_checker",
-        "render_mode",
-        "spec",
-        "task",
-        "options",
-        "self",
-    }
-    keywords = {name: value for name, value in (options | misspelt).items() if name not in reserved}
-    answers = [answer(lambda: BimanualEnv("lift_ball", **keywords))]
-    answers.append(answer(lambda: gym.make(gym_id("lift_ball"), **keywords).unwrapped))
-    assert answers[0] == answers[1]
-
-
-def answer(make: Callable[[], Any]) -> Any:
-    try:
-        return make().options
-    except BimanualError as error:
-        return str(error)
 
 
 SEEDS = st.one_of(st.none(), st.integers(), st.integers(0, 2**63), NUMBERS, JUNK)

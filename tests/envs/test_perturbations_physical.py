@@ -21,7 +21,7 @@ from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
-from lerobot_env_bimanual.vector import LazyVectorEnv
+from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.world.arena import build_spec
 
 AXES = [name for name in list_axes() if not get_axis(name).changes_only_observations]

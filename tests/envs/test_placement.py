@@ -34,11 +34,6 @@ def test_samples_stand_upright_and_turn_within_their_range():
     assert np.abs(yaw).max() <= 0.5
 
 
-def test_the_generator_alone_decides():
-    first, second = (AREA_WITH_YAW.sample(np.random.default_rng(5), 0.8) for _ in range(2))
-    assert np.array_equal(first.matrix, second.matrix)
-
-
 class BallOutOfReach(LiftBall):
     """Draws legal placements, the first three of which no arm can serve."""
 

@@ -106,17 +106,6 @@ def test_the_target_touches_nothing():
     assert scene.pose("item").position[2] == pytest.approx(TABLE + 0.04, abs=5e-4)
 
 
-def test_decorations_weigh_nothing():
-    for prop, mass in ((Box(), 50.0), (Ball(), 1.0), (Block(), 0.128)):
-        assert Scene([prop]).model.body(prop.name).mass[0] == pytest.approx(mass)
-
-
-def test_two_blocks_of_different_names_share_a_scene():
-    scene = Scene([Block(name="red"), Block(name="blue", rgba=(0, 0, 1, 1), size_m=(0.04, 0.04, 0.04))])
-    assert scene.model.geom("blue").size == pytest.approx((0.02, 0.02, 0.02))
-    assert scene.model.geom("red").size == pytest.approx((0.02, 0.02, 0.04))
-
-
 def test_neighbouring_faces_of_the_ball_texture_meet_without_a_seam():
     texture = beach_ball_texture().astype(int)
     assert texture.shape == (6, 96, 96, 3)

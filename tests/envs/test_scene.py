@@ -61,14 +61,6 @@ def test_a_static_prop_is_placed_and_reset_takes_it_back(scene):
     assert np.abs(scene.pose("target").position).max() == 0
 
 
-def test_a_color_lasts_until_the_next_reset(scene):
-    pristine = scene.model.geom("item").rgba.copy()
-    scene.set_color("item", (0, 0, 1, 1))
-    assert scene.model.geom("item").rgba == pytest.approx((0, 0, 1, 1))
-    scene.reset()
-    assert scene.model.geom("item").rgba == pytest.approx(pristine)
-
-
 def test_reset_starts_with_arms_at_home_and_open_hands(scene):
     for arm in Arm:
         assert scene.joint_positions(arm) == pytest.approx(scene.arm_pair.home_joints)
@@ -255,17 +247,6 @@ def test_a_hand_that_lets_go_does_so_at_once_and_closes_at_the_hands_pace(scene,
     assert opening[0] == pytest.approx(0.0, abs=1e-3)  # where the fingers are
     assert np.diff(opening).max() == pytest.approx(pair.finger_speed_m_s * PHYSICS_STEP_S)
     assert scene.gripper_opening(Arm.LEFT) == pytest.approx(1.0, abs=0.02)
-
-
-def test_readings_are_copies(scene):
-    position = scene.pose("item").position
-    joints = scene.joint_positions(Arm.LEFT)
-    commanded = scene.commanded
-    before = scene.state_hash()
-    position += 1
-    joints += 1
-    commanded += 1
-    assert scene.state_hash() == before
 
 
 def test_settling_ends_when_all_props_sleep_or_the_time_is_up(scene):

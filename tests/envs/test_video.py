@@ -39,11 +39,6 @@ def test_a_video_has_its_name_only_when_it_is_complete(tmp_path):
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["clip_failure.mp4"]
 
 
-def test_a_video_without_frames_leaves_no_file(tmp_path):
-    assert VideoWriter(tmp_path / "new", "clip").close("failure") is None
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.fixture
 def filming_env(tmp_path):
     env = BimanualEnv("lift_ball", obs="state", split="val", video_dir=tmp_path)

@@ -92,11 +92,6 @@ def test_arrows_take_other_seeds_and_variations_in_the_middle_of_an_episode():
     }
 
 
-def test_a_perturbed_episode_says_so():
-    screen = watched(Screen(("0.1 s", ())), perturb="light:2,mass:1", variation=0)
-    assert "expert, seed 0, variation 0, with light:2,mass:1" in screen.shown[0]
-
-
 @pytest.mark.parametrize(
     ("key", "episode"),
     [
@@ -110,12 +105,6 @@ def test_a_perturbed_episode_says_so():
 )
 def test_keys_ask_for_episodes_and_variations_go_round(key, episode):
     assert ShownEpisode(3).after(key, shown=0, variations=5) == episode
-
-
-def test_space_stops_the_time_and_lets_it_go_on():
-    screen = watched(Screen(("0.2 s", (Key.SPACE,)), ("paused", ()), ("paused", (Key.SPACE,)), ("0.3 s", ())))
-    first, *_, last = (number for number, text in enumerate(screen.shown) if "paused" in text)
-    assert all(np.array_equal(place, screen.places[first]) for place in screen.places[first:last])
 
 
 def test_a_window_needs_a_display_that_opens(monkeypatch):

@@ -23,7 +23,7 @@ EXEMPT = ("benchmarks/results/", "CHANGELOG.md", "envs/lerobot_env_bimanual/pert
 PENDING = (
     *(
         "envs/lerobot_env_bimanual/" + name
-        for name in ("audit", "commands", "episode_log", "experts", "ladder", "perturbations")
+        for name in ("audit", "commands", "experts", "ladder", "perturbations")
     ),
     *("envs/lerobot_env_bimanual/" + name for name in ("reports", "verification", "tasks/sweep")),
     *("lerobot_bimanual/", "robots/", "examples/", "scripts/", "docs/"),

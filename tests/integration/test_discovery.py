@@ -74,7 +74,7 @@ def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
 
 def test_the_environment_is_built_in_a_worker_without_lerobot_or_torch() -> None:
     loaded = run(
-        "import json, sys\nimport lerobot_env_bimanual.env, lerobot_env_bimanual.vector\n"
+        "import json, sys\nimport lerobot_env_bimanual.env, lerobot_env_bimanual.vector.lazy_vector_env\n"
         "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))"
     )
     assert "lerobot_env_bimanual" in loaded

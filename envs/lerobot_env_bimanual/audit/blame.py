@@ -28,7 +28,7 @@ from lerobot_env_bimanual.audit.failure_class import FailureClass, failure_class
 from lerobot_env_bimanual.audit.witness import EpisodeFacts, EpisodeWitness
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.replanning import expert_of
-from lerobot_env_bimanual.hold_after_done import INVALID_ACTION
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
 
 
 class Loser(StrEnum):

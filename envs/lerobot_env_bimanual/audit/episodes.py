@@ -11,8 +11,8 @@ from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.hash_chain import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.hold_after_done import INVALID_ACTION, HoldAfterDone
+from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone
 
 CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes")
 """Fields of an episode that are compared one by one."""

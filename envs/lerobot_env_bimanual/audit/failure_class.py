@@ -11,7 +11,7 @@ from enum import StrEnum
 from lerobot_bimanual.arms import Arm
 from lerobot_env_bimanual.audit.witness import EpisodeFacts
 from lerobot_env_bimanual.experts.load import bounds_of
-from lerobot_env_bimanual.hold_after_done import INVALID_ACTION
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
 
 COLLISION_FACTOR = 2.0
 """Over the task's bound on what an expert may push with: 200 N, where no task has a bound of its own."""

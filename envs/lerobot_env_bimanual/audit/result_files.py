@@ -12,7 +12,6 @@ from lerobot_bimanual.json_file import read_json
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
-from lerobot_env_bimanual.episode_log import EPISODES_SUFFIX
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task
 
@@ -64,14 +63,14 @@ class Result:
 
 
 def result_files(results: Path) -> list[Path]:
-    """The file, or the files of a folder but the logs of episodes that the environment leaves beside its films.
+    """The file, or the JSON files of a folder, sorted.
 
     Raises:
         BimanualError: a folder without results.
     """
     if not results.is_dir():
         return [results]
-    found = sorted(path for path in results.glob("*.json") if not path.name.endswith(EPISODES_SUFFIX))
+    found = sorted(results.glob("*.json"))
     if not found:
         raise BimanualError(f"{results} holds no results; `lerobot-bimanual policy benchmark` writes them")
     return found

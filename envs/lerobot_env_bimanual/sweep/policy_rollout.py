@@ -22,9 +22,9 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode_log import record_name
 from lerobot_env_bimanual.experts.runner import Move, Player
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+from lerobot_env_bimanual.vector.evaluation_log import record_name
 
 
 class PolicyRollout:

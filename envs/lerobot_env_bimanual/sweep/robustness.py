@@ -25,7 +25,6 @@ from lerobot_bimanual.results.robustness import (
 )
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
-from lerobot_env_bimanual.episode_log import RECORDED_OPTIONS
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.sweep.conditions import (
     Conditions,
@@ -38,6 +37,7 @@ from lerobot_env_bimanual.sweep.evaluator import Evaluator
 from lerobot_env_bimanual.sweep.log import EpisodeLog
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
 from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.vector.evaluation_log import RECORDED_OPTIONS
 
 N_ESTIMATE_EPISODES = 4
 """Episodes of the expert from which the time is estimated."""

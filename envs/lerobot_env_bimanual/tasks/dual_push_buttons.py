@@ -29,7 +29,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Script, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -81,14 +81,7 @@ class DualPushButtons(Task):
         variations=tuple(
             Variation(index, dict(zip(WORDS, colors, strict=True))) for index, colors in enumerate(TRIPLES)
         ),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=False,
-            physical=False,
-            symmetric=True,
-            synchronous=False,
-            prehension=Prehension.NON_PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=120,

@@ -24,7 +24,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Prehension, Script, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -65,14 +65,7 @@ class HandoverItem(Task):
             "hand over the {color} item",
         ),
         variations=tuple(Variation(index, {"color": color}) for index, color in enumerate(COLORS)),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=True,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
         props=tuple(Block(item, size_m=(SIDE_M, SIDE_M, SIDE_M), mass_kg=0.064) for item in ITEMS),
         success=(
             Held(TARGET, by=Arm.RIGHT),

@@ -21,7 +21,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -44,15 +44,7 @@ class HandoverItemEasy(Task):
         name="handover_item_easy",
         id=11,
         instructions=("bring me the item", "hand over the object", "hand over the item"),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(ITEM,),
         success=(
             Held("item", by=Arm.RIGHT),

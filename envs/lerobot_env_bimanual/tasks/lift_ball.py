@@ -21,7 +21,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -45,15 +45,7 @@ class LiftBall(Task):
         name="lift_ball",
         id=1,
         instructions=("lift the ball",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=True,
-            synchronous=True,
-            prehension=Prehension.NON_PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous non_prehensile"),
         props=(BALL,),
         success=(
             Above("ball", SUCCESS_HEIGHT_M),

@@ -25,7 +25,7 @@ from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.peg_stand import PegStand
 from lerobot_env_bimanual.props.serving_tray import ServingTray
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -53,15 +53,7 @@ class LiftTray(Task):
         name="lift_tray",
         id=10,
         instructions=("lift the tray",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=True,
-            synchronous=True,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous prehensile"),
         props=(STAND, TRAY, ITEM),
         success=(
             Held("tray", by=Arm.LEFT),

@@ -24,7 +24,7 @@ from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.props.laptop import Laptop
 from lerobot_env_bimanual.props.riser import Riser
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -64,15 +64,7 @@ class PickLaptop(Task):
         name="pick_laptop",
         id=7,
         instructions=("pick up the laptop",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.MIXED,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(HOLDER, LAPTOP),
         success=(Grasped("laptop"), Above("laptop", SUCCESS_HEIGHT_M)),
         horizon_ticks=300,

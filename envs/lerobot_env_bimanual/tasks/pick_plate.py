@@ -24,7 +24,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, Plate
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -65,15 +65,7 @@ class PickPlate(Task):
         name="pick_plate",
         id=3,
         instructions=("pick up the plate",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.MIXED,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(PLATE,),
         success=(Grasped("plate"), Above("plate", SUCCESS_HEIGHT_M)),
         horizon_ticks=320,

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.conditions import AtRest, CentredOn
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -70,15 +70,7 @@ class PushBox(Task):
         name="push_box",
         id=0,
         instructions=("push the box to the red area",),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=False,
-            symmetric=True,
-            synchronous=True,
-            prehension=Prehension.NON_PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial symmetric synchronous non_prehensile"),
         props=(TARGET, BOX),
         success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
         horizon_ticks=250,

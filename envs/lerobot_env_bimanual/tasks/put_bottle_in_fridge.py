@@ -24,7 +24,7 @@ from lerobot_env_bimanual.conditions import Inside, Untouched
 from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -76,15 +76,7 @@ class PutBottleInFridge(Task):
             "open the fridge and put the bottle in there",
             "open the fridge door, pick up the bottle, and leave it in the fridge",
         ),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=False,
-            physical=False,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(FRIDGE, BOTTLE),
         success=(
             Inside("bottle", "fridge", *FRIDGE.compartment),

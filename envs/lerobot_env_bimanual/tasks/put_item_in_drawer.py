@@ -27,7 +27,7 @@ from lerobot_env_bimanual.conditions import Condition, Inside, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -70,14 +70,7 @@ class PutItemInDrawer(Task):
             "leave the block in the {level} drawer",
         ),
         variations=tuple(Variation(index, {"level": level}) for index, level in enumerate(LEVELS)),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=False,
-            physical=False,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(CABINET, ITEM),
         success=tuple(Untouched("item", by=arm) for arm in ARMS),
         horizon_ticks=420,

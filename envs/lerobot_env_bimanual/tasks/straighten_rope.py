@@ -24,7 +24,7 @@ from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -67,15 +67,7 @@ class StraightenRope(Task):
             "tighten the rope",
             "pull the rope tight",
         ),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=True,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
         props=(TAIL_PLATE, HEAD_PLATE, ROPE),
         success=(
             Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),

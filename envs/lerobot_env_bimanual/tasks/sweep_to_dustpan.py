@@ -27,7 +27,7 @@ from lerobot_env_bimanual.props.broom_stand import BroomStand
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -81,15 +81,7 @@ class SweepToDustpan(Task):
             "leave the table clean",
             "sweep the dust to the pan",
         ),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=True,
-            physical=True,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
         success=tuple(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
         horizon_ticks=220,

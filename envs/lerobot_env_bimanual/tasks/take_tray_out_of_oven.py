@@ -26,7 +26,7 @@ from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Prehension, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -86,15 +86,7 @@ class TakeTrayOutOfOven(Task):
             "take out the tray",
             "retrieve the oven tray",
         ),
-        variations=(Variation(),),
-        taxonomy=Taxonomy(
-            temporal=True,
-            spatial=False,
-            physical=False,
-            symmetric=False,
-            synchronous=False,
-            prehension=Prehension.PREHENSILE,
-        ),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(OVEN, TRAY),
         success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),
         horizon_ticks=520,

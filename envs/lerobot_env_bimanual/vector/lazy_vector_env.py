@@ -31,9 +31,9 @@ from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.keypose import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
-from lerobot_env_bimanual.episode_log import EpisodeLog
-from lerobot_env_bimanual.episode_recorder import EpisodeRecorder
-from lerobot_env_bimanual.hold_after_done import HoldAfterDone
+from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
+from lerobot_env_bimanual.vector.evaluation_log import EvaluationLog
+from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
@@ -151,7 +151,7 @@ class LazyVectorEnv(VectorEnv):
         self._attributes = sorted(name for name in vars(example.unwrapped) if not name.startswith("_"))
         self._episodes = None
         if isinstance(example.unwrapped, BimanualEnv):
-            self._episodes = EpisodeLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
+            self._episodes = EvaluationLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
         example.close()
         if asynchronous:
             _start_fork_server()

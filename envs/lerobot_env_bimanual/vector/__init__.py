@@ -1,0 +1,1 @@
+"""Vector environments for evaluation, and what they record of their episodes."""
