@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.files import write_file
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,8 +18,8 @@ from rich.console import Console
 
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.interrupts import interrupts_ignored
-from lerobot_bimanual.output_file import check_output_folder
 from lerobot_bimanual.results.record import BadRecord, Record
 
 TERMINATION_TIMEOUT_S = 20.0

@@ -19,8 +19,8 @@ from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import write_file
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
-from lerobot_bimanual.output_file import write_file
 from lerobot_bimanual.pages import render
 
 if TYPE_CHECKING:

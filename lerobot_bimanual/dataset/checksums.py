@@ -16,8 +16,8 @@ import stat
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from lerobot_bimanual.durable import move_durably
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import move_durably
 
 CHECKSUMS_FILE = Path("meta", "SHA256SUMS")
 

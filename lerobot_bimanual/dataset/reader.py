@@ -19,7 +19,7 @@ from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.files import read_json
 
 INFO_FILE = Path("meta", "info.json")
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"

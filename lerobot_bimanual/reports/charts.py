@@ -8,7 +8,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.output_file import check_output_file, write_file
+from lerobot_bimanual.files import check_output_file, write_file
 
 INK, GREY, PALE = "#202228", "#70747e", "#dee0e5"
 BLUE, ORANGE, GREEN, YELLOW, PURPLE, VERMILION = (

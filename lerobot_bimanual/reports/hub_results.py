@@ -5,7 +5,7 @@ from pathlib import Path
 import yaml
 from huggingface_hub import EvalResultEntry, eval_result_entries_to_yaml
 
-from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.files import write_file
 from lerobot_bimanual.reports.benchmark_page import read_results
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 

@@ -17,7 +17,9 @@ from pydantic import (
 )
 
 from lerobot_bimanual.results.episode import (
+    MAX_EPISODES,
     Episode,
+    EpisodeCount,
     Episodes,
     ProvedEpisodes,
     Sha256,
@@ -31,9 +33,8 @@ from lerobot_bimanual.versions import SIMULATION_PACKAGES
 Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
-MAX_EPISODES = 100_000
 MAX_CHECKPOINTS = 10_000
-"""Larger numbers are mistakes, and would fill the memory."""
+"""A larger number is a mistake, and a list of so many steps would fill the memory."""
 
 
 class BenchmarkSettings(Record):
@@ -74,7 +75,7 @@ class BenchmarkSettings(Record):
     batch_size: Count
     save_freq: Count
     val_episodes: Annotated[int, Field(ge=0, le=MAX_EPISODES)]
-    test_episodes: Annotated[int, Field(ge=1, le=MAX_EPISODES)]
+    test_episodes: EpisodeCount
     seed: Seed
     first_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     perturb: str = ""

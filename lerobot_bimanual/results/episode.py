@@ -17,6 +17,11 @@ StateHash = Annotated[str, Field(pattern="^([0-9a-f]{16}|[0-9a-f]{64})$")]
 """SHA-256 of a state of the simulation, or its first 16 hexadecimal digits."""
 
 
+MAX_EPISODES = 100_000
+"""A larger number is a mistake, and a list of so many seeds would fill the memory."""
+EpisodeCount = Annotated[int, Field(ge=1, le=MAX_EPISODES)]
+
+
 class Proof(Record):
     """All that is needed to play an episode again without the policy, and to compare every state on the way.
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple, Self, get_args
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.results.episode import Episode, StateHash
+from lerobot_bimanual.results.episode import Episode, EpisodeCount, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require
 
@@ -121,7 +121,7 @@ class ExpertReport(Record):
     replay: Literal["none", "joint", "keypose"] = "none"
     split: Literal["train", "val", "test"]
     first_seed: NonNegativeInt
-    n_seeds: PositiveInt
+    n_seeds: EpisodeCount
     perturb: str = ""
     versions: dict[str, str]
     worlds: dict[str, WorldVersion]

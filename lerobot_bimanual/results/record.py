@@ -7,10 +7,8 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.output_file import write_file
+from lerobot_bimanual.files import read_file, write_file
 
-MAX_BYTES = 2**26
-"""Larger than any result; a larger file is not read."""
 MAX_MESSAGE = 120
 
 
@@ -34,8 +32,8 @@ class Record(BaseModel):
             BadRecord: the file cannot be read, or does not hold such a record.
         """
         try:
-            return cls.from_json(_read(path))
-        except BadRecord as error:
+            return cls.from_json(read_file(path))
+        except BimanualError as error:
             raise BadRecord(f"{path}: {error}") from None
 
     @classmethod
@@ -105,17 +103,3 @@ def _lines(value: Any) -> str:
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         return "[\n" + ",\n".join(f"  {json.dumps(item, ensure_ascii=False)}" for item in value) + "\n ]"
     return json.dumps(value, ensure_ascii=False)
-
-
-def _read(path: Path) -> bytes:
-    try:
-        path.stat()  # the clearest error of a missing file
-        if not path.is_file():  # a pipe or a device may never end
-            raise BadRecord("not a file")
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise BadRecord(error.strerror or str(error)) from None
-    if len(content) > MAX_BYTES:
-        raise BadRecord(f"file exceeds the {MAX_BYTES >> 20} MB limit")
-    return content

@@ -8,10 +8,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import MAX_BYTES
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
-from lerobot_bimanual.results.episode import Episodes, Sha256, success_rate
+from lerobot_bimanual.results.episode import EpisodeCount, Episodes, Sha256, success_rate
 from lerobot_bimanual.results.evaluation import WorldVersion
-from lerobot_bimanual.results.record import MAX_BYTES, Record, require
+from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 MIN_EXPERT_RATE = 0.97
@@ -136,7 +137,7 @@ class RobustnessConfig(Record):
     checkpoint_sha256: Sha256
     options: dict[str, str]
     first_seed: NonNegativeInt = 0
-    episodes: PositiveInt
+    episodes: EpisodeCount
     batch_size: PositiveInt
     versions: dict[str, str]
 
@@ -259,8 +260,8 @@ class ExpertRobustnessConfig(Record):
     task: str
     split: Literal["train", "val", "test"]
     first_seed: NonNegativeInt
-    expert_episodes: PositiveInt
-    open_loop_episodes: PositiveInt
+    expert_episodes: EpisodeCount
+    open_loop_episodes: EpisodeCount
     versions: dict[str, str]
 
 

@@ -1,4 +1,4 @@
-"""Damages to draw: JSON values of every kind, and files with one thing changed in them."""
+"""Mutations to draw: JSON values of every kind, and files with one thing changed in them."""
 
 import json
 from typing import Any
@@ -20,11 +20,11 @@ JSON_VALUES: st.SearchStrategy[Any] = st.recursive(
 
 
 @st.composite
-def damaged_json(draw: st.DrawFn, content: Any) -> bytes:
+def mutated_json(draw: st.DrawFn, content: Any) -> bytes:
     """The text of a JSON value in which one place holds something else, lies twice, or is gone; or a mangled text."""
     content = json.loads(json.dumps(content))
     for _ in range(draw(st.integers(0, 2))):
-        _damage_a_value(draw, content)
+        _mutate_a_value(draw, content)
     text = json.dumps(content).encode()
     return draw(st.just(text) | mangled(text))
 
@@ -40,7 +40,7 @@ def mangled(draw: st.DrawFn, text: bytes) -> bytes:
     return text[:at] + put + text[at + rest :]
 
 
-def _damage_a_value(draw: st.DrawFn, content: Any) -> None:
+def _mutate_a_value(draw: st.DrawFn, content: Any) -> None:
     container = content
     while True:
         keys = list(container) if isinstance(container, dict) else range(len(container))

@@ -6,18 +6,71 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mutations import check_clear, damaged_json
-from sample_results import RESULT, VERSIONS, proved, reported, variant
+from mutations import check_clear, mutated_json
+from sample_results import RESULT, VERSIONS, WORLD, proved, reported, variant
+from sample_robustness import EXPERT_REPORT as EXPERT_ROBUSTNESS
+from sample_robustness import ROBUSTNESS
 
 from lerobot_bimanual.benchmark.pipeline import Marker
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.expert_report import (
+    EpisodeOutcome,
+    ExpertReport,
+    LoadMetrics,
+    MoveReport,
+    VariationLoad,
+)
 from lerobot_bimanual.results.record import BadRecord, Record
 
+LOAD = LoadMetrics(
+    torque=0.5,
+    saturated=0.0,
+    velocity=0.5,
+    acceleration=0.5,
+    jerk=0.5,
+    contact_force_n=5.0,
+    finger_speed_m_s=0.05,
+    penetration_mm=0.5,
+    penetrating="hand, box",
+)
 EXAMPLES: list[Record] = [
     RESULT,
     RESULT.evaluation,
     Marker(command="true", inputs={"a": "0"}, done=True, seconds=1.5),
+    Provenance(
+        schema_version=2,
+        view="keyframes",
+        versions={"mujoco": "3.17.0"},
+        worlds={"lift_ball": WORLD},
+        settings={"tasks": ["lift_ball"], "depth": True, "intermediate": [0.5]},
+        command="lerobot-bimanual dataset generate",
+        episodes=(EpisodeKey(task="lift_ball", variation=0, split="train", seed=1),),
+        skipped=(SkippedSeed(task="lift_ball", variation=0, split="train", seed=0, reason="it fell"),),
+    ),
+    ROBUSTNESS,
+    EXPERT_ROBUSTNESS,
+    ExpertReport(
+        schema_version=1,
+        player="expert",
+        split="test",
+        first_seed=0,
+        n_seeds=2,
+        versions=VERSIONS,
+        worlds={"lift_ball": WORLD},
+        loads=(VariationLoad(task="lift_ball", variation=0, load=LOAD),),
+        episodes=tuple(
+            EpisodeOutcome(
+                task="lift_ball",
+                **dict(episode) | {"ticks": 20},
+                moves=(MoveReport("beside", 20, 1.0, 2.0),),
+                unmet=("above(ball)",),
+            )
+            for episode in reported("x.")
+        ),
+    ),
 ]
+"""One of every kind of record that is a file."""
 
 
 @pytest.mark.parametrize("record", EXAMPLES, ids=lambda record: type(record).__name__)
@@ -33,7 +86,7 @@ def test_a_record_survives_its_file(record: Record, tmp_path: Path):
 @given(data=st.data())
 def test_a_mutated_file_is_refused_with_its_name_or_reads_as_what_it_says(record, data, tmp_path_factory):
     path = tmp_path_factory.mktemp("mutated") / "mutated.json"
-    path.write_bytes(data.draw(damaged_json(json.loads(record.to_json()))))
+    path.write_bytes(data.draw(mutated_json(json.loads(record.to_json()))))
     try:
         read = type(record).read(path)
     except BadRecord as error:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lerobot_bimanual import cli
-from lerobot_bimanual.output_file import UnwritableOutput, write_file
+from lerobot_bimanual.files import UnwritableOutput, write_file
 
 RESULTS = Path(__file__).parents[2] / "results"
 CHECKPOINT = f"--checkpoint={RESULTS / 'checkpoints/peract2_on_all'}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.files import read_json
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord

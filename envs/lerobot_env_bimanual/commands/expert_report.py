@@ -28,7 +28,7 @@ def expert_report(config: ExpertReportConfig) -> None:
         lerobot-bimanual expert report
         lerobot-bimanual expert report --output=docs/tasks.md
     """
-    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_bimanual.files import check_output_file
     from lerobot_bimanual.pages import write_page
     from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness

@@ -102,7 +102,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
 
 def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
     """What is to be played; refuses what cannot be, before anything heavy is imported."""
-    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_bimanual.files import check_output_file
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
     from lerobot_env_bimanual.sweep.conditions import conditions_of

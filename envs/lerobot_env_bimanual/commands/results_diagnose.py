@@ -44,7 +44,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     """
     import numpy as np
 
-    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_bimanual.files import check_output_file
     from lerobot_env_bimanual.audit.blaming import blames_of
     from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
     from lerobot_env_bimanual.audit.result_names import result_names
@@ -147,7 +147,7 @@ def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Pa
     import json
     from dataclasses import asdict
 
-    from lerobot_bimanual.output_file import write_file
+    from lerobot_bimanual.files import write_file
 
     content: dict[str, list[dict[str, Any]]] = {}
     for result in results:

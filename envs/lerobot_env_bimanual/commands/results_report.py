@@ -54,7 +54,7 @@ def results_report(config: ResultsReportConfig) -> None:
             --benchmark_repo=me/bimanual
     """
     from lerobot_bimanual.cli import show_next
-    from lerobot_bimanual.output_file import check_output_file, check_output_folder
+    from lerobot_bimanual.files import check_output_file, check_output_folder
 
     check_range("max_videos", config.max_videos, 0)
     if config.output is not None:
@@ -107,7 +107,7 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
 
 
 def _write_html(config: ResultsReportConfig) -> None:
-    from lerobot_bimanual.output_file import write_file
+    from lerobot_bimanual.files import write_file
     from lerobot_bimanual.results.comparison import check_comparable
     from lerobot_env_bimanual.audit.result_files import Result, result_files
     from lerobot_env_bimanual.reports.results_page import results_page, sections_of

@@ -55,7 +55,7 @@ def task_perturbations(config: TaskPerturbationsConfig) -> None:
 
 def _draw(config: TaskPerturbationsConfig, axes: list[Axis], picture: Path) -> None:
     """A row for each of these axes that changes images of the task."""
-    from lerobot_bimanual.output_file import check_output_file
+    from lerobot_bimanual.files import check_output_file
     from lerobot_env_bimanual.rendering.axes_sheet import Row, axes_sheet, draw_row
     from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
     from lerobot_env_bimanual.tasks.registry import get_task

@@ -51,7 +51,7 @@ def task_render(config: TaskRenderConfig) -> None:
         lerobot-bimanual task render --video=false
         lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
-    from lerobot_bimanual.output_file import check_output_folder
+    from lerobot_bimanual.files import check_output_folder
     from lerobot_env_bimanual.rendering.task_pictures import render_episode
     from lerobot_env_bimanual.workers import WorkerPool
 

@@ -48,7 +48,7 @@ def task_view(config: TaskViewConfig) -> None:
         lerobot-bimanual task view --task=handover_item_easy --video \
             --checkpoint=results/checkpoints/peract2_on_all
     """
-    from lerobot_bimanual.output_file import check_output_folder
+    from lerobot_bimanual.files import check_output_folder
     from lerobot_env_bimanual.viewer import no_window
 
     check_range("first_seed", config.first_seed, 0)

@@ -10,7 +10,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.files import read_json
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.output_file import UnwritableOutput, write_file
+from lerobot_bimanual.files import UnwritableOutput, write_file
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.experts.world_version import simulation_versions

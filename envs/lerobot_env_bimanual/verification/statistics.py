@@ -22,7 +22,7 @@ from lerobot_bimanual.dataset.reader import (
     read_info,
 )
 from lerobot_bimanual.dataset.video import STATISTICS_EVERY
-from lerobot_bimanual.json_file import read_json
+from lerobot_bimanual.files import read_json
 from lerobot_env_bimanual.verification.fault import Fault
 
 STATISTICS_FILE = Path("meta", "stats.json")

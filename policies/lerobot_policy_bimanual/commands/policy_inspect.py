@@ -31,7 +31,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
 
     from lerobot_bimanual.dataset.reader import find_view, read_info
     from lerobot_bimanual.errors import DatasetError
-    from lerobot_bimanual.output_file import check_output_file, write_file
+    from lerobot_bimanual.files import check_output_file, write_file
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.durable import move_durably
+from lerobot_bimanual.files import move_durably
 
 
 @pytest.fixture

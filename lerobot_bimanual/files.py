@@ -1,0 +1,131 @@
+"""Files that are written completely or not at all, and foreign files that are read within limits.
+
+A rename is one step for every reader, but after a power failure the disk may have it and lack what was written before.
+So the content is brought to the disk first, and the new name after it.
+"""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, NoReturn
+
+from lerobot_bimanual.errors import BimanualError
+
+MAX_BYTES = 2**26
+"""Larger than any result or config; a larger file is not read."""
+
+
+class UnwritableOutput(BimanualError):
+    """A place where nothing can be written."""
+
+    def __init__(self, path: Path | str, reason: str):
+        super().__init__(f"cannot write {path}: {reason}; choose another place")
+
+
+def check_output_file(path: Path) -> None:
+    """Make a file's folder and try whether the file could be written there, without changing it.
+
+    Raises:
+        UnwritableOutput: it could not.
+    """
+    if path.is_dir():
+        raise UnwritableOutput(path, "it is a folder, but must be a file")
+    check_output_folder(path.parent)
+
+
+def check_output_folder(folder: Path) -> None:
+    """Make a folder and try whether files could be written there.
+
+    Raises:
+        UnwritableOutput: they could not.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise UnwritableOutput(folder, error.strerror or str(error)) from error
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Replace a file in one move, so that an interruption leaves the old one or the new one.
+
+    Args:
+        path: the file; its folder is made.
+        content: new content; a text is written as UTF-8.
+
+    Raises:
+        UnwritableOutput: it cannot be written; the old file is unchanged.
+    """
+    check_output_file(path)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        move_durably(partial, path)
+    except OSError as error:
+        raise UnwritableOutput(path, error.strerror or str(error)) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def move_durably(source: Path, target: Path) -> None:
+    """Rename a finished file or folder in one step that survives a power failure.
+
+    Args:
+        source: on the same file system as the target.
+        target: is replaced if it is a file or an empty folder.
+
+    Raises:
+        OSError: the disk refuses.
+    """
+    for parent, _, files in os.walk(source):
+        for name in files:
+            _bring_to_disk(Path(parent, name))
+        _bring_to_disk(parent)
+    if not source.is_dir():
+        _bring_to_disk(source)
+    source.replace(target)
+    _bring_to_disk(target.parent)
+
+
+def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
+    """The content of a file.
+
+    Raises:
+        BimanualError: it cannot be read, is not a file, or is larger than the limit.
+    """
+    try:
+        path.stat()  # the clearest error of a missing file
+        if not path.is_file():  # a pipe or a device may never end
+            raise BimanualError("not a file")
+        with path.open("rb") as file:
+            content = file.read(max_bytes + 1)
+    except OSError as error:
+        raise BimanualError(error.strerror or str(error)) from error
+    if len(content) > max_bytes:
+        raise BimanualError(f"file exceeds the {max_bytes >> 20} MB limit")
+    return content
+
+
+def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
+    """The value in a JSON file of another program.
+
+    Raises:
+        BimanualError: the file cannot be read, or is not JSON; the message names it.
+    """
+    try:
+        return json.loads(read_file(path, max_bytes), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError, BimanualError) as error:
+        raise BimanualError(f"{path}: {error}") from error
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a number of JSON")
+
+
+def _bring_to_disk(path: str | Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
