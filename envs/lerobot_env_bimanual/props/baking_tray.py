@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
 from lerobot_env_bimanual.props.tray_board import add_board
 
 ALUMINIUM = (0.86, 0.87, 0.90, 1.0)
@@ -20,9 +20,6 @@ PAPER_INSET_M = 0.012
 PAPER_HALF_THICKNESS_M = 0.0004
 BISCUIT_RADIUS_M = 0.021
 BISCUIT_HALF_HEIGHT_M = 0.004
-
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
 @dataclass(frozen=True)
@@ -81,13 +78,14 @@ class BakingTray:
     def _add_biscuits(self, body, board_x: float, board) -> None:
         x, y, z = board
         paper = (x - PAPER_INSET_M, y - PAPER_INSET_M, PAPER_HALF_THICKNESS_M)
-        body.add_geom(type=BOX, pos=(board_x, 0, z), size=paper, rgba=PAPER, **VISUAL_ONLY)
+        add_box(body, (board_x, 0, z), paper, rgba=PAPER, **VISUAL_ONLY)
         for column in np.linspace(-1, 1, 2) * 0.45 * x:
             for row in np.linspace(-1, 1, 4) * 0.66 * y:
-                body.add_geom(
-                    type=CYLINDER,
-                    pos=(board_x + column, row, z + BISCUIT_HALF_HEIGHT_M),
-                    size=(BISCUIT_RADIUS_M, BISCUIT_HALF_HEIGHT_M, 0),
+                add_cylinder(
+                    body,
+                    (board_x + column, row, z + BISCUIT_HALF_HEIGHT_M),
+                    BISCUIT_RADIUS_M,
+                    BISCUIT_HALF_HEIGHT_M,
                     rgba=BISCUIT,
                     **VISUAL_ONLY,
                 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
 
 RED = (1.0, 0.0, 0.0, 1.0)
 LABEL_THICKNESS_M = 0.0003
@@ -32,19 +32,21 @@ class Block:
         half = np.array(self.size_m) / 2
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
-        body.add_geom(
+        add_box(
+            body,
+            (0, 0, 0),
+            half,
             name=self.name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=half,
             mass=self.mass_kg,
             rgba=self.rgba,
             friction=(0.8, 0.005, 0.0001),
             condim=4,
             solref=(0.006, 1),
         )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=(half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2]),
+        add_box(
+            body,
+            (0, 0, 0),
+            (half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2]),
             rgba=(0.97, 0.96, 0.92, 1),
             **VISUAL_ONLY,
         )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.lathe import add_lathe
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_cylinder
 
 GLASS = (0.13, 0.45, 0.24, 1.0)
 PAPER = (0.96, 0.94, 0.86, 1.0)
@@ -21,7 +21,6 @@ LABEL_PROUD_M = 0.0003
 BODY_MASS_SHARE, SHOULDER_MASS_SHARE, NECK_MASS_SHARE = 0.86, 0.07, 0.07
 
 HIDDEN_GROUP = 3
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
@@ -48,10 +47,11 @@ class Bottle:
             (SHOULDER_RADIUS_M, BODY_HEIGHT_M, NECK_BOTTOM_M, SHOULDER_MASS_SHARE),
             (CAP_RADIUS_M, NECK_BOTTOM_M, HEIGHT_M, NECK_MASS_SHARE),
         ):
-            body.add_geom(
-                type=CYLINDER,
-                pos=(0, 0, (bottom + top) / 2),
-                size=(radius, (top - bottom) / 2, 0),
+            add_cylinder(
+                body,
+                (0, 0, (bottom + top) / 2),
+                radius,
+                (top - bottom) / 2,
                 mass=share * self.mass_kg,
                 friction=(self.friction, 0.005, 0.0001),
                 condim=4,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
 
 CARDBOARD = (0.76, 0.58, 0.38, 1.0)
 TAPE = (0.66, 0.62, 0.86, 1.0)
@@ -36,10 +36,11 @@ class Box:
         half = np.array(self.size_m) / 2
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
-        body.add_geom(
+        add_box(
+            body,
+            (0, 0, 0),
+            half,
             name=self.name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=half,
             mass=self.mass_kg,
             rgba=CARDBOARD,
             friction=(0.5, 0.005, 0.0001),
@@ -70,4 +71,4 @@ class Box:
         for side in (-1, 1):
             sheets.append(((side * x, 0, z - tape_end), (paper, tape_half_width, tape_end), TAPE))
         for position, size, rgba in sheets:
-            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=size, rgba=rgba, **VISUAL_ONLY)
+            add_box(body, position, size, rgba=rgba, **VISUAL_ONLY)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY, add_box, add_cylinder
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)
@@ -26,9 +26,7 @@ TUFTS = 15
 STICK_MASS_KG, HEAD_MASS_KG, BRISTLE_MASS_KG, WING_MASS_KG, FOOT_MASS_KG = 0.06, 0.10, 0.02, 0.005, 0.01
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 
 
@@ -52,7 +50,7 @@ class Broom:
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
         self._add_stick(body)
-        body.add_geom(type=BOX, pos=(0, 0, HEAD_Z_M), size=HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
+        add_box(body, (0, 0, HEAD_Z_M), HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
         self._add_bristles(body)
         self._add_feet(body)
         self._add_tufts(body)
@@ -61,22 +59,15 @@ class Broom:
         """Felt as a square bar, whose sides a gripper holds firmly; seen as a round one."""
         half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
         middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
-        body.add_geom(
-            type=BOX,
-            pos=(0, 0, middle),
-            size=(half, half, half_length),
-            mass=STICK_MASS_KG,
-            group=HIDDEN_GROUP,
-        )
-        body.add_geom(
-            type=CYLINDER, pos=(0, 0, middle), size=(half, half_length, 0), rgba=WOOD, **VISUAL_ONLY
-        )
+        add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, group=HIDDEN_GROUP)
+        add_cylinder(body, (0, 0, middle), half, half_length, rgba=WOOD, **VISUAL_ONLY)
         body.add_geom(type=SPHERE, pos=(0, 0, self.height_m), size=(half, 0, 0), rgba=PAINT, **VISUAL_ONLY)
         socket = 1.6 * half
-        body.add_geom(
-            type=CYLINDER,
-            pos=(0, 0, HEAD_Z_M + HEAD_HALF_M[2] + socket / 2),
-            size=(socket, socket / 2, 0),
+        add_cylinder(
+            body,
+            (0, 0, HEAD_Z_M + HEAD_HALF_M[2] + socket / 2),
+            socket,
+            socket / 2,
             rgba=PAINT,
             **VISUAL_ONLY,
         )
@@ -93,10 +84,10 @@ class Broom:
             self._add_sweeping(body, place, (wing_x, wing_y, half_z), WING_MASS_KG)
 
     def _add_sweeping(self, body, position, size, mass: float) -> None:
-        body.add_geom(
-            type=BOX,
-            pos=position,
-            size=size,
+        add_box(
+            body,
+            position,
+            size,
             mass=mass,
             solref=(0.004, 1),
             contype=DIRT_ONLY,
@@ -129,15 +120,15 @@ class Broom:
         for tuft in range(TUFTS):
             share = (tuft - (TUFTS - 1) / 2) / (TUFTS / 2)
             angle = -0.12 * share
-            body.add_geom(
-                type=BOX,
-                pos=(share * half_x, 0, half_z),
+            add_box(
+                body,
+                (share * half_x, 0, half_z),
+                (0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z),
                 quat=(np.cos(angle / 2), 0, np.sin(angle / 2), 0),
-                size=(0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z),
                 rgba=STRAW[tuft % 2],
                 **VISUAL_ONLY,
             )
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
-            body.add_geom(type=BOX, pos=place, size=(wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY)
+            add_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
 
 STEEL = (0.36, 0.38, 0.42, 1.0)
 RUBBER = (0.16, 0.16, 0.17, 1.0)
@@ -18,7 +18,6 @@ BAR_HALF_M = (0.022, 0.008, 0.012)
 BAR_Y_M = 0.073
 TIP_HALF_LENGTH_M = 0.006
 
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
@@ -44,15 +43,15 @@ class BroomStand:
         body.add_geom(type=CYLINDER, pos=(0, POLE_Y_M, FOOT_HALF_HEIGHT_M), size=foot, rgba=RUBBER)
         pole = (POLE_RADIUS_M, half_height, 0)
         body.add_geom(type=CYLINDER, pos=(0, POLE_Y_M, half_height), size=pole, rgba=STEEL)
-        body.add_geom(type=BOX, pos=(0, BAR_Y_M, z), size=BAR_HALF_M, rgba=STEEL)
+        add_box(body, (0, BAR_Y_M, z), BAR_HALF_M, rgba=STEEL)
         half_x, half_y, half_z = PRONG_HALF_M
         for side in (-1, 1):
             x = side * (self.gap_m / 2 + half_x)
-            body.add_geom(type=BOX, pos=(x, PRONG_Y_M, z), size=PRONG_HALF_M, rgba=STEEL)
-            body.add_geom(
-                type=BOX,
-                pos=(x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z),
-                size=(half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008),
+            add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
+            add_box(
+                body,
+                (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z),
+                (half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008),
                 rgba=RUBBER,
                 **VISUAL_ONLY,
             )

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
 
 RED = (0.85, 0.08, 0.08, 1.0)
 HIGHLIGHT = (0.95, 0.22, 0.20, 1.0)
@@ -27,7 +27,6 @@ COLLAR_HALF_HEIGHT_M = 0.0015
 SCREW_OFFSET_M = 0.041
 SCREW_RADIUS_M = 0.0035
 
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
@@ -48,9 +47,7 @@ class Button:
         """Write the base, its trimmings, and the cap on its spring."""
         base = spec.worldbody.add_body(name=self.name)
         half_height = BASE_HEIGHT_M / 2
-        base.add_geom(
-            name=self.name, type=BOX, pos=(0, 0, half_height), size=(HALF_SIDE_M, HALF_SIDE_M, half_height)
-        )
+        add_box(base, (0, 0, half_height), (HALF_SIDE_M, HALF_SIDE_M, half_height), name=self.name)
         self._add_trimmings(base)
         cap = base.add_body(name=f"{self.name}_cap", pos=(0, 0, BASE_HEIGHT_M))
         cap.add_joint(
@@ -62,12 +59,8 @@ class Button:
             damping=DAMPING_N_S_M,
             springref=CAP_MASS_KG * GRAVITY_M_S2 / STIFFNESS_N_M,  # carries the cap, so that it rests at 0
         )
-        cap.add_geom(
-            type=CYLINDER,
-            pos=(0, 0, CAP_HEIGHT_M / 2),
-            size=(CAP_RADIUS_M, CAP_HEIGHT_M / 2, 0),
-            mass=CAP_MASS_KG,
-            rgba=RED,
+        add_cylinder(
+            cap, (0, 0, CAP_HEIGHT_M / 2), CAP_RADIUS_M, CAP_HEIGHT_M / 2, mass=CAP_MASS_KG, rgba=RED
         )
         top = (0.75 * CAP_RADIUS_M, COLLAR_HALF_HEIGHT_M / 3, 0)
         cap.add_geom(type=CYLINDER, pos=(0, 0, CAP_HEIGHT_M), size=top, rgba=HIGHLIGHT, **VISUAL_ONLY)

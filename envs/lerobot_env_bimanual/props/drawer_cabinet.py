@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.lathe import add_lathe
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule, add_cylinder
 
 CASE = (0.72, 0.624, 0.48, 1.0)
 FRONT = (0.80, 0.71, 0.57, 1.0)
@@ -52,9 +52,6 @@ FIRM = (0.004, 1.0)
 PART_MASSES_KG = {"front": 0.12, "floor": 0.08, "wall": 0.04, "bar": 0.03, "post": 0.01}
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
@@ -103,15 +100,13 @@ class DrawerCabinet:
         half, wall, middle = SIDE_M / 2, WALL_HALF_M, LEG_HEIGHT_M + SIDE_M / 2
         for side in (-1, 1):
             inset = side * (half - wall)
-            body.add_geom(type=BOX, pos=(inset, 0, middle), size=(wall, half, half), rgba=CASE)
-            body.add_geom(type=BOX, pos=(0, 0, middle + inset), size=(half - 2 * wall, half, wall), rgba=CASE)
+            add_box(body, (inset, 0, middle), (wall, half, half), rgba=CASE)
+            add_box(body, (0, 0, middle + inset), (half - 2 * wall, half, wall), rgba=CASE)
         inner = half - 2 * wall
-        body.add_geom(type=BOX, pos=(0, wall - half, middle), size=(inner, wall, inner), rgba=CASE)
+        add_box(body, (0, wall - half, middle), (inner, wall, inner), rgba=CASE)
         # What is seen through the gaps between the fronts.
         for height in (0.225, 0.345):
-            body.add_geom(
-                type=BOX, pos=(0, half - 0.004, height), size=(inner, 0.003, 0.006), rgba=GAP, **VISUAL_ONLY
-            )
+            add_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP, **VISUAL_ONLY)
 
     def _add_legs(self, spec, body) -> None:
         top, foot = LEG_RADIUS_M
@@ -121,12 +116,7 @@ class DrawerCabinet:
             for y in (-1, 1):
                 place = (x * (SIDE_M / 2 - LEG_INSET_M), y * (SIDE_M / 2 - LEG_INSET_M), 0)
                 body.add_geom(type=MESH, meshname=mesh, pos=place, rgba=LEG, **VISUAL_ONLY)
-                body.add_geom(
-                    type=CYLINDER,
-                    pos=(*place[:2], LEG_HEIGHT_M / 2),
-                    size=(top, LEG_HEIGHT_M / 2, 0),
-                    group=HIDDEN_GROUP,
-                )
+                add_cylinder(body, (*place[:2], LEG_HEIGHT_M / 2), top, LEG_HEIGHT_M / 2, group=HIDDEN_GROUP)
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))
@@ -149,38 +139,25 @@ class DrawerCabinet:
             place = (side * (x - BOARD_HALF_M), middle, TRAY_WALL_Z_M)
             self._add_board(drawer, "wall", place, (BOARD_HALF_M, y, z), TRAY)
         self._add_handle(drawer)
-        drawer.add_geom(
-            type=BOX,
-            pos=(0, front_y + FRONT_HALF_M[1], 0),
-            size=(FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018),
+        add_box(
+            drawer,
+            (0, front_y + FRONT_HALF_M[1], 0),
+            (FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018),
             rgba=PANEL,
             **VISUAL_ONLY,
         )
 
     def _add_board(self, body, part: str, position, half, rgba) -> None:
-        body.add_geom(
-            type=BOX,
-            pos=position,
-            size=half,
-            mass=PART_MASSES_KG[part],
-            rgba=rgba,
-            solref=FIRM,
-        )
+        add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
 
     def _add_handle(self, drawer) -> None:
         y, x = _handle_y(), HANDLE_HALF_LENGTH_M
-        drawer.add_geom(
-            type=CAPSULE,
-            fromto=(-x, y, 0, x, y, 0),
-            size=(HANDLE_RADIUS_M, 0, 0),
-            mass=PART_MASSES_KG["bar"],
-            rgba=METAL,
-        )
+        add_capsule(drawer, (-x, y, 0, x, y, 0), HANDLE_RADIUS_M, mass=PART_MASSES_KG["bar"], rgba=METAL)
         for side in (-x, x):
-            drawer.add_geom(
-                type=CAPSULE,
-                fromto=(side, y, 0, side, y - HANDLE_STAND_OFF_M, 0),
-                size=(POST_RADIUS_M, 0, 0),
+            add_capsule(
+                drawer,
+                (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0),
+                POST_RADIUS_M,
                 mass=PART_MASSES_KG["post"],
                 rgba=METAL,
             )

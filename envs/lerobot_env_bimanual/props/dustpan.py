@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY, add_box
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
 DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
@@ -36,7 +36,6 @@ FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.
 HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 
@@ -72,18 +71,18 @@ class Dustpan:
         self._add_ribs(body)
 
     def _add_box(self, body, position, size, mass: float) -> None:
-        body.add_geom(type=BOX, pos=position, size=size, mass=mass, rgba=BLUE)
+        add_box(body, position, size, mass=mass, rgba=BLUE)
 
     def _add_lip(self, body) -> None:
         """A ramp from the table up to a crest at the floor's edge, which only dirt notices."""
         half_y, half_z = LIP_HALF_M[1:]
         along, up = np.cos(LIP_SLOPE_RAD), np.sin(LIP_SLOPE_RAD)
         y = FLOOR_Y_M + FLOOR_HALF_M[1] + half_y * along
-        body.add_geom(
-            type=BOX,
-            pos=(0, y, LIP_CREST_M - half_y * up - half_z * along),
+        add_box(
+            body,
+            (0, y, LIP_CREST_M - half_y * up - half_z * along),
+            LIP_HALF_M,
             quat=(np.cos(LIP_SLOPE_RAD / 2), -np.sin(LIP_SLOPE_RAD / 2), 0, 0),
-            size=LIP_HALF_M,
             mass=LIP_MASS_KG,
             rgba=BLUE,
             contype=DIRT_ONLY,
@@ -120,4 +119,4 @@ class Dustpan:
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
             place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
             rib = (0.003, 0.9 * half_y, 0.0003)
-            body.add_geom(type=BOX, pos=place, size=rib, rgba=DARK_BLUE, **VISUAL_ONLY)
+            add_box(body, place, rib, rgba=DARK_BLUE, **VISUAL_ONLY)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule
 
 SHELL = (0.84, 0.87, 0.90, 1.0)
 DOOR = (0.90, 0.92, 0.94, 1.0)
@@ -48,9 +48,6 @@ HANDLE_M = (0.464, 0.784)
 LOWER_HANDLE_M = (0.08, 0.30)
 HANDLE_RADIUS_M = 0.0075
 POST_RADIUS_M = 0.006
-
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 
 
 @dataclass(frozen=True)
@@ -94,23 +91,16 @@ class Fridge:
 
     def _add_shell(self, body) -> None:
         x, y, z, wall = HALF_DEPTH_M, HALF_WIDTH_M, HEIGHT_M / 2, WALL_HALF_M
-        body.add_geom(type=BOX, pos=(x - wall, 0, z), size=(wall, y, z), rgba=SHELL)
+        add_box(body, (x - wall, 0, z), (wall, y, z), rgba=SHELL)
         for side in (-1, 1):
-            body.add_geom(type=BOX, pos=(0, side * (y - wall), z), size=(x, wall, z), rgba=SHELL)
-            body.add_geom(type=BOX, pos=(0, 0, z + side * (z - wall)), size=(x, y, wall), rgba=SHELL)
+            add_box(body, (0, side * (y - wall), z), (x, wall, z), rgba=SHELL)
+            add_box(body, (0, 0, z + side * (z - wall)), (x, y, wall), rgba=SHELL)
         floor = COMPARTMENT_FLOOR_M - wall
         for middle, half, rgba in (
             ((-wall, 0, floor), (x - wall, y - 2 * wall, wall), LINER),  # ends at the back wall
             ((0, 0, SHELF_M), (x - 0.020, y - 2 * wall, SHELF_HALF_M), SHELF),
         ):
-            body.add_geom(
-                type=BOX,
-                pos=middle,
-                size=half,
-                rgba=rgba,
-                friction=(self.friction, 0.005, 0.0001),
-                solref=(0.005, 1),
-            )
+            add_box(body, middle, half, rgba=rgba, friction=(self.friction, 0.005, 0.0001), solref=(0.005, 1))
         self._line(body)
 
     def _line(self, body) -> None:
@@ -118,19 +108,19 @@ class Fridge:
         x, y, sheet = HALF_DEPTH_M - 2 * WALL_HALF_M, HALF_WIDTH_M - 2 * WALL_HALF_M, 0.0005
         middle, half = (COMPARTMENT_FLOOR_M + HEIGHT_M) / 2, (HEIGHT_M - COMPARTMENT_FLOOR_M) / 2 - 0.013
         liner = f"{self.name}_liner"
-        body.add_geom(type=BOX, pos=(x, 0, middle), size=(sheet, y, half), material=liner, **VISUAL_ONLY)
+        add_box(body, (x, 0, middle), (sheet, y, half), material=liner, **VISUAL_ONLY)
         for side in (-y, y):
-            body.add_geom(
-                type=BOX,
-                pos=(0.006, side, middle),
-                size=(HALF_DEPTH_M - 0.014, sheet, half),
+            add_box(
+                body,
+                (0.006, side, middle),
+                (HALF_DEPTH_M - 0.014, sheet, half),
                 material=liner,
                 **VISUAL_ONLY,
             )
-        body.add_geom(
-            type=BOX,
-            pos=(0.02, 0, HEIGHT_M - 0.018),
-            size=(0.03, 0.05, 0.006),
+        add_box(
+            body,
+            (0.02, 0, HEIGHT_M - 0.018),
+            (0.03, 0.05, 0.006),
             material=f"{self.name}_lamp",
             **VISUAL_ONLY,
         )
@@ -138,10 +128,10 @@ class Fridge:
     def _add_lower_door(self, body) -> None:
         low, high = LOWER_DOOR_M
         front = -HALF_DEPTH_M - DOOR_GAP_M - 2 * DOOR_HALF_THICKNESS_M
-        body.add_geom(
-            type=BOX,
-            pos=(front + DOOR_HALF_THICKNESS_M, 0, (low + high) / 2),
-            size=(DOOR_HALF_THICKNESS_M, HALF_WIDTH_M - 0.002, (high - low) / 2),
+        add_box(
+            body,
+            (front + DOOR_HALF_THICKNESS_M, 0, (low + high) / 2),
+            (DOOR_HALF_THICKNESS_M, HALF_WIDTH_M - 0.002, (high - low) / 2),
             rgba=DOOR,
         )
         _add_handle(body, front, HANDLE_FROM_HINGE_M - HALF_WIDTH_M, LOWER_HANDLE_M)
@@ -161,40 +151,34 @@ class Fridge:
             stiffness=SPRING_NM_RAD,
             springref=-CLOSING_NM / SPRING_NM_RAD,
         )
-        door.add_geom(
-            type=BOX,
-            pos=(-thickness, width, middle),
-            size=(thickness, width - 0.002, half_height),
+        add_box(
+            door,
+            (-thickness, width, middle),
+            (thickness, width - 0.002, half_height),
             mass=DOOR_MASS_KG,
             rgba=DOOR,
         )
         _add_handle(door, -2 * thickness, HANDLE_FROM_HINGE_M, HANDLE_M, mass=0.03)
         # Inside: the dark seal around a bright panel with two racks. Outside: the maker's badge.
         for inset, proud, rgba in ((0.010, 0.0020, SEAL), (0.026, 0.0025, LINER)):
-            door.add_geom(
-                type=BOX,
-                pos=(0, width, middle),
-                size=(proud, width - inset, half_height - inset),
+            add_box(
+                door,
+                (0, width, middle),
+                (proud, width - inset, half_height - inset),
                 rgba=rgba,
                 **VISUAL_ONLY,
             )
         for height in (low + 0.06, low + 0.32):
             for rise, half in ((0.0, (0.016, 0.003)), (0.03, (0.002, 0.012))):
                 depth, half_rise = half
-                door.add_geom(
-                    type=BOX,
-                    pos=(0.032 - depth, width, height + rise),
-                    size=(depth, width - 0.040, half_rise),
+                add_box(
+                    door,
+                    (0.032 - depth, width, height + rise),
+                    (depth, width - 0.040, half_rise),
                     rgba=SHELF,
                     **VISUAL_ONLY,
                 )
-        door.add_geom(
-            type=BOX,
-            pos=(-2 * thickness, 0.07, high - 0.05),
-            size=(0.001, 0.03, 0.008),
-            rgba=BADGE,
-            **VISUAL_ONLY,
-        )
+        add_box(door, (-2 * thickness, 0.07, high - 0.05), (0.001, 0.03, 0.008), rgba=BADGE, **VISUAL_ONLY)
 
 
 _HINGE_M = (-HALF_DEPTH_M - DOOR_GAP_M, -HALF_WIDTH_M)
@@ -211,4 +195,4 @@ def _add_handle(body, front_m: float, y_m: float, span_m: tuple[float, float], m
         (POST_RADIUS_M, (x, y_m, low), (front_m, y_m, low)),
         (POST_RADIUS_M, (x, y_m, high), (front_m, y_m, high)),
     ):
-        body.add_geom(type=CAPSULE, fromto=(*start, *end), size=(radius, 0, 0), mass=mass, rgba=METAL)
+        add_capsule(body, (*start, *end), radius, mass=mass, rgba=METAL)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
 from lerobot_env_bimanual.props.slab import add_slab
 
 ALUMINIUM = (0.72, 0.74, 0.77, 1.0)
@@ -23,8 +23,6 @@ CORNER_RADIUS_M = 0.016
 SHEET_HALF_THICKNESS_M = 0.0003
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
@@ -78,10 +76,10 @@ class Laptop:
 
     def _add_solid(self, body, position, half, mass: float) -> None:
         """What is felt: a plain box."""
-        body.add_geom(
-            type=BOX,
-            pos=position,
-            size=half,
+        add_box(
+            body,
+            position,
+            half,
             mass=mass,
             friction=(self.friction, 0.005, 0.0001),
             condim=4,
@@ -101,30 +99,14 @@ class Laptop:
             for socket_y in (0.035, 0.060, 0.090):
                 boxes.append(((side * x, socket_y, 0), (sheet, 0.007, 0.002)))
         for position, size in boxes:
-            body.add_geom(type=BOX, pos=position, size=size, rgba=DARK, **VISUAL_ONLY)
+            add_box(body, position, size, rgba=DARK, **VISUAL_ONLY)
         inset = 2 * CORNER_RADIUS_M
-        body.add_geom(
-            type=BOX,
-            pos=(0, 0, z + SEAM_M / 2),
-            size=(x - inset, y - 0.004, SEAM_M / 2),
-            rgba=DARK,
-            **VISUAL_ONLY,
-        )
+        add_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK, **VISUAL_ONLY)
 
     def _decorate_lid(self, body, middle, half) -> None:
         """A round badge outside, the screen inside."""
         x, y, z = half
-        body.add_geom(
-            type=CYLINDER,
-            pos=(*middle[:2], z),
-            size=(0.022, SHEET_HALF_THICKNESS_M, 0),
-            rgba=BADGE,
-            **VISUAL_ONLY,
-        )
-        body.add_geom(
-            type=BOX,
-            pos=(*middle[:2], -z),
-            size=(0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M),
-            rgba=SCREEN,
-            **VISUAL_ONLY,
+        add_cylinder(body, (*middle[:2], z), 0.022, SHEET_HALF_THICKNESS_M, rgba=BADGE, **VISUAL_ONLY)
+        add_box(
+            body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN, **VISUAL_ONLY
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule, add_cylinder
 
 STEEL = (0.80, 0.81, 0.83, 1.0)
 DARK = (0.17, 0.17, 0.19, 1.0)
@@ -57,9 +57,7 @@ RACK_WIRES = 12
 RAIL_HALF_M = (0.162, 0.008, 0.004)
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 FACING_FRONT = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
 """Turns the axis of a cylinder to x."""
 
@@ -124,17 +122,15 @@ class Oven:
         x, y = HALF_DEPTH_M, HALF_WIDTH_M
         low, high = (FOOT_HEIGHT_M + FLOOR_M) / 2, (CEILING_M + HEIGHT_M) / 2
         middle, half = (FLOOR_M + CEILING_M) / 2, (CEILING_M - FLOOR_M) / 2
-        body.add_geom(type=BOX, pos=(0, 0, low), size=(x, y, (FLOOR_M - FOOT_HEIGHT_M) / 2), rgba=DARK)
-        body.add_geom(type=BOX, pos=(0, 0, high), size=(x, y, (HEIGHT_M - CEILING_M) / 2), rgba=STEEL)
-        body.add_geom(
-            type=BOX, pos=(x - BACK_HALF_M, 0, middle), size=(BACK_HALF_M, y - 0.02, half), rgba=DARK
-        )
+        add_box(body, (0, 0, low), (x, y, (FLOOR_M - FOOT_HEIGHT_M) / 2), rgba=DARK)
+        add_box(body, (0, 0, high), (x, y, (HEIGHT_M - CEILING_M) / 2), rgba=STEEL)
+        add_box(body, (x - BACK_HALF_M, 0, middle), (BACK_HALF_M, y - 0.02, half), rgba=DARK)
         for side in (-1, 1):
             wall = (0, side * (y - WALL_HALF_M), middle)
-            body.add_geom(type=BOX, pos=wall, size=(x, WALL_HALF_M, half), rgba=STEEL)
+            add_box(body, wall, (x, WALL_HALF_M, half), rgba=STEEL)
             for end in (-1, 1):
                 foot = (end * (x - FOOT_INSET_M[0]), side * (y - FOOT_INSET_M[1]), FOOT_HEIGHT_M / 2)
-                body.add_geom(type=CYLINDER, pos=foot, size=(FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, 0), rgba=DARK)
+                add_cylinder(body, foot, FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, rgba=DARK)
 
     def _add_inside(self, body) -> None:
         """Bright enamel, a lamp under the ceiling, and the rails that the rack slides on."""
@@ -148,44 +144,33 @@ class Oven:
             ((centre_x, -y, middle), (x - centre_x, sheet, half)),
             ((centre_x, y, middle), (x - centre_x, sheet, half)),
         ):
-            body.add_geom(type=BOX, pos=position, size=size, material=liner, **VISUAL_ONLY)
-        body.add_geom(
-            type=BOX,
-            pos=(0.03, 0, CEILING_M - 0.006),
-            size=(0.035, 0.06, 0.006),
+            add_box(body, position, size, material=liner, **VISUAL_ONLY)
+        add_box(
+            body,
+            (0.03, 0, CEILING_M - 0.006),
+            (0.035, 0.06, 0.006),
             material=f"{self.name}_lamp",
             **VISUAL_ONLY,
         )
         rail_z = RACK_M - RACK_HALF_M[2] - RAIL_HALF_M[2]
         for side in (-1, 1):
-            body.add_geom(
-                type=BOX, pos=(0.02, side * (y - RAIL_HALF_M[1]), rail_z), size=RAIL_HALF_M, rgba=WIRE
-            )
+            add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
 
     def _add_panel(self, body) -> None:
         """Dark panel with four knobs and a clock, above the door."""
         height = (CEILING_M + HEIGHT_M) / 2
-        body.add_geom(
-            type=BOX,
-            pos=(self.front_m, 0, height),
-            size=(0.001, HALF_WIDTH_M - 0.012, 0.055),
-            rgba=DARK,
-            **VISUAL_ONLY,
+        add_box(
+            body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK, **VISUAL_ONLY
         )
-        body.add_geom(
-            type=BOX,
-            pos=(self.front_m, 0, height),
-            size=(0.0016, 0.045, 0.02),
-            rgba=DISPLAY,
-            **VISUAL_ONLY,
-        )
+        add_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY, **VISUAL_ONLY)
         for y in (-0.20, -0.12, 0.12, 0.20):
             for depth, radius, rgba in ((0.008, 0.021, STEEL), (0.018, 0.015, METAL)):
-                body.add_geom(
-                    type=CYLINDER,
-                    pos=(self.front_m - depth / 2, y, height),
+                add_cylinder(
+                    body,
+                    (self.front_m - depth / 2, y, height),
+                    radius,
+                    depth / 2,
                     quat=FACING_FRONT,
-                    size=(radius, depth / 2, 0),
                     rgba=rgba,
                     **VISUAL_ONLY,
                 )
@@ -202,15 +187,15 @@ class Oven:
         )
         x, y, z = DOOR_HALF_M
         middle = z + DOOR_LIFT_M
-        door.add_geom(type=BOX, pos=(0, 0, middle), size=DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
+        add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
         for proud, half_y, half_z, rgba in (
             (0.0008, y - 0.010, z - 0.010, DARK),
             (0.0014, y - 0.055, z - 0.070, GLASS),
         ):
-            door.add_geom(
-                type=BOX,
-                pos=(0, 0, middle - 0.02 * (rgba is GLASS)),
-                size=(x + proud, half_y, half_z),
+            add_box(
+                door,
+                (0, 0, middle - 0.02 * (rgba is GLASS)),
+                (x + proud, half_y, half_z),
                 rgba=rgba,
                 **VISUAL_ONLY,
             )
@@ -222,13 +207,7 @@ class Oven:
         bar = {"size": (HANDLE_RADIUS_M, 0, 0), "mass": 0.05, "friction": (1.0, 0.01, 0.0001)}
         door.add_geom(type=CAPSULE, fromto=(x, right, z, x, left, z), rgba=METAL, **bar)
         for y in self.handle_y_m:
-            door.add_geom(
-                type=CAPSULE,
-                fromto=(x, y, z, -DOOR_HALF_M[0], y, z),
-                size=(POST_RADIUS_M, 0, 0),
-                mass=0.02,
-                rgba=METAL,
-            )
+            add_capsule(door, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, rgba=METAL)
 
     def _add_rack(self, oven) -> None:
         """A plate in physics, a grid of wires for the eye."""
@@ -241,18 +220,18 @@ class Oven:
             frictionloss=RACK_FRICTION_N,
             damping=RACK_DAMPING_N_S_M,
         )
-        rack.add_geom(type=BOX, size=RACK_HALF_M, mass=RACK_MASS_KG, group=HIDDEN_GROUP)
+        add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, group=HIDDEN_GROUP)
         x, y, radius = RACK_HALF_M
         for side in (-1, 1):
             frame = ((side * (x - radius), 0, 0), (radius, y, radius))
             ends = ((0, side * (y - radius), 0), (x, radius, radius))
             for position, size in (frame, ends):
-                rack.add_geom(type=BOX, pos=position, size=size, rgba=WIRE, **VISUAL_ONLY)
+                add_box(rack, position, size, rgba=WIRE, **VISUAL_ONLY)
         for wire_y in np.linspace(-y, y, RACK_WIRES + 2)[1:-1]:
-            rack.add_geom(
-                type=CAPSULE,
-                fromto=(-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2),
-                size=(radius / 2, 0, 0),
+            add_capsule(
+                rack,
+                (-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2),
+                radius / 2,
                 rgba=WIRE,
                 **VISUAL_ONLY,
             )

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule, add_cylinder
 
 PLATE = (0.30, 0.31, 0.34, 1.0)
 STEEL = (0.62, 0.64, 0.68, 1.0)
@@ -15,10 +15,6 @@ PEG_RADIUS_M = 0.007
 FOOT = (0.013, 0.008, 0.007)
 COLLAR = (0.009, 0.095, 0.010)
 """Rubber rings for the eye: radius, height of the underside and height, in metres."""
-
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
 @dataclass(frozen=True)
@@ -40,11 +36,8 @@ class PegStand:
         body = spec.worldbody.add_body(name=self.name)
         peg_x, peg_y = self.peg_offset_m
         thickness = PLATE_HALF_THICKNESS_M
-        body.add_geom(
-            type=BOX,
-            pos=(0, 0, thickness),
-            size=(peg_x + PLATE_MARGIN_M, peg_y + PLATE_MARGIN_M, thickness),
-            rgba=PLATE,
+        add_box(
+            body, (0, 0, thickness), (peg_x + PLATE_MARGIN_M, peg_y + PLATE_MARGIN_M, thickness), rgba=PLATE
         )
         for side_x in (-1, 1):
             for side_y in (-1, 1):
@@ -53,12 +46,6 @@ class PegStand:
     def _add_peg(self, body, x: float, y: float) -> None:
         # Round tops touch what they carry in one point each, which is stable and cheap.
         top = self.height_m - PEG_RADIUS_M
-        body.add_geom(type=CAPSULE, size=(PEG_RADIUS_M, 0, 0), fromto=(x, y, 0.01, x, y, top), rgba=STEEL)
+        add_capsule(body, (x, y, 0.01, x, y, top), PEG_RADIUS_M, rgba=STEEL)
         for radius, bottom, height in (FOOT, COLLAR):
-            body.add_geom(
-                type=CYLINDER,
-                pos=(x, y, bottom + height / 2),
-                size=(radius, height / 2, 0),
-                rgba=RUBBER,
-                **VISUAL_ONLY,
-            )
+            add_cylinder(body, (x, y, bottom + height / 2), radius, height / 2, rgba=RUBBER, **VISUAL_ONLY)

@@ -5,8 +5,9 @@ the table alone by giving them contype `TABLE_ONLY` and conaffinity 0, or dirt a
 its conaffinity.
 """
 
+from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any, Protocol
 
 from lerobot_env_bimanual.gl import mujoco
 
@@ -36,3 +37,25 @@ class Prop(Protocol):
         Props hold and are held by contact friction only: no welds, no mocap bodies.
         """
         ...
+
+
+def add_box(
+    body: mujoco.MjsBody, position: Sequence[float], half_size: Sequence[float], **settings: Any
+) -> mujoco.MjsGeom:
+    """Add a box to a body, by its centre and half sizes in m; `settings` are those of MuJoCo's geoms."""
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=half_size, **settings)
+
+
+def add_cylinder(
+    body: mujoco.MjsBody, position: Sequence[float], radius: float, half_height: float, **settings: Any
+) -> mujoco.MjsGeom:
+    """Add a cylinder to a body, by its centre, radius and half height in m."""
+    size = (radius, half_height, 0)
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=position, size=size, **settings)
+
+
+def add_capsule(
+    body: mujoco.MjsBody, ends: Sequence[float], radius: float, **settings: Any
+) -> mujoco.MjsGeom:
+    """Add a capsule to a body, by the middles of its two caps (6,) and its radius in m."""
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=(radius, 0, 0), **settings)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
 
 WALNUT = (0.36, 0.23, 0.16, 1.0)
 OAK = (0.72, 0.56, 0.38, 1.0)
@@ -14,8 +14,6 @@ SHADOW = (0.16, 0.10, 0.08, 1.0)
 TOP_BOARD_HALF_HEIGHT_M = 0.008
 PLINTH_HALF_HEIGHT_M = 0.006
 PROUD_M = 0.0006
-
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 
 
 @dataclass(frozen=True)
@@ -39,10 +37,11 @@ class Riser:
         x, y, z = np.array(self.size_m) / 2
         body = spec.worldbody.add_body(name=self.name)
         body.add_freejoint()
-        body.add_geom(
+        add_box(
+            body,
+            (0, 0, 0),
+            (x, y, z),
             name=self.name,
-            type=BOX,
-            size=(x, y, z),
             mass=self.mass_kg,
             rgba=WALNUT,
             friction=(self.friction, 0.005, 0.0001),
@@ -52,10 +51,4 @@ class Riser:
             (z - TOP_BOARD_HALF_HEIGHT_M + PROUD_M / 10, TOP_BOARD_HALF_HEIGHT_M, OAK),
             (-z + PLINTH_HALF_HEIGHT_M, PLINTH_HALF_HEIGHT_M, SHADOW),
         ):
-            body.add_geom(
-                type=BOX,
-                pos=(0, 0, middle_z),
-                size=(x + PROUD_M, y + PROUD_M, half_z),
-                rgba=rgba,
-                **VISUAL_ONLY,
-            )
+            add_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba, **VISUAL_ONLY)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import add_capsule
 
 TAIL = (0.15, 0.30, 0.85, 1.0)
 HEAD = (0.90, 0.10, 0.08, 1.0)
@@ -26,8 +27,6 @@ ROOT_ARMATURE = 1e-3
 GAP_M = 0.001
 """Between the middles of neighbouring links' end caps."""
 KNOT_HALF_LENGTH_M = 0.00325
-
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 
 
 @dataclass(frozen=True)
@@ -102,10 +101,10 @@ class Rope:
     def _add_capsule(self, body, index: int) -> None:
         is_end = index in (0, self.links - 1)
         half = KNOT_HALF_LENGTH_M if is_end else self.pitch_m / 2 - GAP_M
-        body.add_geom(
-            type=CAPSULE,
-            fromto=(-half, 0, 0, half, 0, 0),
-            size=(self.knot_radius_m if is_end else self.radius_m, 0, 0),
+        add_capsule(
+            body,
+            (-half, 0, 0, half, 0, 0),
+            self.knot_radius_m if is_end else self.radius_m,
             mass=self.link_mass_kg,
             rgba={0: TAIL, self.links - 1: HEAD}.get(index, STRANDS[index % 2]),
             friction=(self.friction, 0.01, 0.001),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
 from lerobot_env_bimanual.props.slab import add_slab
 from lerobot_env_bimanual.props.tray_board import add_board
 
@@ -24,7 +24,6 @@ INLAY_INSET_M = 0.015
 CORNER_RADIUS_M = 0.012
 
 HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
@@ -95,12 +94,12 @@ class ServingTray:
         """A linen mat with a stripe along either long side."""
         half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
         sheet = SHEET_HALF_THICKNESS_M
-        body.add_geom(type=BOX, pos=(0, 0, z), size=(half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY)
+        add_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY)
         for side in (-1, 1):
-            body.add_geom(
-                type=BOX,
-                pos=(side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet),
-                size=(STRIPE_HALF_WIDTH_M, half_y, sheet),
+            add_box(
+                body,
+                (side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet),
+                (STRIPE_HALF_WIDTH_M, half_y, sheet),
                 rgba=STRIPE,
                 **VISUAL_ONLY,
             )
