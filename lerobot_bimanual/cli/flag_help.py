@@ -32,7 +32,7 @@ def describe_flags(config_type: type) -> str:
 def field_comments(config_type: type) -> dict[str, str]:
     """Help text of each field of a dataclass, its base classes included; fields without a comment are absent."""
     comments: dict[str, str] = {}
-    for owner in filter(dataclasses.is_dataclass, reversed(config_type.__mro__)):
+    for owner in reversed(config_type.__mro__[:-1]):
         above: list[str] = []
         for line in textwrap.dedent(inspect.getsource(owner)).splitlines():
             if comment := COMMENT.fullmatch(line):

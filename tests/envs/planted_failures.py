@@ -1,4 +1,4 @@
-"""Episodes of the expert with one planted error, recorded as an evaluation would."""
+"""Episodes of the expert with one planted error, recorded as in an evaluation."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -41,7 +41,7 @@ def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -
 
 @cache
 def replanning_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
-    """Keyposes (n, 18) of the expert who reads the scene again where things are moved, in variation 0."""
+    """Keyposes (n, 18) of the replanning expert in variation 0."""
     env, moves = BimanualEnv(task, obs="state", perturb=perturb), []
     run_episode(env, seed, replanning(), moves.append, variation=0)
     env.close()
@@ -49,7 +49,7 @@ def replanning_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
 
 
 def shifted(index: int | slice, column: int, by: float) -> Callable[[Keyposes], Keyposes]:
-    """An error: one number of one keypose is off, or of several."""
+    """An error: one number of one keypose is off."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()
@@ -60,7 +60,7 @@ def shifted(index: int | slice, column: int, by: float) -> Callable[[Keyposes], 
 
 
 def from_on(index: int, column: int, value: float) -> Callable[[Keyposes], Keyposes]:
-    """An error: one number is another from one keypose on."""
+    """An error: one number has another value from one keypose on."""
 
     def change(keyposes: Keyposes) -> Keyposes:
         changed = keyposes.copy()
@@ -76,14 +76,12 @@ def reproved(episode: Episode, **changes: object) -> Episode:
     return episode.model_copy(update={"proof": episode.proof.model_copy(update=changes)})
 
 
-def evaluation(
-    task: str, options: Mapping[str, str | int], *episodes: Episode, world: str = ""
-) -> EvaluationRecord:
-    """The record of an evaluation of these episodes, by default in the world that is installed."""
+def evaluation(task: str, options: Mapping[str, str | int], *episodes: Episode) -> EvaluationRecord:
+    """The record of an evaluation of these episodes in the installed world."""
     return EvaluationRecord(
         schema_version=2,
         task=task,
-        world=world or world_version(task, str(options.get("perturb", ""))),
+        world=world_version(task, str(options.get("perturb", ""))),
         options=dict(options),
         batch_size=1,
         versions={"numpy": "1"},
@@ -92,12 +90,12 @@ def evaluation(
 
 
 def played(task: str, actions: Sequence[NDArray] | Keyposes, seed: int = SEED, perturb: str = "") -> Episode:
-    """The record of an episode of these actions; the last one is repeated until it is over."""
-    player = HoldAfterDone(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
-    player.reset(seed=seed, options={"variation": 0})
+    """The recorded episode of these actions; the last one is repeated until it is over."""
+    recorder = HoldAfterDone(EpisodeRecorder(BimanualEnv(task, obs="state", perturb=perturb)))
+    recorder.reset(seed=seed, options={"variation": 0})
     info, index = {}, 0
     while PLAYED not in info:
-        info = player.step(actions[min(index, len(actions) - 1)])[4]
+        info = recorder.step(actions[min(index, len(actions) - 1)])[4]
         index += 1
-    player.close()
+    recorder.close()
     return info[PLAYED]

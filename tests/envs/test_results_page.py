@@ -11,12 +11,12 @@ import pytest
 from planted_failures import SEED, evaluation, expert_keyposes, played, reproved, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.audit.blame import Blame, Loser
-from lerobot_env_bimanual.audit.failure_class import FailureClass
-from lerobot_env_bimanual.audit.result_files import Result
 from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
+from lerobot_env_bimanual.failures.attribution import Attribution, Responsible
+from lerobot_env_bimanual.failures.classes import FailureClass
 from lerobot_env_bimanual.rendering.failure_video import EVERY, FailureVideo, failure_video
 from lerobot_env_bimanual.reports.results_page import Section, results_page
+from lerobot_env_bimanual.verification.result_files import ResultFile
 
 ROWS = sorted((Path(__file__).parents[2] / "results" / "leaderboard").glob("*.json"))
 EVIL = '</td></style></script><script>alert(1)</script><img src=x onerror=alert(2)>"\' onload="alert(3)" {{ 7 * 7 }}'
@@ -46,25 +46,26 @@ class Reader(HTMLParser):
 
 
 def section_of(path: Path, fact: str = "it fell") -> Section:
-    result = Result.read(path)
+    result = ResultFile.read(path)
     failed = [episode.seed for episode in result.record.episodes if not episode.success]
     failures = {
-        seed: Blame(seed, 0, FailureClass.DROPPED, fact, 3, 1, Loser.LEFT, (True, False)) for seed in failed
+        seed: Attribution(seed, 0, FailureClass.DROPPED, fact, 3, 1, Responsible.LEFT, (True, False))
+        for seed in failed
     }
     return Section(result, failures)
 
 
 def test_a_page_of_all_committed_results_holds_every_result_and_episode():
     sections = [section_of(path) for path in ROWS]
-    shown = next(index for index, section in enumerate(sections) if section.blames)
-    video = FailureVideo(next(iter(sections[shown].blames)), "front", 1.0, b"m" * 1000, b"j")
+    shown = next(index for index, section in enumerate(sections) if section.attributions)
+    video = FailureVideo(next(iter(sections[shown].attributions)), "front", 1.0, b"m" * 1000, b"j")
     sections[shown] = replace(sections[shown], videos=[video])
     page = results_page(sections)
     reader = Reader(page)
     assert "content=\"default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'\"" in page
     assert (reader.tags["section"], reader.tags["video"], reader.tags["img"]) == (len(ROWS), 1, 2)
     for section in sections:
-        row = section.result.row
+        row = section.result.benchmark
         assert row.checkpoint_sha256 in reader.text
         assert f"{row.rates['policy'].successes} of {len(row.episodes)}" in reader.text
     # Two tables of all files, each with a heading, and one of the episodes of each.
@@ -73,7 +74,7 @@ def test_a_page_of_all_committed_results_holds_every_result_and_episode():
 
 
 def test_no_word_of_a_file_becomes_markup():
-    section = next(section for path in ROWS if (section := section_of(path, EVIL)).blames)
+    section = next(section for path in ROWS if (section := section_of(path, EVIL)).attributions)
     record = section.result.record
     evil = record.model_copy(
         update={
@@ -87,7 +88,7 @@ def test_no_word_of_a_file_becomes_markup():
             ),
         }
     )
-    page = results_page([replace(section, result=Result(Path("record.json"), evil, None))])
+    page = results_page([replace(section, result=ResultFile(Path("record.json"), evil, None))])
     reader = Reader(page)
     assert reader.text.count("<script>alert(1)") > len(record.episodes)
     assert "{{ 7 * 7 }}" in reader.text
@@ -116,5 +117,5 @@ def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(t
     with av.open(BytesIO(video.mp4)) as container:
         frames = sum(1 for _ in container.decode(video=0))
     assert frames == -(-(failed.ticks or 0) // EVERY) + 1
-    with pytest.raises(BimanualError, match=f"seed {SEED} does not come out as recorded"):
+    with pytest.raises(BimanualError, match=f"seed {SEED} replays otherwise than recorded"):
         failure_video(TASK, OPTIONS, reproved(failed, end="0" * 64), "policy")

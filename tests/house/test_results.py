@@ -52,13 +52,13 @@ def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: p
     assert described("results.png") == success_figure([*map(BenchmarkResult.read, ROWS)]).description
 
 
-def test_the_picture_of_who_lost_episodes_shows_every_failed_one_of_peract2():
+def test_the_picture_of_failures_shows_every_failed_one_of_peract2():
     failed = Counter()
     for row in map(BenchmarkResult.read, ROWS):
         if row.config.policy_id != "peract2":
             continue
         failed[row.task] += sum(not episode.success for episode in row.episodes)
-    sentences = dict(re.findall(r"(\w+): (\d+) failed", described("blame.png")))
+    sentences = dict(re.findall(r"(\w+)(?: \w+)?: (\d+) failed", described("failure_attribution.png")))
     assert {task: int(count) for task, count in sentences.items()} == failed
 
 
@@ -131,7 +131,7 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
 @pytest.mark.sim
 @pytest.mark.timeout(1800)
 def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Path, capsys):
-    """Other rows and episodes in every run; `lerobot-bimanual verify-results --results=results/leaderboard` plays all."""
+    """Other rows and episodes in every run; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
     (tmp_path / "certificates").symlink_to(ROOT / "results" / "certificates")
     rooms = set()
@@ -142,15 +142,5 @@ def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Pa
         (room / row.name).symlink_to(row)
         rooms.add(room)
     for room in sorted(rooms):
-        config = ResultsVerifyConfig(results=room, sample=1, controls=1, seed=seed)
-        assert results_verify(config) == 0, f"--seed={seed}: {capsys.readouterr().out}"
-
-
-@pytest.mark.sim
-def test_a_result_whose_network_learned_another_task_is_not_as_claimed(tmp_path: Path, capsys):
-    result = BenchmarkResult.read(BOARD / "lift_ball_peract2_small_seed1000_on_all.json")
-    config = result.config.model_copy(update={"trained_on": "push_box"})
-    changed = tmp_path / "changed.json"
-    result.model_copy(update={"config": config}).write(changed)
-    assert results_verify(ResultsVerifyConfig(results=changed, sample=1, controls=0, workers=1)) == 1
-    assert "it was trained on push_box, of which lift_ball is none" in capsys.readouterr().out
+        config = ResultsVerifyConfig(results=room, sample=1, sample_seed=seed)
+        assert results_verify(config) == 0, f"--sample_seed={seed}: {capsys.readouterr().out}"

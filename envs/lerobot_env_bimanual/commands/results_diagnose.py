@@ -1,161 +1,140 @@
-"""The verb `blame`: why episodes failed, at which keypose, and by which arm."""
+"""The command `results diagnose`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import InvalidChoice, check_range
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.audit.blame import Blame
-    from lerobot_env_bimanual.audit.result_files import Result
+    from lerobot_env_bimanual.failures.attribution import Attribution
+    from lerobot_env_bimanual.verification.result_files import ResultFile
 
 
 @dataclass
 class ResultsDiagnoseConfig:
-    """Options of the verb `blame`."""
+    """Flags of `results diagnose`."""
 
-    # A file, or a folder of files: rows of `benchmark`, or records that `lerobot-eval --env.results_dir` has left.
+    # A file, or a folder of files: results of `policy benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
-    # Whose rows: a column of the board, as peract2 or peract2_on_all; by default everybody's.
+    # Results of one policy only, named as in the leaderboard: peract2, peract2_on_all. By default all.
     policy: str | None = None
-    sample: int = 0  # failed episodes looked at of each result, drawn at random; 0 takes all
-    seed: int = 0  # of the draws
-    output: Path | None = None  # JSON file with all that was found
-    figure: Path | None = None  # PNG: at which keypose episodes were lost, and by whom
+    sample: int = 0  # random failed episodes of each result; 0 takes all
+    sample_seed: int = 0  # seed of the random choice
+    # JSON file with everything that was found; a figure of it, OUTPUT.png, is written beside it.
+    output: Path | None = None
     workers: int = 0  # processes; 0 takes one per core
 
 
 def results_diagnose(config: ResultsDiagnoseConfig) -> int:
-    """Say of failed episodes why they failed, which keypose lost them, and which arm.
+    """Say why episodes failed, at which keypose, and which arm is responsible.
 
-    Each failed episode is played again from its seed, and classed by rules from physics. If it was played by keyposes,
-    the expert takes over with both arms from a snapshot before each of them: the last one before which it still
-    succeeds has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices,
-    this arm lost it; if either suffices, either; if neither does, their coordination. No weights are needed.
+    Each failed episode is replayed from its seed and classified by rules from physics. If it was played by keyposes, the
+    expert takes over with both arms from a snapshot before each of them: the last keypose before which it still succeeds
+    has lost the episode. There the keypose of one arm alone is replaced by the expert's: if that suffices, this arm is
+    responsible; if either suffices, either; if neither does, their coordination. No weights are needed.
 
     Examples:
         lerobot-bimanual results diagnose --results=results/leaderboard --policy=peract2
-        lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json --figure=outputs/blame.png
-        lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/blame.json
+        lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
+        lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
-    import numpy as np
-
     from lerobot_bimanual.files import check_output_file
-    from lerobot_env_bimanual.audit.blaming import blames_of
-    from lerobot_env_bimanual.audit.result_files import Result, drawn, result_files
-    from lerobot_env_bimanual.audit.result_names import result_names
+    from lerobot_env_bimanual.failures.attribution import attribute_failures
+    from lerobot_env_bimanual.verification.result_files import ResultFile, result_paths, sampled
     from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)
-    check_range("seed", config.seed, 0)
+    check_range("sample_seed", config.sample_seed, 0)
     if config.output is not None:
         check_output_file(config.output)
-    if config.figure is not None:
-        from lerobot_bimanual.reports.charts import check_chart_file
-
-        check_chart_file(config.figure)
-    results = _chosen([Result.read(path) for path in result_files(config.results)], config.policy)
-    names = result_names(results)
-    found: dict[Path, list[Blame]] = {}
+    results = _of_policy([ResultFile.read(path) for path in result_paths(config.results)], config.policy)
+    found: dict[Path, list[Attribution]] = {}
+    groups: dict[str, list[Attribution]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
             result.check_world()
-            record = result.record
-            failed = tuple(episode for episode in record.episodes if not episode.success)
-            rng = np.random.default_rng(config.seed)
-            blames = blames_of(record, drawn(failed, config.sample, rng), pool)
-            found[result.path] = blames
-            print(f"{result.path}: {len(record.episodes)} episodes of {record.task}, {len(failed)} failed")
-            _print_table(blames)
-    groups: dict[str, list[Blame]] = {}
-    for result in results:
-        groups.setdefault(names[result.path], []).extend(found[result.path])
-    _print_sums(groups)
+            episodes = result.record.episodes
+            failed = [episode for episode in episodes if not episode.success]
+            chosen = sampled(failed, config.sample, config.sample_seed)
+            found[result.path] = attribute_failures(result.record, chosen, pool)
+            groups.setdefault(result.name, []).extend(found[result.path])
+            print(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
+            _print_episodes(found[result.path])
+    _print_counts(groups)
     if config.output is not None:
-        _write(results, found, config.output)
-    if config.figure is not None:
         from lerobot_env_bimanual.reports.failure_figure import failure_figure
 
-        failure_figure(groups).save(config.figure)
+        _write(results, found, config.output)
+        failure_figure(groups).save(config.output.with_suffix(".png"))
+    show_next("lerobot-bimanual", "results", "report", f"--results={config.results}", "--format=html")
     return 0
 
 
-def _chosen(results: list[Result], policy: str | None) -> list[Result]:
+def _of_policy(results: list[ResultFile], policy: str | None) -> list[ResultFile]:
     """The results of one policy, or all.
 
     Raises:
-        InvalidChoice: there are rows, or none, but none of this policy.
+        InvalidChoice: no result is of this policy.
     """
     if policy is None:
         return results
-    policies = sorted({result.row.config.policy_id for result in results if result.row})
+    policies = sorted({result.policy_id for result in results if result.policy_id})
     if policy not in policies:
-        raise InvalidChoice(
-            "policy", policy, policies or "left out, since no result of `policy benchmark` is there"
-        )
-    return [result for result in results if result.row and result.row.config.policy_id == policy]
+        valid = policies or "left out, since no result of `policy benchmark` is there"
+        raise InvalidChoice("policy", policy, valid)
+    return [result for result in results if result.policy_id == policy]
 
 
-def _print_table(blames: Sequence[Blame]) -> None:
+def _print_episodes(attributions: Sequence[Attribution]) -> None:
     from lerobot_bimanual.tables import print_table
 
-    headings = ("seed", "class", "last recoverable keypose", "lost by", "fact")
     rows = [
         (
-            attribution.seed,
-            attribution.failure_class,
-            _shown(attribution.last_recoverable),
-            attribution.loser,
-            attribution.fact,
+            one.seed,
+            one.failure_class,
+            "" if one.last_recoverable is None else one.last_recoverable,
+            one.responsible,
+            one.event,
         )
-        for attribution in blames
+        for one in attributions
     ]
     if rows:
-        print_table(headings, rows)
+        print_table(("seed", "class", "last recoverable keypose", "responsible", "event"), rows)
 
 
-def _shown(index: int | None) -> str:
-    return "" if index is None else str(index)
-
-
-def _print_sums(groups: dict[str, list[Blame]]) -> None:
+def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
     from lerobot_bimanual.tables import print_table
-    from lerobot_env_bimanual.audit.blame import Loser
-    from lerobot_env_bimanual.audit.failure_class import FailureClass
+    from lerobot_env_bimanual.failures.attribution import Responsible
+    from lerobot_env_bimanual.failures.classes import FailureClass
 
-    for heading, kinds, attribute in (
-        ("class", FailureClass, "failure_class"),
-        ("who lost them", Loser, "loser"),
-    ):
-        kinds_of = {
-            name: [getattr(attribution, attribute) for attribution in blames]
-            for name, blames in groups.items()
+    for title, kinds in (("Failures by class:", FailureClass), ("Failures by responsible arm:", Responsible)):
+        counts = {
+            name: [sum(kind in (one.failure_class, one.responsible) for one in group) for kind in kinds]
+            for name, group in groups.items()
         }
-        rows = [
-            (name, *(of_group.count(kind) for kind in kinds), len(of_group))
-            for name, of_group in kinds_of.items()
-        ]
-        print_table(("task", *kinds, "failed"), rows, f"By {heading}:")
+        shown = [column for column in range(len(kinds)) if any(row[column] for row in counts.values())]
+        headings = ("result", *([*kinds][column] for column in shown), "failed")
+        rows = [(name, *(row[column] for column in shown), sum(row)) for name, row in counts.items()]
+        print_table(headings, rows, title)
 
 
-def _write(results: Sequence[Result], found: dict[Path, list[Blame]], output: Path) -> None:
-    """Write all that was found, by task, each episode with where it comes from."""
+def _write(results: Sequence[ResultFile], found: Mapping[Path, list[Attribution]], output: Path) -> None:
+    """Write all attributions by task, each with the file, policy and perturbations of its episode."""
     import json
-    from dataclasses import asdict
 
     from lerobot_bimanual.files import write_file
 
-    content: dict[str, list[dict[str, Any]]] = {}
+    content: dict[str, list[dict[str, object]]] = {}
     for result in results:
-        policy = (
-            result.row.config.policy_id if result.row else ""
-        )  # a record does not say whose episodes it has
-        source = {"file": str(result.path), "policy": policy, "perturb": result.record.perturb}
-        content.setdefault(result.record.task, []).extend(
-            source | asdict(attribution) for attribution in found[result.path]
-        )
+        source = {
+            "file": str(result.path),
+            "policy": result.policy_id,
+            "perturb": result.record.perturb,
+        }
+        content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found[result.path])
     write_file(output, json.dumps(content, indent=1) + "\n")

@@ -109,14 +109,14 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
 def _write_html(config: ResultsReportConfig) -> None:
     from lerobot_bimanual.files import write_file
     from lerobot_bimanual.results.comparison import check_comparable
-    from lerobot_env_bimanual.audit.result_files import Result, result_files
     from lerobot_env_bimanual.reports.results_page import results_page, sections_of
+    from lerobot_env_bimanual.verification.result_files import ResultFile, result_paths
     from lerobot_env_bimanual.workers import WorkerPool
 
-    results = [Result.read(path) for path in result_files(config.results)]
+    results = [ResultFile.read(path) for path in result_paths(config.results)]
     for result in results:
         result.check_world()
-    check_comparable({result.path: result.row for result in results if result.row is not None})
+    check_comparable({result.path: result.benchmark for result in results if result.benchmark is not None})
     with WorkerPool(config.workers) as pool:
         sections = sections_of(results, config.max_videos, pool)
     page, output = results_page(sections), config.output or Path("outputs/results.html")

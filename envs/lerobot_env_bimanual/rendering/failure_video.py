@@ -14,11 +14,11 @@ from PIL import Image
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.episode import Episode
-from lerobot_env_bimanual.audit.episodes import EpisodeAuditor, expert_env
 from lerobot_env_bimanual.experts.replanning import expert_of
 from lerobot_env_bimanual.rendering.rollout import recorded, rollout
 from lerobot_env_bimanual.rendering.side_by_side import frames
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
+from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, expert_env
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
@@ -60,15 +60,15 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
         policy: name of the policy.
 
     Raises:
-        BimanualError: the episode does not come out as recorded.
+        BimanualError: the replay differs from the record.
     """
-    auditor, env = EpisodeAuditor(task, options), expert_env(task, options)
+    verifier, env = EpisodeVerifier(task, options), expert_env(task, options)
     try:
-        with recorded(auditor.env) as recording:
-            audit = auditor.audit(played)
-        if audit.problems:
+        with recorded(verifier.env) as recording:
+            differences = verifier.differences(played)
+        if differences:
             raise BimanualError(
-                f"seed {played.seed} does not come out as recorded ({audit.problems[0]}); `results verify` says more"
+                f"seed {played.seed} replays otherwise than recorded ({differences[0]}); `results verify` says more"
             )
         expert = rollout(env, played.seed, expert_of(env), played.variation)
         ends = [index for index, (one, next_) in enumerate(pairwise(expert.keyposes)) if one != next_]
@@ -84,5 +84,5 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
             seconds = writer.frames * EVERY * TICK_S
             return FailureVideo(played.seed, camera, seconds, path.read_bytes(), poster.getvalue())
     finally:
-        auditor.close()
+        verifier.close()
         env.close()

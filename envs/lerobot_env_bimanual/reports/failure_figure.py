@@ -9,21 +9,21 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from lerobot_bimanual.reports.charts import BLUE, INK, ORANGE, YELLOW, Chart, new_figure, styled
-from lerobot_env_bimanual.audit.blame import Blame, Loser
+from lerobot_env_bimanual.failures.attribution import Attribution, Responsible
 
 COLORS = {
-    Loser.LEFT: BLUE,
-    Loser.RIGHT: ORANGE,
-    Loser.EITHER: INK,
-    Loser.COORDINATION: YELLOW,
-    Loser.NOBODY: "white",
+    Responsible.LEFT: BLUE,
+    Responsible.RIGHT: ORANGE,
+    Responsible.EITHER: INK,
+    Responsible.COORDINATION: YELLOW,
+    Responsible.TIME: "white",
 }
 """From the bottom of a bar; five steps of grey where there are no colours."""
 COLUMNS = 3
 
 
 @styled
-def failure_figure(found: Mapping[str, Sequence[Blame]]) -> Chart:
+def failure_figure(found: Mapping[str, Sequence[Attribution]]) -> Chart:
     """Stacked bars, one panel per task with failed episodes.
 
     Args:
@@ -48,14 +48,20 @@ def failure_figure(found: Mapping[str, Sequence[Blame]]) -> Chart:
     return Chart(figure, " ".join(_sentence(task, failures) for task, failures in found.items()))
 
 
-def _draw(panel: Axes, task: str, failures: Sequence[Blame]) -> None:
-    counts = Counter((failure.last_recoverable, failure.loser) for failure in failures)
+def _draw(panel: Axes, task: str, failures: Sequence[Attribution]) -> None:
+    counts = Counter((failure.last_recoverable, failure.responsible) for failure in failures)
     last = max((index for index, _ in counts if index is not None), default=0)
     bottom = [0] * (last + 1)
-    for loser, color in COLORS.items():
-        heights = [counts[index, loser] for index in range(last + 1)]
+    for responsible, color in COLORS.items():
+        heights = [counts[index, responsible] for index in range(last + 1)]
         panel.bar(
-            range(last + 1), heights, bottom=bottom, color=color, edgecolor=INK, linewidth=0.6, label=loser
+            range(last + 1),
+            heights,
+            bottom=bottom,
+            color=color,
+            edgecolor=INK,
+            linewidth=0.6,
+            label=responsible,
         )
         bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
     unattributed = len(failures) - sum(bottom)
@@ -69,7 +75,7 @@ def _draw(panel: Axes, task: str, failures: Sequence[Blame]) -> None:
     panel.tick_params(length=0)
 
 
-def _sentence(task: str, failures: Sequence[Blame]) -> str:
-    counts = Counter(failure.loser for failure in failures)
-    parts = [f", {count} by {loser}" for loser, count in sorted(counts.items())]
+def _sentence(task: str, failures: Sequence[Attribution]) -> str:
+    counts = Counter(failure.responsible for failure in failures)
+    parts = [f", {count} by {responsible}" for responsible, count in sorted(counts.items())]
     return f"{task}: {len(failures)} failed{''.join(parts)}."

@@ -14,13 +14,11 @@ from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.evaluation import eval_key
 from lerobot_bimanual.results.statistics import SuccessRate
-from lerobot_env_bimanual.audit.blame import Blame
-from lerobot_env_bimanual.audit.blaming import blames_of
-from lerobot_env_bimanual.audit.failure_class import FailureClass
-from lerobot_env_bimanual.audit.result_files import Result
-from lerobot_env_bimanual.audit.result_names import result_names
+from lerobot_env_bimanual.failures.attribution import Attribution, attribute_failures
+from lerobot_env_bimanual.failures.classes import FailureClass
 from lerobot_env_bimanual.rendering.failure_video import FailureVideo, failure_video
 from lerobot_env_bimanual.reports.failure_figure import failure_figure
+from lerobot_env_bimanual.verification.result_files import ResultFile
 from lerobot_env_bimanual.workers import WorkerPool
 
 
@@ -30,18 +28,18 @@ class Section:
 
     Attributes:
         result: the file.
-        blames: why its failed episodes failed, by seed.
+        attributions: why its failed episodes failed, by seed.
         videos: videos of some of its failed episodes.
     """
 
-    result: Result
-    blames: Mapping[int, Blame]
+    result: ResultFile
+    attributions: Mapping[int, Attribution]
     videos: Sequence[FailureVideo] = ()
 
     @property
     def who(self) -> str:
         """Name of the policy, if it is known."""
-        return "policy" if self.result.row is None else self.result.row.config.policy
+        return "policy" if self.result.benchmark is None else self.result.benchmark.config.policy
 
     @property
     def place(self) -> str:
@@ -52,18 +50,18 @@ class Section:
     @cached_property
     def rates(self) -> dict[str, SuccessRate]:
         """Success of the policy and, of a benchmark, of expert and open-loop baseline."""
-        row = self.result.row
+        row = self.result.benchmark
         return {"policy": success_rate(self.result.record.episodes)} if row is None else row.rates
 
     @cached_property
     def classes(self) -> Counter[FailureClass]:
         """Number of failed episodes by class of failure."""
-        return Counter(blame.failure_class for blame in self.blames.values())
+        return Counter(one.failure_class for one in self.attributions.values())
 
     @property
     def facts(self) -> dict[str, str]:
         """How the result came about, by name."""
-        record, row = self.result.record, self.result.row
+        record, row = self.result.record, self.result.benchmark
         facts = {"file": self.result.path.name, "world": record.world}
         if row is not None:
             machine = row.machine.gpu or f"{row.machine.cpus} cores"
@@ -88,7 +86,7 @@ class Section:
         }
 
 
-def sections_of(results: Sequence[Result], max_videos: int, pool: WorkerPool) -> list[Section]:
+def sections_of(results: Sequence[ResultFile], max_videos: int, pool: WorkerPool) -> list[Section]:
     """Find out why episodes failed, and make videos of some of them.
 
     Args:
@@ -105,7 +103,7 @@ def sections_of(results: Sequence[Result], max_videos: int, pool: WorkerPool) ->
         failed = [episode for episode in record.episodes if not episode.success]
         section = Section(
             result,
-            {blame.seed: blame for blame in blames_of(record, failed, pool)},
+            {one.seed: one for one in attribute_failures(record, failed, pool)},
         )
         jobs = [
             (record.task, record.options, episode, section.who)
@@ -114,7 +112,7 @@ def sections_of(results: Sequence[Result], max_videos: int, pool: WorkerPool) ->
         videos = pool.map(
             _video, jobs, f"{record.task}: videos", "video", name=lambda job: f"{job[0]}, seed {job[2].seed}"
         )
-        sections.append(Section(result, section.blames, [*videos]))
+        sections.append(Section(result, section.attributions, [*videos]))
     return sections
 
 
@@ -122,9 +120,9 @@ def _of_different_classes(section: Section) -> list[Episode]:
     """Failed episodes, in turns of each class of failure."""
     seen: Counter[str] = Counter()
     rank = {}
-    for seed, blame in section.blames.items():
-        rank[seed] = seen[blame.failure_class], seed
-        seen[blame.failure_class] += 1
+    for seed, one in section.attributions.items():
+        rank[seed] = seen[one.failure_class], seed
+        seen[one.failure_class] += 1
     failed = [episode for episode in section.result.record.episodes if episode.seed in rank]
     return sorted(failed, key=lambda episode: rank[episode.seed])
 
@@ -135,11 +133,10 @@ def _video(job: tuple[str, dict[str, str | int], Episode, str]) -> FailureVideo:
 
 def results_page(sections: Sequence[Section]) -> str:
     """The page, with its figures and videos inside."""
-    rows = [section.result.row for section in sections if section.result.row is not None]
-    names = result_names([section.result for section in sections])
-    failures: dict[str, list[Blame]] = {}
+    rows = [section.result.benchmark for section in sections if section.result.benchmark is not None]
+    failures: dict[str, list[Attribution]] = {}
     for section in sections:
-        failures.setdefault(names[section.result.path], []).extend(section.blames.values())
+        failures.setdefault(section.result.name, []).extend(section.attributions.values())
     charts = [success_figure(rows)] if rows else []
     charts += [failure_figure(failures)] if any(failures.values()) else []
     shown = {kind for section in sections for kind in section.classes}

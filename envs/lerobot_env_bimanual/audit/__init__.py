@@ -1,1 +1,0 @@
-"""Results played again without the policy, claim by claim."""

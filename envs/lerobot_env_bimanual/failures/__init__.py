@@ -1,0 +1,1 @@
+"""Why episodes failed: an episode monitor, classes of failure, and the arm that is responsible."""

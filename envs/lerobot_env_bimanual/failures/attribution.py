@@ -1,0 +1,244 @@
+"""Failure attribution: at which keypose an episode was lost, and which arm is responsible.
+
+A failed episode is replayed with a snapshot before every keypose. From each snapshot, the last one first, the expert takes
+over with both arms: it plays the keyposes of its own episode of the same seed, from the same index on, in the remaining
+time. The last keypose before which that succeeds is the one that lost the episode. Then the half of one arm alone is
+replaced at this keypose, before the expert goes on with both.
+
+Under perturbations that move bodies after the start, the replanning expert takes over. It needs one keypose more, so a
+policy that does without it may be saved one keypose later than it was lost.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.errors import BimanualError, InvalidAction
+from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, KEYPOSE_DIM
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.replanning import expert_of
+from lerobot_env_bimanual.failures.classes import FailureClass, classify
+from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
+from lerobot_env_bimanual.verification.episodes import expert_env, proof_of, recorded_actions, replay_env
+from lerobot_env_bimanual.workers import WorkerPool
+
+type Options = tuple[tuple[str, str | int], ...]
+
+
+class Responsible(StrEnum):
+    """What is responsible for a failed episode."""
+
+    LEFT = "left arm"
+    RIGHT = "right arm"
+    EITHER = "either arm"
+    """A better keypose of either arm alone would have sufficed."""
+    COORDINATION = "coordination"
+    """Only better keyposes of both arms would have sufficed."""
+    TIME = "time"
+    """At the end of the episode the expert would still have solved it, with more time."""
+    EXPERT_FAILS = "expert fails too"
+    """The expert fails this episode as well, so nothing can be compared."""
+    JOINT_ACTIONS = "joint actions"
+    """The episode was not played by keyposes, so only its class is known."""
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """Why one episode failed.
+
+    Attributes:
+        seed: seed of the episode.
+        variation: index of its variation.
+        failure_class: class of the failure.
+        event: the event that decided about the class.
+        keyposes: number of actions that the policy gave.
+        last_recoverable: index of the last keypose before which the expert could have taken over; None if unknown.
+        responsible: what is responsible.
+        recovers: whether replacing the half of the left, or of the right, arm at that keypose solves the episode.
+    """
+
+    seed: int
+    variation: int
+    failure_class: FailureClass
+    event: str
+    keyposes: int
+    last_recoverable: int | None
+    responsible: Responsible
+    recovers: tuple[bool, bool] | None
+
+
+class FailureAttributor:
+    """Attributes the failed episodes of one evaluation.
+
+    Args:
+        task: name of the task.
+        options: options of the evaluation by name.
+    """
+
+    def __init__(self, task: str, options: Mapping[str, str | int]):
+        self._env = replay_env(task, options)
+        refuses_keyposes = options.get("control_mode") == "joint"
+        self._expert_env = expert_env(task, options) if refuses_keyposes else self._env
+        self._expert: list[NDArray[np.float32]] = []
+
+    def attribute(self, episode: Episode) -> Attribution:
+        """Why a failed episode failed.
+
+        Raises:
+            BimanualError: the replay differs from the record.
+        """
+        self._reset(episode, self._expert_env)
+        expert_events, expert_solves = self._play_expert()
+        self._reset(episode, self._env)
+        actions = recorded_actions(episode)
+        states, events = self._play(actions, episode.failure or "")
+        if self._env.progress.ticks != episode.ticks or self._env.progress.succeeded:
+            raise BimanualError(
+                f"seed {episode.seed} replays otherwise than recorded; `lerobot-bimanual results verify` says where"
+            )
+        kind, event = classify(self._env.task, events, expert_events)
+        index, responsible, recovers = None, Responsible.EXPERT_FAILS, None
+        if any(action.size not in (0, KEYPOSE_DIM) for action in actions):
+            responsible = Responsible.JOINT_ACTIONS
+        elif expert_solves:
+            index, responsible, recovers = self._search(actions, states)
+        return Attribution(
+            seed=episode.seed,
+            variation=episode.variation or 0,
+            failure_class=kind,
+            event=event,
+            keyposes=len(actions),
+            last_recoverable=index,
+            responsible=responsible,
+            recovers=recovers,
+        )
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self._env.close()
+        self._expert_env.close()
+
+    def _reset(self, episode: Episode, env: BimanualEnv) -> None:
+        env.reset(seed=episode.seed, options={"variation": episode.variation})
+        if env.state_hash() != proof_of(episode).start:
+            raise BimanualError(
+                f"seed {episode.seed} starts in another state here; `lerobot-bimanual results verify` says more"
+            )
+
+    def _play_expert(self) -> tuple[EpisodeEvents, bool]:
+        env, self._expert = self._expert_env, []
+        monitor = EpisodeMonitor(env)
+        with env.observed_by(monitor.note, monitor.note_step):
+            for move in expert_of(env)(env):
+                self._expert.append(move.action)
+                _, _, terminated, truncated, _ = env.step(move.action)
+                if terminated or truncated:
+                    break
+        return monitor.events(), env.progress.succeeded
+
+    def _play(self, actions: Iterable[NDArray[np.float32]], failure: str) -> tuple[list[Any], EpisodeEvents]:
+        """States before every action and at the end, and the events."""
+        env, states = self._env, [self._env.save_state()]
+        monitor = EpisodeMonitor(env)
+        with env.observed_by(monitor.note, monitor.note_step):
+            for action in actions:
+                try:
+                    env.step(action)
+                except InvalidAction as error:
+                    env.fail(failure if not action.size else f"{INVALID_ACTION}{error}")
+                states.append(env.save_state())
+        return states, monitor.events()
+
+    def _search(
+        self, actions: list[NDArray[np.float32]], states: list[Any]
+    ) -> tuple[int | None, Responsible, tuple[bool, bool] | None]:
+        """The last recoverable keypose, what is responsible, and whether the left or the right half would have sufficed."""
+        end, count = states[-1], len(actions)
+        if not end[1].failure:
+            end[1].ticks = end[1].keyposes = 0  # only time ended the episode, so more time is given
+            if self._recovers(end, self._expert_from(count)):
+                return count, Responsible.TIME, None
+        last = next(
+            index
+            for index in reversed(range(count))
+            if self._recovers(states[index], self._expert_from(index))
+        )
+        left, right = (
+            self._recovers(
+                states[last],
+                [_replaced(actions[last], self._expert_from(last)[0], arm), *self._expert_from(last + 1)],
+            )
+            for arm in ARMS
+        )
+        responsible = {
+            (True, True): Responsible.EITHER,
+            (True, False): Responsible.LEFT,
+            (False, True): Responsible.RIGHT,
+            (False, False): Responsible.COORDINATION,
+        }
+        return last, responsible[left, right], (left, right)
+
+    def _expert_from(self, index: int) -> list[NDArray[np.float32]]:
+        """The expert's keyposes from an index on; beyond its last one it repeats that."""
+        return self._expert[min(index, len(self._expert) - 1) :]
+
+    def _recovers(self, state: Any, actions: Iterable[NDArray[np.float32]]) -> bool:
+        """Whether actions solve the episode from a state on."""
+        env = self._env
+        env.restore_state(state)
+        for action in actions:
+            try:
+                _, _, terminated, truncated, _ = env.step(action)
+            except InvalidAction:
+                return False
+            if terminated or truncated:
+                break
+        return env.progress.succeeded
+
+
+def attribute_failures(
+    record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool
+) -> list[Attribution]:
+    """Attribute some failed episodes of an evaluation in parallel, with a progress bar.
+
+    Raises:
+        BimanualError: the replay of an episode differs from the record.
+    """
+    options = tuple(sorted(record.options.items()))
+    jobs = [(record.task, options, episode) for episode in episodes]
+    label = f"{record.task}: failure attribution"
+    return list(
+        pool.map(_attribute, jobs, label, "episode", name=lambda job: f"{job[0]}, seed {job[2].seed}")
+    )
+
+
+@functools.lru_cache(maxsize=1)
+def _attributor(task: str, options: Options) -> FailureAttributor:
+    """The attributor of this process, kept for the next episode of the same evaluation."""
+    return FailureAttributor(task, dict(options))
+
+
+def _attribute(job: tuple[str, Options, Episode]) -> Attribution:
+    task, options, episode = job
+    return _attributor(task, options).attribute(episode)
+
+
+def _replaced(keypose: NDArray[np.float32], by: NDArray[np.float32], arm: Arm) -> NDArray[np.float32]:
+    """A keypose (18,) with one arm's half taken from another; an unreadable one is left as it is."""
+    if keypose.size != KEYPOSE_DIM:
+        return keypose
+    mixed = keypose.copy()
+    half = slice(arm.ordinal * ARM_KEYPOSE_DIM, (arm.ordinal + 1) * ARM_KEYPOSE_DIM)
+    mixed[half] = by[half]
+    return mixed

@@ -1,0 +1,210 @@
+"""What happens in an episode while it is played: facts of physics and of commands, without a verdict."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.joint_action import by_arm
+from lerobot_env_bimanual.conditions import Condition
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.load import LoadMeter
+from lerobot_env_bimanual.task import Task, Variation
+from lerobot_env_bimanual.world.contacts import ContactQueries
+
+MIN_TICKS = 5
+"""A quarter of a second: a shorter contact may be a bounce or a flicker, and is not counted."""
+DROP_M = 0.06
+"""The item drops 4 cm when the expert of put_item_in_drawer lets it go into its drawer."""
+DROP_TICKS = 10
+"""In half a second a body falls 1.2 m if nothing is below it."""
+
+
+@dataclass(frozen=True)
+class EpisodeEvents:
+    """Events of an episode.
+
+    Attributes:
+        failure: why the environment ended it; empty after a success, or when time ended it.
+        unstable: whether MuJoCo warned.
+        contact_force_n: largest force in N between an arm and everything else, filtered as in the load metrics.
+        gripped: hands, and the bodies that each held for `MIN_TICKS`.
+        touched: bodies that any hand touched.
+        closed: hands that were told to close for `MIN_TICKS`, and the tick at which they first were.
+        lost: bodies that were held for `MIN_TICKS` and then slipped out of a hand that was told to stay closed, or were
+            let go and fell by `DROP_M` within `DROP_TICKS`; and the tick from which no hand held them.
+        unmet: names of the conditions of success that never held.
+        met_together: whether all conditions of success held at the same tick.
+        others_met: conditions of other variations that did not hold at the start and held for `MIN_TICKS`.
+    """
+
+    failure: str
+    unstable: bool
+    contact_force_n: float
+    gripped: frozenset[tuple[Arm, str]]
+    touched: frozenset[str]
+    closed: dict[Arm, int]
+    lost: dict[str, int]
+    unmet: tuple[str, ...]
+    met_together: bool
+    others_met: frozenset[str]
+
+
+class EpisodeMonitor:
+    """Observes one episode without changing it by a bit.
+
+    Args:
+        env: the environment right after its reset; it must be `observed_by` the methods `note` and `note_step`.
+    """
+
+    def __init__(self, env: BimanualEnv):
+        self._env = env
+        task, variation = env.task_definition, env.progress.variation
+        self._conditions = task.conditions(variation)
+        self._others = [other for other in other_conditions(task, variation) if not other(env.scene)]
+        self._load = LoadMeter(env.scene)
+        self._bodies = _Bodies(env)
+        self._gripped: Counter[tuple[Arm, str]] = Counter()
+        self._touched: set[str] = set()
+        self._closed: Counter[Arm] = Counter()
+        self._first_closed: dict[Arm, int] = {}
+        self._carried: dict[str, _Carried] = {}
+        self._lost: dict[str, int] = {}
+        self._met: set[str] = set()
+        self._met_together = False
+        self._others_met: Counter[str] = Counter()
+
+    def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+        """Note the state before a tick, and its joint action (16,)."""
+        self._load.observe_tick(joint_action)
+        self._observe()
+
+    def note_step(self) -> None:
+        """Note a step of physics."""
+        self._load.observe_step()
+
+    def events(self) -> EpisodeEvents:
+        """The events, after the episode has ended."""
+        self._observe()
+        progress = self._env.progress
+        return EpisodeEvents(
+            failure=progress.failure,
+            unstable=self._env.scene.unstable,
+            contact_force_n=self._load.result().contact_force_n if progress.ticks else 0.0,
+            gripped=frozenset(_lasting(self._gripped)),
+            touched=frozenset(self._touched),
+            closed={arm: self._first_closed[arm] for arm in _lasting(self._closed)},
+            lost=self._lost,
+            unmet=tuple(one.name for one in self._conditions if one.name not in self._met),
+            met_together=self._met_together,
+            others_met=frozenset(_lasting(self._others_met)),
+        )
+
+    def _observe(self) -> None:
+        scene = self._env.scene
+        # All conditions, whereas the environment stops at the first that is not met.
+        met = {condition.name for condition in self._conditions if condition(scene)}
+        self._met |= met
+        self._met_together |= len(met) == len(self._conditions)
+        self._others_met.update(other.name for other in self._others if other(scene))
+        closed = {arm for arm in ARMS if by_arm(scene.commanded)[arm.ordinal, -1] < 0.5}
+        self._closed.update(closed)
+        self._first_closed = dict.fromkeys(closed, self._env.progress.ticks) | self._first_closed
+        self._touched.update(*(self._bodies.touched(arm) for arm in ARMS))
+        held = {arm: self._bodies.held(arm) for arm in ARMS}
+        self._gripped.update((arm, body) for arm in ARMS for body in held[arm])
+        self._follow(held, closed)
+
+    def _follow(self, held: dict[Arm, set[str]], closed: set[Arm]) -> None:
+        """Follow the bodies that hands carry, and note those that they lose."""
+        for body in set.union(*held.values()) - set(self._carried):
+            self._carried[body] = _Carried()
+        for body, carried in self._carried.items():
+            hands = {arm for arm in ARMS if body in held[arm]}
+            height_m = float(self._env.scene.pose(body).position[2])
+            if hands:
+                carried.hands, carried.height_m, carried.ticks_since = hands, height_m, 0
+                carried.ticks += 1
+                continue
+            carried.ticks_since += 1
+            slipped = carried.ticks_since == MIN_TICKS and bool(carried.hands & closed)
+            fell = carried.ticks_since <= DROP_TICKS and carried.height_m - height_m >= DROP_M
+            if carried.ticks >= MIN_TICKS and (slipped or fell):
+                self._lost.setdefault(body, self._env.progress.ticks - carried.ticks_since + 1)
+
+
+@dataclass
+class _Carried:
+    """A body that a hand has held.
+
+    Attributes:
+        hands: hands that held it last.
+        height_m: height of the body then.
+        ticks: number of ticks for which it was held.
+        ticks_since: number of ticks since then.
+    """
+
+    hands: set[Arm] = field(default_factory=set)
+    height_m: float = 0.0
+    ticks: int = 0
+    ticks_since: int = 0
+
+
+class _Bodies:
+    """The movable bodies of a scene: each free body as a whole, and each moving part of furniture."""
+
+    def __init__(self, env: BimanualEnv):
+        self._scene = scene = env.scene
+        model, pair = scene.model, scene.arm_pair
+        contacts = ContactQueries(model, scene.data)
+        part, root = model.body_weldid, model.body_rootid
+        movable = np.where(part[root] != 0, root, part)
+        self._body_of_geom = movable[model.geom_bodyid]
+        for arm in ARMS:
+            self._body_of_geom[contacts.geoms(pair.base_body(arm))] = 0
+        self._hands = {arm: contacts.geoms(pair.hand_body(arm)) for arm in ARMS}
+        self._fingers = {arm: [contacts.geoms(finger) for finger in pair.finger_names(arm)] for arm in ARMS}
+
+    def touched(self, arm: Arm) -> set[str]:
+        """Names of the bodies that a hand touches."""
+        return self._in_contact(self._hands[arm])
+
+    def held(self, arm: Arm) -> set[str]:
+        """Names of the bodies that a hand grips, as `SceneView.held` defines it."""
+        if not self._scene.grips(arm):
+            return set()
+        return set.intersection(*map(self._in_contact, self._fingers[arm]))
+
+    def _in_contact(self, geoms: NDArray[np.bool_]) -> set[str]:
+        pairs = self._scene.data.contact.geom.reshape(-1, 2)
+        own = geoms[pairs]
+        bodies = np.unique(self._body_of_geom[pairs[own[:, ::-1]]])
+        return {self._scene.model.body(body).name for body in bodies if body}
+
+
+def other_conditions(task: Task, variation: Variation) -> Iterator[Condition]:
+    """Conditions of other variations, and this one's conditions with another prop of the same kind.
+
+    Args:
+        task: the task whose conditions are taken.
+        variation: the variation that is played; its own conditions are left out.
+    """
+    own = set(task.conditions(variation))
+    kinds = {prop.name: type(prop) for prop in task.spec.props}
+    others = {condition: None for row in task.spec.variations for condition in task.conditions(row)}
+    for condition in own:
+        named = {field.name: getattr(condition, field.name) for field in fields(condition)}
+        for name, prop in named.items():
+            if isinstance(prop, str) and prop in kinds:
+                alike = [other for other, kind in kinds.items() if kind is kinds[prop] and other != prop]
+                others |= {replace(condition, **{name: other}): None for other in alike}
+    yield from sorted((other for other in others if other not in own), key=lambda other: other.name)
+
+
+def _lasting[Key](counts: Counter[Key]) -> Iterator[Key]:
+    return (key for key, ticks in counts.items() if ticks >= MIN_TICKS)

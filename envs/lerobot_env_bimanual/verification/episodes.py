@@ -1,0 +1,152 @@
+"""Replay of a policy's recorded episodes from their seeds and actions, without the policy."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lerobot_bimanual.errors import BimanualError, InvalidAction
+from lerobot_bimanual.results.episode import Episode, Proof
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.hash_chain import first_difference
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone
+from lerobot_env_bimanual.workers import WorkerPool
+
+CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes")
+"""Fields of an episode that are compared one by one; its proof is compared step by step."""
+REPLAY_OPTIONS = {"split": str, "control_mode": str, "max_keyposes": int, "perturb": str}
+"""Options that decide what happens; the others decide only what a policy sees."""
+
+type Options = tuple[tuple[str, str | int], ...]
+
+
+class EpisodeVerifier:
+    """Replays the episodes of one evaluation.
+
+    Args:
+        task: name of the task.
+        options: options of the evaluation by name.
+
+    Attributes:
+        env: the environment in which it replays; it may be observed.
+    """
+
+    def __init__(self, task: str, options: Mapping[str, str | int]):
+        self.env = replay_env(task, options)
+        self._recorder = HoldAfterDone(EpisodeRecorder(self.env))
+
+    def differences(self, episode: Episode) -> list[str]:
+        """Differences between an episode and its replay; empty if it replays as recorded."""
+        try:
+            self._recorder.reset(seed=episode.seed, options={"variation": episode.variation})
+            actions = recorded_actions(episode)
+        except BimanualError as error:
+            return [f"cannot be replayed: {error}"]
+        if self.env.state_hash() != proof_of(episode).start:
+            return ["another state at the start"]
+        ticks, info = [0], {}
+        for action in actions:
+            unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
+            info = self._recorder.step(action if action.size else unreadable)[4]
+            ticks.append(self.env.progress.ticks)
+            if self._recorder.is_done:
+                break
+        if PLAYED not in info:
+            return [f"not over after its {len(actions)} actions, {ticks[-1]} ticks"]
+        return [*_differences(episode, info[PLAYED], ticks)]
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self.env.close()
+
+
+def verify_episodes(
+    record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool
+) -> list[list[str]]:
+    """Differences between each episode of an evaluation and its replay, in parallel and with a progress bar."""
+    options = tuple(sorted(record.options.items()))
+    jobs = [(record.task, options, episode) for episode in episodes]
+    label = f"{record.task}: replay"
+    return list(
+        pool.map(_verify, jobs, label, "episode", failed=lambda _, reason: [f"not replayed: {reason}"])
+    )
+
+
+@functools.lru_cache(maxsize=1)
+def _verifier(task: str, options: Options) -> EpisodeVerifier:
+    """The verifier of this process, kept for the next episode of the same evaluation."""
+    return EpisodeVerifier(task, dict(options))
+
+
+def _verify(job: tuple[str, Options, Episode]) -> list[str]:
+    task, options, episode = job
+    return _verifier(task, options).differences(episode)
+
+
+def replay_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
+    """An environment in which an evaluation is replayed.
+
+    Args:
+        task: name of the task.
+        options: options of the evaluation by name.
+    """
+    keywords = {name: kind(options[name]) for name, kind in REPLAY_OPTIONS.items() if name in options}
+    return BimanualEnv(task, obs="state", **keywords)
+
+
+def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
+    """An environment in which the expert plays the same episodes, even if the policy gave joint actions only."""
+    return replay_env(task, dict(options) | {"control_mode": "auto"})
+
+
+def proof_of(episode: Episode) -> Proof:
+    """The proof of an episode.
+
+    Raises:
+        BimanualError: the episode has no proof.
+    """
+    if episode.proof is None:
+        raise BimanualError(f"seed {episode.seed} has no proof, so it cannot be replayed")
+    return episode.proof
+
+
+def recorded_actions(episode: Episode) -> list[NDArray[np.float32]]:
+    """The actions of an episode.
+
+    Raises:
+        BimanualError: the episode has no proof, or the actions in it cannot be read.
+    """
+    try:
+        return proof_of(episode).action_list()
+    except ValueError as error:
+        raise BimanualError(f"seed {episode.seed}: {error}") from error
+
+
+def _differences(recorded: Episode, replayed: Episode, ticks: list[int]) -> Iterator[str]:
+    proof, again = proof_of(recorded), proof_of(replayed)
+    step = first_difference(proof.links, again.links)
+    if step is not None:
+        yield _place(step, ticks)
+    elif proof.end != again.end:
+        yield "the chain of state hashes ends otherwise, although all its links agree"
+    elif proof.actions != again.actions:
+        yield "the actions are encoded otherwise"
+    claims = [(name, getattr(recorded, name), getattr(replayed, name)) for name in CLAIMS]
+    for name, claimed, found in (*claims, ("instruction", proof.instruction, again.instruction)):
+        if claimed != found:
+            yield f"{name} is {claimed!r}, but {found!r} in the replay"
+
+
+def _place(step: int, ticks: list[int]) -> str:
+    spans = list(pairwise(ticks))
+    if step >= len(spans):
+        return f"the record goes on beyond the episode's end after {ticks[-1]} ticks"
+    first, last = spans[step]
+    at = f"tick {last}" if last - first <= 1 else f"ticks {first + 1} to {last}"
+    return f"another action or state at step {step}, {at}"

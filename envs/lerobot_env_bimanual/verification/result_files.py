@@ -1,0 +1,103 @@
+"""Result files whose episodes can be replayed: benchmark results and evaluation records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.benchmark import BenchmarkResult
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationRecord, eval_key
+from lerobot_bimanual.results.record import BadRecord
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.tasks.registry import get_task
+
+
+@dataclass(frozen=True)
+class ResultFile:
+    """One result file.
+
+    Attributes:
+        path: the file.
+        record: the episodes that were played.
+        benchmark: the benchmark result around them; None for a record that `lerobot-eval` has left.
+    """
+
+    path: Path
+    record: EvaluationRecord
+    benchmark: BenchmarkResult | None
+
+    @classmethod
+    def read(cls, path: Path) -> ResultFile:
+        """The result in a file.
+
+        Raises:
+            BimanualError: the file is not a result, or its task is not installed.
+        """
+        try:
+            record, benchmark = EvaluationRecord.read(path), None
+        except BadRecord as error:
+            if "schema_version" not in str(error):
+                raise
+            benchmark = BenchmarkResult.read(path)
+            record = benchmark.evaluation
+        get_task(record.task)
+        return cls(path, record, benchmark)
+
+    @property
+    def policy_id(self) -> str:
+        """The policy and what it learned from; "" if unknown, as in an evaluation record."""
+        return "" if self.benchmark is None else self.benchmark.config.policy_id
+
+    @property
+    def name(self) -> str:
+        """What was evaluated and the policy; several trainings of one policy share a name."""
+        record = self.record
+        key = eval_key(record.task, record.options.get("variation", "any"), record.perturb)
+        return f"{key} {self.policy_id or self.path.stem}"
+
+    @property
+    def world_problem(self) -> str | None:
+        """How the result's world differs from the installed one; None if it does not."""
+        record = self.record
+        if record.world == (installed := world_version(record.task, record.perturb)):
+            return None
+        return (
+            f"world of {record.task} is {record.world}, but {installed} here: replay it with the versions "
+            f"{record.versions}"
+        )
+
+    def check_world(self) -> None:
+        """Make sure that episodes replay here as they were recorded.
+
+        Raises:
+            BimanualError: the result is of another world.
+        """
+        if self.world_problem is not None:
+            raise BimanualError(f"{self.path}: {self.world_problem}")
+
+
+def result_paths(results: Path) -> list[Path]:
+    """The file itself, or the result files of a folder, sorted.
+
+    Raises:
+        BimanualError: the folder has no results.
+    """
+    if not results.is_dir():
+        return [results]
+    found = sorted(results.glob("*.json"))
+    if not found:
+        raise BimanualError(f"{results} has no results; `lerobot-bimanual policy benchmark` writes them")
+    return found
+
+
+def sampled(episodes: Sequence[Episode], count: int, seed: int) -> list[Episode]:
+    """A random subset of episodes in their order; all of them if `count` is 0 or at least their number."""
+    if not 0 < count < len(episodes):
+        return list(episodes)
+    indices = np.random.default_rng(seed).choice(len(episodes), count, replace=False)
+    return [episodes[index] for index in sorted(indices)]

@@ -1,0 +1,224 @@
+"""Failures are classified and attributed where the truth is known: one error was planted in the expert's keyposes."""
+
+import json
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+from planted_failures import (
+    SEED,
+    Keyposes,
+    evaluation,
+    expert_keyposes,
+    from_on,
+    played,
+    replanning_keyposes,
+    shifted,
+)
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.errors import BimanualError, InvalidAction, InvalidChoice
+from lerobot_bimanual.results.episode import Episode
+from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.failures.attribution import Attribution, FailureAttributor, Responsible
+from lerobot_env_bimanual.failures.classes import FailureClass, classify
+from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor, other_conditions
+from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
+from lerobot_env_bimanual.tasks._handover import hand_over
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
+
+pytestmark = pytest.mark.sim
+
+EASY, TRAY = "handover_item_easy", "lift_tray"
+LEFT_X, LEFT_Z, LEFT_QW, LEFT_OPEN, RIGHT_X, RIGHT_OPEN = 0, 2, 3, 7, 9, 16
+OPTIONS: dict[str, str | int] = {"split": "test", "max_keyposes": 25}
+
+
+def observed(task: str, keyposes: Keyposes) -> EpisodeEvents:
+    """Events of an episode of these keyposes, the last of which is repeated."""
+    env = BimanualEnv(task, obs="state")
+    env.reset(seed=SEED, options={"variation": 0})
+    monitor = EpisodeMonitor(env)
+    with env.observed_by(monitor.note, monitor.note_step):
+        is_over, index = False, 0
+        while not is_over:
+            try:
+                _, _, terminated, truncated, _ = env.step(keyposes[min(index, len(keyposes) - 1)])
+            except InvalidAction as error:
+                _, _, terminated, truncated, _ = env.fail(f"{INVALID_ACTION}{error}")
+            is_over, index = terminated or truncated, index + 1
+    events = monitor.events()
+    env.close()
+    return events
+
+
+def attributed(task: str, *episodes: Episode, **options: str) -> list[Attribution]:
+    attributor = FailureAttributor(task, OPTIONS | options)
+    found = [attributor.attribute(episode) for episode in episodes]
+    attributor.close()
+    return found
+
+
+def one_hand_after_the_other(keyposes: Keyposes) -> Keyposes:
+    above, press = keyposes
+    left_only, right_only = np.r_[press[:9], above[9:]], np.r_[above[:9], press[9:]]
+    return np.array([above, left_only, right_only, above])
+
+
+def another_item(_: Keyposes) -> Keyposes:
+    item = handover_item.ITEMS[1]
+    script = partial(hand_over, item=item, left_behind_m=0.005, right_behind_m=0.005)
+    return expert_keyposes("handover_item", script=script)
+
+
+def another_button(_: Keyposes) -> Keyposes:
+    def script(scene):
+        left, right, other = dual_push_buttons.LEFT, dual_push_buttons.RIGHT, dual_push_buttons.OTHER
+        is_leftmost = scene.pose(other).position[1] > scene.pose(left).position[1]
+        return dual_push_buttons.press(scene, *((other, right) if is_leftmost else (left, other)))
+
+    return expert_keyposes("dual_push_buttons", script=script)
+
+
+CLASSES = {
+    "not a number": (EASY, from_on(2, LEFT_QW, np.nan), FailureClass.INVALID_ACTION),
+    "a pose beyond the workspace": (EASY, from_on(2, LEFT_X, 3.0), FailureClass.UNREACHABLE),
+    "a hand pushed into the table": (TRAY, shifted(1, LEFT_Z, -0.2), FailureClass.COLLISION),
+    "the item of another colour": ("handover_item", another_item, FailureClass.WRONG_OBJECT),
+    "a button of another colour": ("dual_push_buttons", another_button, FailureClass.WRONG_OBJECT),
+    "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), FailureClass.DROPPED),
+    "a left grasp beside the item": (EASY, shifted(1, LEFT_X, 0.06), FailureClass.MISSED_GRASP),
+    "a right grasp beside the rim": (TRAY, shifted(1, RIGHT_X, 0.06), FailureClass.MISSED_GRASP),
+    "a hand that does not take over": (EASY, from_on(4, RIGHT_X, 0.15), FailureClass.MISSED_GRASP),
+    "one hand after the other": ("dual_push_buttons", one_hand_after_the_other, FailureClass.OUT_OF_STEP),
+    "hands that never come": ("lift_ball", lambda keyposes: keyposes[:1], FailureClass.OUT_OF_TIME),
+}
+
+
+@pytest.mark.parametrize(("task", "change", "kind"), CLASSES.values(), ids=CLASSES.keys())
+def test_a_planted_failure_gets_its_class(task, change, kind):
+    keyposes = expert_keyposes(task)
+    expert = observed(task, keyposes)
+    assert expert.met_together
+    assert not expert.unmet
+    found, event = classify(task, observed(task, change(keyposes)), expert)
+    assert (found, bool(event)) == (kind, True), event
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list_tasks())
+def test_an_expert_that_stops_half_way_touches_nothing_wrong(task):
+    keyposes = expert_keyposes(task)
+    expert = observed(task, keyposes)
+    found, event = classify(task, observed(task, keyposes[: len(keyposes) // 2]), expert)
+    assert found in (FailureClass.OUT_OF_TIME, FailureClass.OUT_OF_STEP), event
+
+
+def test_the_first_class_that_applies_is_taken():
+    nothing = {"failure": "", "unstable": False, "contact_force_n": 0.0, "gripped": frozenset(), "closed": {}}
+    nothing |= {"touched": frozenset(), "lost": {}, "met_together": False, "others_met": frozenset()}
+    expert = EpisodeEvents(
+        **nothing | {"gripped": frozenset({(Arm.LEFT, "item")}), "touched": frozenset({"item"}), "unmet": ()}
+    )
+    happened = nothing | {"failure": f"{INVALID_ACTION}NaN", "unstable": True, "closed": {Arm.LEFT: 8}}
+    happened |= {"gripped": frozenset({(Arm.RIGHT, "other")}), "lost": {"item": 7}, "unmet": ()}
+    undone = {
+        FailureClass.INVALID_ACTION: {"failure": "left arm: out of reach"},
+        FailureClass.UNREACHABLE: {"failure": ""},
+        FailureClass.COLLISION: {"unstable": False},
+        FailureClass.WRONG_OBJECT: {"gripped": frozenset()},
+        FailureClass.DROPPED: {"lost": {}},
+        FailureClass.MISSED_GRASP: {"closed": {}},
+        FailureClass.OUT_OF_STEP: {"unmet": ("a",)},
+        FailureClass.OUT_OF_TIME: {},
+    }
+    assert [*undone] == [*FailureClass]
+    for kind, change in undone.items():
+        assert classify("lift_ball", EpisodeEvents(**happened), expert)[0] == kind
+        happened |= change
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_other_conditions_are_not_those_of_the_instruction(task):
+    definition = get_task(task)
+    for variation in definition.spec.variations:
+        others = set(other_conditions(definition, variation))
+        assert not others & set(definition.conditions(variation))
+
+
+PLANTED = {
+    "left grasp": (EASY, shifted(1, LEFT_X, 0.06), 1, Responsible.LEFT),
+    "left opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), 3, Responsible.LEFT),
+    "right never closes": (EASY, from_on(4, RIGHT_OPEN, 1.0), 4, Responsible.RIGHT),
+    "left out of reach": (EASY, shifted(2, LEFT_X, 3.0), 2, Responsible.LEFT),
+    "right is not a number": (EASY, shifted(3, RIGHT_X, np.nan), 3, Responsible.RIGHT),
+    "right grasp": (TRAY, shifted(1, RIGHT_X, 0.06), 1, Responsible.RIGHT),
+    "both grasps": (
+        TRAY,
+        lambda keyposes: shifted(1, LEFT_X, 0.06)(shifted(1, RIGHT_X, 0.06)(keyposes)),
+        1,
+        Responsible.COORDINATION,
+    ),
+    "only the first": (TRAY, lambda keyposes: keyposes[:1], 1, Responsible.COORDINATION),
+    "all but the last": (TRAY, lambda keyposes: keyposes[:-1], 25, Responsible.TIME),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("task", "change", "index", "responsible"), PLANTED.values(), ids=PLANTED.keys())
+def test_a_planted_error_of_an_arm_is_attributed_to_it(task, change, index, responsible):
+    (found,) = attributed(task, played(task, change(expert_keyposes(task))))
+    assert (found.last_recoverable, found.responsible) == (index, responsible), found
+
+
+@pytest.mark.slow
+def test_under_a_nudge_the_replanning_expert_takes_over():
+    """The open-loop expert fails this episode."""
+    seed, perturb = 40_004, "nudge:3"
+    replanned = replanning_keyposes(EASY, perturb, seed)
+    once = np.delete(replanned, 1, axis=0)  # plans at the start, then goes to where the item was moved to
+    errors = (from_on(5, RIGHT_OPEN, 1.0)(replanned), shifted(1, LEFT_X, 0.06)(once))
+    found = attributed(EASY, *(played(EASY, keyposes, seed, perturb) for keyposes in errors), perturb=perturb)
+    assert [(one.last_recoverable, one.responsible) for one in found] == [
+        (5, Responsible.RIGHT),
+        (1, Responsible.LEFT),
+    ]
+    assert found[1].failure_class == FailureClass.MISSED_GRASP
+
+
+@pytest.mark.parametrize("control_mode", ["auto", "joint"])
+def test_joint_actions_get_a_class_only(control_mode):
+    episode = played("lift_ball", [np.tile([0, 0, 0, -1.5, 0, 1.5, 0, 1], 2)])
+    (found,) = attributed("lift_ball", episode, control_mode=control_mode)
+    assert (found.responsible, found.last_recoverable) == (Responsible.JOINT_ACTIONS, None)
+    assert found.failure_class in FailureClass
+
+
+def test_the_command_prints_and_writes_what_it_found(tmp_path, capsys):
+    path, output = tmp_path / "record.json", tmp_path / "failures/found.json"
+    evaluation(EASY, OPTIONS, played(EASY, shifted(1, LEFT_X, 0.06)(expert_keyposes(EASY)))).write(path)
+    assert results_diagnose(ResultsDiagnoseConfig(results=path, output=output, workers=1)) == 0
+    printed = capsys.readouterr()
+    assert re.search(rf"{SEED} +missed grasp +1 +left arm", printed.out)
+    assert re.search(r"result +left arm +failed\nhandover_item_easy record +1 +1", printed.out)
+    assert printed.err.endswith(f"next: lerobot-bimanual results report --results={path} --format=html\n")
+    assert output.with_suffix(".png").exists()
+    (found,) = json.loads(output.read_text())[EASY]
+    assert (found["recovers"], found["perturb"], found["file"]) == ([True, False], "", str(path))
+
+
+def test_results_that_cannot_be_replayed_here_are_refused(tmp_path):
+    episode = played(TRAY, expert_keyposes(TRAY)[:1])
+    record, path = evaluation(TRAY, OPTIONS, episode), tmp_path / "record.json"
+    record.write(path)
+    for text, message in ((record.world, f"world of {TRAY} is 0{{12}}"), ("start", f"seed {SEED} starts in")):
+        record.write(path)
+        old = text if text != "start" else episode.proof.start
+        path.write_text(path.read_text().replace(old, "0" * len(old)))
+        with pytest.raises(BimanualError, match=message):
+            results_diagnose(ResultsDiagnoseConfig(results=path, workers=1))
+    with pytest.raises(InvalidChoice, match="policy is 'peract2', but must be left out"):
+        results_diagnose(ResultsDiagnoseConfig(results=path, policy="peract2"))
