@@ -17,7 +17,7 @@ from site_films import FILMS, film_name
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import read_results, success_table
 from lerobot_env_bimanual.reports.expert_tables import ExpertReports
-from lerobot_env_bimanual.reports.task_page import TaskPages
+from lerobot_env_bimanual.reports.task_pages import task_pages
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
@@ -96,16 +96,14 @@ def _expert_reports() -> ExpertReports:
 
 
 def _task_pages() -> dict[str, str]:
-    pages = TaskPages(_expert_reports())
-    rows = list(read_results(RESULTS / "leaderboard").values())
-    texts = {}
-    for task in pages.tasks:
-        scored = [row for row in rows if row.task == task]
+    reports, results = _expert_reports(), read_results(RESULTS / "leaderboard").values()
+    pictures, policies = {}, {}
+    for task in reports.tasks:
+        scored = [result for result in results if result.task == task]
         name = film_name(task)
-        pictures = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
-        policies = ROWS.format(table=markdown_table(success_table(scored))) if scored else NO_ROWS
-        texts[f"tasks/{task}.md"] = pages.page(task, pictures, policies)
-    return texts
+        pictures[task] = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
+        policies[task] = ROWS.format(table=markdown_table(success_table(scored))) if scored else NO_ROWS
+    return {f"tasks/{task}.md": page for task, page in task_pages(reports, pictures, policies).items()}
 
 
 def _uri(path: Path) -> str:

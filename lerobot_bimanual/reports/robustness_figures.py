@@ -89,8 +89,8 @@ def _draw_block(
         [NOMINAL] * MAX_LEVEL,
         *([condition_name(axis, level) for level in LEVELS] for axis, _ in rows[1:]),
     ]
-    places = [[(*key, name) for key in origins for name in of_row] for of_row in names]
-    found = cells.reindex(pd.MultiIndex.from_tuples([place for row in places for place in row]))
+    places = [(*key, name) for of_row in names for key in origins for name in of_row]
+    found = cells.reindex(pd.MultiIndex.from_tuples(places))
     shape = len(rows), MAX_LEVEL * len(origins)
     shares = found.share.to_numpy(float).reshape(shape)
     valid = (found.valid == True).to_numpy().reshape(shape)  # noqa: E712  what is absent is not valid
