@@ -51,17 +51,6 @@ def put_into_hand(scene, arm):
     scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
 
 
-def test_names_are_those_of_the_reports():
-    assert Above("ball", 0.95).name == "above(ball, 0.95)"
-    assert CentredOn("box", "target", 0.05).name == "centred_on(box, target)"
-    assert AtRest("box").name == "at_rest(box)"
-    assert Touched("ball", Arm.LEFT).name == "touched(ball, left)"
-    assert Untouched("item", Arm.RIGHT).name == "untouched(item, right)"
-    assert Held("item", Arm.RIGHT).name == "held(item, right)"
-    assert Inside("item", "target", (0, 0, 0), (1, 1, 1)).name == "inside(item, target)"
-    assert Pressed("button").name == "pressed(button)"
-
-
 def test_above_compares_the_height_of_the_origin(scene):
     assert Above("item", 1.199)(scene)
     assert not Above("item", 1.201)(scene)

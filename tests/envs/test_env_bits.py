@@ -65,28 +65,6 @@ def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     assert unseeded_episodes() == episodes
 
 
-def test_a_restored_state_continues_bit_for_bit(state_env, keypose_below):
-    state_env.reset(seed=2)
-    actions = wiggle(state_env, 2, 8)
-    for action in actions[:3]:
-        state_env.step(action)
-    saved = state_env.save_state()
-
-    def rest() -> tuple[list[str], dict]:
-        hashes = []
-        for action in actions[3:]:
-            _, _, _, _, info = state_env.step(action)
-            hashes.append(state_env.state_hash())
-        state_env.step(keypose_below(state_env))
-        return [*hashes, state_env.state_hash()], info
-
-    expected = rest()
-    state_env.reset(seed=11)
-    for _ in range(2):
-        state_env.restore_state(saved)
-        assert rest() == expected
-
-
 def test_a_closed_environment_can_be_reset_again(state_env):
     first = hash_sequence(state_env, seed=6)
     state_env.close()

@@ -131,18 +131,6 @@ def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, s
     assert hashes(env, moves[7:], start) == after
 
 
-@pytest.mark.parametrize("axis", AXES)
-def test_what_an_axis_does_to_one_environment_is_nothing_to_another(axis, shared):
-    task, moves = task_of(axis), wiggle(3)[:3]
-    plain, perturbed, found = shared(task), shared(task, axis, 3), []
-    for _ in range(2):
-        plain.reset(seed=6)
-        found.append(hashes(plain, moves, plain.scene.commanded))
-        perturbed.reset(seed=6)
-        perturbed.step(moves[0])
-    assert found[0] == found[1]
-
-
 @pytest.mark.parametrize("asynchronous", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_vector_environments_play_perturbed_episodes_alike(asynchronous):
     axes = ",".join(f"{axis}:2" for axis in AXES if applies(axis, FEW_TASKS[0]))

@@ -34,14 +34,6 @@ def test_a_tick_is_fifty_milliseconds_of_physics(scene):
     assert scene.model.opt.timestep == PHYSICS_STEP_S == 0.002
 
 
-def test_the_clock_starts_after_settling(scene):
-    scene.settle()
-    assert scene.data.time > 0
-    assert scene.ticks == 0
-    scene.tick(scene.commanded)
-    assert scene.ticks == 1
-
-
 def test_a_placed_block_rests_on_the_table(scene):
     scene.place("item", ON_TABLE)
     assert scene.pose("item").distance_to(ON_TABLE)[0] < 1e-12
@@ -188,17 +180,6 @@ def test_who_watches_every_step_changes_nothing(scene):
         watched.tick(action, [lambda: steps.append(watched.data.time)])
         assert watched.state_hash() == scene.state_hash()
     assert len(steps) == len(set(steps)) == len(actions) * STEPS_PER_TICK
-
-
-def test_everything_is_where_it_is_seen_after_a_tick(scene):
-    command = scene.commanded
-    command[[0, 8]] += 0.05
-    scene.tick(command)
-    fresh = mujoco.MjData(scene.model)
-    fresh.qpos[:] = scene.data.qpos
-    mujoco.mj_kinematics(scene.model, fresh)
-    assert np.array_equal(fresh.geom_xpos, scene.data.geom_xpos)
-    assert np.array_equal(fresh.geom_xmat, scene.data.geom_xmat)
 
 
 @pytest.mark.parametrize("task", list_tasks())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, cast
 
@@ -21,16 +21,6 @@ type Action = NDArray[np.float32]
 """Joint action (16,)."""
 
 type Group = Literal["seen", "clutter", "bodies", "arms", "words", "time"]
-
-HOOKS: Mapping[str, str] = {
-    "build": "model at compile",
-    "begin": "start of the episode",
-    "look": "appearance",
-    "see": "observation",
-    "command": "command",
-    "disturb": "between ticks",
-}
-"""Name of each hook, and what it changes."""
 
 
 @dataclass(frozen=True)
@@ -123,11 +113,6 @@ class Axis[Memory]:
     command: Callable[[Moment[Memory], Action], Action] | None = None
     disturb: Callable[[Moment[Memory]], None] | None = None
     late_ticks: Callable[[float], int] = lambda magnitude: 0
-
-    @property
-    def hooks(self) -> tuple[str, ...]:
-        """Names of the hooks that it has."""
-        return tuple(name for name in HOOKS if getattr(self, name) is not None)
 
     @property
     def changes_only_observations(self) -> bool:

@@ -1,0 +1,258 @@
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.cameras import CAMERA_NAMES, project, unproject
+from lerobot_bimanual.errors import MissingGL
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.ball import Ball
+from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.world.cameras import calibration
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import Scene
+
+SIZE = 128
+FIXED = ("front", "left_shoulder", "right_shoulder")
+
+
+def make_scene() -> Scene:
+    scene = Scene([Block(), Ball()])
+    scene.place("item", Pose.upright((0.10, 0.20, 0.79)))
+    scene.place("ball", Pose.upright((0.35, -0.20, 0.90)))
+    scene.settle(2)
+    return scene
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return make_scene()
+
+
+@pytest.fixture(scope="module")
+def images(scene):
+    with Renderer(scene, height=SIZE, width=SIZE) as renderer:
+        return renderer.render()
+
+
+def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
+    extrinsics, intrinsics = calibration(scene, height, width)
+    return (
+        dict(zip(CAMERA_NAMES, extrinsics.reshape(5, 4, 4), strict=True)),
+        dict(zip(CAMERA_NAMES, intrinsics.reshape(5, 3, 3), strict=True)),
+    )
+
+
+def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=env | variables
+    )
+
+
+def test_every_camera_gives_color_and_depth(images):
+    assert tuple(images) == CAMERA_NAMES
+    for rgb, depth in images.values():
+        assert (rgb.shape, rgb.dtype) == ((SIZE, SIZE, 3), np.uint8)
+        assert (depth.shape, depth.dtype) == ((SIZE, SIZE), np.float32)
+        assert rgb.std() > 10
+        assert depth.min() > 0.05
+        assert depth.max() <= 10.001
+
+
+def test_arrays_are_never_reused(scene):
+    with Renderer(scene, ("front",), 64, 64) as renderer:
+        first = renderer.render()["front"]
+        copies = [array.copy() for array in first]
+        scene.set_color("item", (0, 1, 0, 1))
+        second = renderer.render()["front"]
+        scene.set_color("item", (1, 0, 0, 1))
+    for array, copy, later in zip(first, copies, second, strict=True):
+        assert np.array_equal(array, copy)
+        assert not np.shares_memory(array, later)
+    assert not np.array_equal(first[0], second[0])
+
+
+@pytest.mark.parametrize("camera", FIXED)
+def test_depth_puts_the_table_where_it_is(scene, images, camera):
+    extrinsics, intrinsics = cameras_of(scene)
+    points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera]).reshape(-1, 3)
+    free = (np.abs(points[:, 0] - 0.2) < 0.25) & (np.abs(points[:, 1]) < 0.5) & (points[:, 2] < 0.76)
+    assert free.sum() > 300
+    assert np.median(np.abs(points[free, 2] - 0.75)) < 5e-5
+    assert np.quantile(np.abs(points[free, 2] - 0.75), 0.95) < 2e-4
+
+
+@pytest.mark.parametrize("camera", CAMERA_NAMES)
+def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera):
+    extrinsics, intrinsics = cameras_of(scene)
+    points = unproject(images[camera][1], intrinsics[camera], extrinsics[camera])
+    origin = extrinsics[camera][:3, 3].astype(np.float64)
+    rng = np.random.default_rng(0)
+    errors = []
+    for row, column in rng.integers(0, SIZE, (60, 2)):
+        ray = points[row, column] - origin
+        length = np.linalg.norm(ray)
+        hit = mujoco.mj_ray(scene.model, scene.data, origin, ray / length, None, 1, -1, np.zeros(1, np.int32))
+        if hit > 0:
+            errors.append(abs(hit - length))
+    assert len(errors) > 20
+    assert np.median(errors) < 2e-4  # silhouettes of faceted round shapes may differ more
+
+
+@pytest.mark.parametrize("camera", FIXED)
+def test_a_prop_appears_where_the_calibration_projects_it(scene, images, camera):
+    extrinsics, intrinsics = cameras_of(scene)
+    red, green, blue = images[camera][0].astype(int).transpose(2, 0, 1)
+    rows, columns = np.nonzero((red > 90) & (green < 30) & (blue < 30))
+    u, v, _ = project(scene.pose("item").position, intrinsics[camera], extrinsics[camera])
+    assert len(rows) > 8
+    assert np.hypot(columns.mean() + 0.5 - u, rows.mean() + 0.5 - v) < 1.5
+
+
+def test_the_cameras_see_the_whole_placement_area(scene):
+    extrinsics, intrinsics = cameras_of(scene)
+    axes = (np.linspace(-0.05, 0.55, 7), np.linspace(-0.45, 0.40, 9), np.linspace(0.76, 1.10, 5))
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = {}
+    for camera in FIXED:
+        pixels = project(grid, intrinsics[camera], extrinsics[camera])
+        inside[camera] = np.all((pixels[:, :2] > 0) & (pixels[:, :2] < SIZE), axis=1) & (pixels[:, 2] > 0)
+        span = np.ptp(pixels[:, :2], axis=0) / SIZE
+        assert np.all(span > 0.5), f"{camera} wastes its image: the area spans {span} of it"
+    assert inside["front"].all()
+    assert (inside["left_shoulder"] | inside["right_shoulder"]).all()
+
+
+@pytest.mark.parametrize("camera", FIXED)
+def test_at_home_both_hands_are_wholly_in_every_fixed_view(scene, camera):
+    extrinsics, intrinsics = cameras_of(scene)
+    for arm in Arm:
+        hand_m = [scene.data.geom(geom).xpos for geom in (f"{arm}_pad1", f"{arm}_pad2")]
+        hand_m.append(scene.data.body(f"{arm}_hand").xpos)
+        pixels = project(hand_m, intrinsics[camera], extrinsics[camera])
+        assert np.all((pixels[:, :2] > 0) & (pixels[:, :2] < SIZE))
+
+
+def test_at_home_each_hand_s_camera_sees_the_table_and_its_own_fingertips(scene, images):
+    extrinsics, intrinsics = cameras_of(scene)
+    for arm in Arm:
+        camera = f"{arm.value}_wrist"
+        for pad in (f"{arm}_pad1", f"{arm}_pad2"):
+            u, v, depth = project(scene.data.geom(pad).xpos, intrinsics[camera], extrinsics[camera])
+            assert 0 < u < SIZE
+            assert SIZE / 2 < v < SIZE
+            assert 0 < depth < 0.2
+        assert np.mean((images[camera][1] > 0.3) & (images[camera][1] < 1.2)) > 0.5
+
+
+def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
+    scene = make_scene()
+    camera_in_hand = []
+    for _ in range(2):
+        extrinsics, _ = cameras_of(scene)
+        camera_in_hand.append(scene.tcp(Arm.LEFT).inverse().matrix @ extrinsics["left_wrist"])
+        action = scene.commanded
+        action[0] += 0.2
+        for _ in range(4):
+            scene.tick(action)
+    assert camera_in_hand[0] == pytest.approx(camera_in_hand[1], abs=1e-5)
+    moved, _ = cameras_of(scene)
+    assert np.linalg.norm(moved["left_wrist"][:3, 3] - extrinsics["left_wrist"][:3, 3]) > 0.05
+    assert moved["front"] == pytest.approx(extrinsics["front"])
+
+
+def test_calibration_is_flat_float32_and_scales_with_the_image(scene):
+    extrinsics, intrinsics = calibration(scene, 128, 256)
+    assert (extrinsics.shape, extrinsics.dtype) == ((80,), np.float32)
+    assert (intrinsics.shape, intrinsics.dtype) == ((45,), np.float32)
+    fx, _, cx, _, fy, cy, *_ = intrinsics[:9]
+    assert fx == fy
+    assert (cx, cy) == (128, 64)
+    for matrix in extrinsics.reshape(5, 4, 4):
+        assert matrix[:3, :3] @ matrix[:3, :3].T == pytest.approx(np.eye(3), abs=1e-6)
+        assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))]
+)
+def test_an_image_does_not_depend_on_which_other_cameras_are_rendered(scene, images, cameras):
+    with Renderer(scene, cameras, SIZE, SIZE) as renderer:
+        for camera, (rgb, depth) in renderer.render().items():
+            assert np.array_equal(rgb, images[camera][0])
+            assert np.array_equal(depth, images[camera][1])
+
+
+def test_high_quality_has_shadows_and_smooth_edges(scene, images):
+    with Renderer(scene, ("front",), SIZE, SIZE, "high") as renderer:
+        fine = renderer.render()["front"][0].astype(float)
+    plain = images["front"][0].astype(float)
+    darker = np.mean(fine.mean(axis=-1) < plain.mean(axis=-1) - 30)
+    assert darker > 0.01
+    assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(np.unique(plain.reshape(-1, 3), axis=0))
+
+
+def test_without_a_driver_physics_runs_and_rendering_names_the_packages():
+    program = (
+        "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
+        "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
+    )
+    result = without_gl(program, MUJOCO_GL="disable")
+    assert "physics runs" in result.stdout
+    assert result.returncode != 0
+    assert MissingGL.__name__ in result.stderr
+    assert "apt-get install" in result.stderr
+    assert "libegl1" in result.stderr
+
+
+def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respected():
+    program = (
+        "import os, lerobot_env_bimanual.gl; print(os.environ['MUJOCO_GL'], os.environ['LP_NUM_THREADS'])"
+    )
+    assert without_gl(program).stdout.split() == ["egl", "0"]
+    chosen = without_gl(program, MUJOCO_GL="disable", LP_NUM_THREADS="2")
+    assert chosen.stdout.split() == ["disable", "2"]
+
+
+def in_a_thread[Result](function: Callable[[], Result]) -> Result:
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(function).result()
+
+
+def test_a_renderer_may_be_used_in_one_thread_and_closed_in_another(scene):
+    renderer = Renderer(scene, ("front",), 24, 32)
+    there = in_a_thread(renderer.render)["front"]
+    here = renderer.render()["front"]
+    assert all(np.array_equal(a, b) for a, b in zip(there, here, strict=True))
+    in_a_thread(renderer.close)
+    again = in_a_thread(renderer.render)["front"]
+    renderer.close()
+    assert all(np.array_equal(a, b) for a, b in zip(there, again, strict=True))
+
+
+def test_environments_play_and_render_in_several_threads_at_once():
+    def play(seed: int) -> list[np.ndarray]:
+        env = BimanualEnv("lift_ball", image_size=24, cameras="front")
+        envs.append(env)
+        images = [env.reset(seed=seed)[0]["pixels"]["front"]]
+        for _ in range(5):
+            images.append(env.step(env.scene.commanded)[0]["pixels"]["front"])
+            images.append(env.render())
+        return images
+
+    envs: list[BimanualEnv] = []
+    with ThreadPoolExecutor(2) as pool:
+        at_once = list(pool.map(play, (0, 1)))
+    one_after_the_other = [play(seed) for seed in (0, 1)]
+    for env in envs:
+        env.close()
+    for images, expected in zip(at_once, one_after_the_other, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(images, expected, strict=True))
