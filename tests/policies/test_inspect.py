@@ -23,7 +23,7 @@ from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_policy_bimanual.inspection.accuracy import measure
-from lerobot_policy_bimanual.inspection.inspection import look
+from lerobot_policy_bimanual.inspection.inspection import inspect_sample
 from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
 from lerobot_policy_bimanual.inspection.sheet import ARM_COLORS, INK, VIEW_DIRECTIONS
 from lerobot_policy_bimanual.keypose.losses import keypose_errors
@@ -120,26 +120,27 @@ def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, datase
     checkpoint = save(policy, tmp_path / "pretrained_model")
     policy, preprocess = load_policy(checkpoint)
     found = measure(policy, preprocess, open_dataset(dataset, policy.config))
-    assert found.keypose_step.tolist() == [0, 1, 2]
+    assert found["after"].tolist() == [row for row in range(ROWS) for _ in ARMS]
+    dataset_rows = open_dataset(dataset, policy.config)
     for row in range(ROWS):
-        batch = preprocess(batch_of(open_dataset(dataset, policy.config), [row]))
+        batch = preprocess(batch_of(dataset_rows, [row]))
         action, label = policy.select_action(batch), batch[schema.NEXT_KEYPOSE]
         predicted, true = BimanualKeypose.from_vector(action[0]), BimanualKeypose.from_vector(label[0])
         for arm in ARMS:
+            (line,) = found[(found["after"] == row) & (found["arm"] == arm)].itertuples()
             offset_m = predicted[arm].pose.position - true[arm].pose.position
-            distance_cm = 100 * np.linalg.norm(offset_m)
-            assert found.position_cm[row, arm.ordinal] == pytest.approx(distance_cm, rel=1e-4)
-            opened = predicted[arm].gripper_open != true[arm].gripper_open
-            assert found.gripper_wrong[row, arm.ordinal] == opened
+            assert line.cm == pytest.approx(100 * np.linalg.norm(offset_m), rel=1e-4)
+            assert line.gripper == (predicted[arm].gripper_open != true[arm].gripper_open)
     capsys.readouterr()
     assert cli.main(["policy", "accuracy", f"--checkpoint={checkpoint}", f"--root={dataset}"]) == 0
-    last = next(line for line in capsys.readouterr().out.splitlines() if line.split()[:2] == ["all", "both"])
-    assert last.split()[:4] == ["all", "both", str(ROWS), f"{found.position_cm.mean():.2f}"]
+    last = capsys.readouterr().out.splitlines()[-1].split()
+    assert last[:3] == ["all", "both", str(2 * ROWS)]
+    assert float(last[3]) == pytest.approx(found["cm"].mean(), abs=0.006)
 
 
 def test_what_is_shown_is_the_prediction_and_the_label(make_policy, make_batch):
     policy, batch = make_policy(), make_batch(samples=1)
-    inspection = look(policy, batch)
+    inspection = inspect_sample(policy, batch)
     chosen, label = policy.select_action(batch), batch[schema.NEXT_KEYPOSE]
     predicted, true = BimanualKeypose.from_vector(chosen[0]), BimanualKeypose.from_vector(label[0])
     errors = keypose_errors(chosen, label)

@@ -26,18 +26,20 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
         lerobot-bimanual dataset generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
         lerobot-bimanual policy accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/val
     """
+    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.dataset.reader import find_view
+    from lerobot_bimanual.tables import print_table
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
     find_view(config.root)
 
-    from lerobot_policy_bimanual.inspection.accuracy import measure
+    from lerobot_policy_bimanual.inspection.accuracy import measure, summary
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
 
     policy, preprocess = load_policy(config.checkpoint)
     dataset = open_dataset(config.root, policy.config)
-    measure(policy, preprocess, dataset).print(f"{policy.name} on {config.root}")
-    print(
-        f"next: lerobot-bimanual policy inspect --checkpoint={config.checkpoint} --root={config.root} --index=0"
-    )
+    table = summary(measure(policy, preprocess, dataset))
+    print_table(list(table.columns), table.to_numpy().tolist(), f"{policy.name} on {config.root}")
+    paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")
+    show_next("lerobot-bimanual", "policy", "inspect", *paths)

@@ -24,6 +24,7 @@ def policy_check(config: PolicyCheckConfig) -> None:
     Examples:
         lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
     """
+    from lerobot_bimanual.cli import show_next
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)
@@ -31,4 +32,4 @@ def policy_check(config: PolicyCheckConfig) -> None:
     from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 
     print(check_checkpoint(config.checkpoint))
-    print(f"next: lerobot-eval --policy.path={config.checkpoint} --env.type=bimanual --env.task=lift_ball")
+    show_next("lerobot-bimanual", "task", "view", "--task=lift_ball", f"--checkpoint={config.checkpoint}")

@@ -29,6 +29,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     """
     from io import BytesIO
 
+    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.dataset.reader import find_view, read_info
     from lerobot_bimanual.errors import DatasetError
     from lerobot_bimanual.files import check_output_file, write_file
@@ -44,14 +45,17 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
             f"{root} has {rows} rows, counted from 0, so --index={config.index} is not among them"
         )
 
-    from lerobot_policy_bimanual.inspection.inspection import look
+    from lerobot_policy_bimanual.inspection.inspection import inspect_sample
     from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
     from lerobot_policy_bimanual.inspection.sheet import draw_sheet
 
     policy, preprocess = load_policy(config.checkpoint)
-    inspection = look(policy, preprocess(batch_of(open_dataset(root, policy.config), [config.index])))
+    inspection = inspect_sample(
+        policy, preprocess(batch_of(open_dataset(root, policy.config), [config.index]))
+    )
     picture = BytesIO()
     draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
     write_file(path, picture.getvalue())
     print(path)
-    print(f"next: lerobot-bimanual policy accuracy --checkpoint={config.checkpoint} --root={config.root}")
+    paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")
+    show_next("lerobot-bimanual", "policy", "accuracy", *paths)

@@ -1,4 +1,4 @@
-"""What a policy saw in one sample, what it predicted and what would have been right, as plain arrays."""
+"""What a policy saw in one sample, what it predicted, and the label, as plain arrays."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,23 +6,24 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
 from lerobot_bimanual.geometry.rotations import rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
+from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 
-SHOWN_VOXELS = 100
-"""Voxels per axis that the scene is shown with, at most."""
+MAX_SCENE_VOXELS = 100
+"""Largest number of voxels per axis that the scene is shown with."""
 
-HOT_VOXELS = 300
-"""Voxels of an arm's heat map that are shown, at most."""
+MAX_HOT_VOXELS = 300
+"""Largest number of voxels of an arm's heat map that are shown."""
 
-COLDEST = 0.02
-"""Voxels below this share of the most probable one are not shown."""
+MIN_HEAT_SHARE = 0.02
+"""Voxels with less than this share of the highest probability are not shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +31,7 @@ class Voxels:
     """Equal cubes on a lattice.
 
     Attributes:
-        index: (n, 3) int64, place on the lattice.
+        index: (n, 3) int64, position on the lattice.
         center_m: (n, 3) in the world frame.
         size_m: (3,) edge lengths.
     """
@@ -39,25 +40,21 @@ class Voxels:
     center_m: NDArray[np.float64]
     size_m: NDArray[np.float64]
 
-    def __len__(self) -> int:
-        """Number of cubes."""
-        return len(self.index)
-
 
 @dataclass(frozen=True, eq=False)
 class ArmInspection:
-    """One arm's prediction and truth.
+    """Prediction and label of one arm.
 
     Attributes:
-        arm: whose.
+        arm: the arm.
         predicted: the chosen keypose.
         true: the label.
-        hot: the most probable voxels, the coldest first.
+        hot: the most probable voxels, the most probable last.
         heat: (n,) their probabilities.
-        true_voxel_probability: 0 if the label lies outside the workspace.
-        rotation_probabilities: of the chosen bin of each Euler axis.
-        gripper_probability: of the chosen state of the gripper.
-        collision_probability: of the chosen collision flag.
+        true_voxel_probability: probability of the label's voxel; 0 outside the workspace.
+        rotation_probabilities: probability of the chosen bin of each Euler axis.
+        gripper_probability: probability of the chosen state of the gripper.
+        collision_probability: probability of the chosen collision flag.
     """
 
     arm: Arm
@@ -66,20 +63,19 @@ class ArmInspection:
     hot: Voxels
     heat: NDArray[np.float64]
     true_voxel_probability: float
-    rotation_probabilities: tuple[float, float, float]
+    rotation_probabilities: tuple[float, ...]
     gripper_probability: float
     collision_probability: float
 
     @property
     def position_error_cm(self) -> float:
-        """Distance of the predicted hand from the true one."""
+        """Distance between the predicted and the true hand."""
         return 100 * float(np.linalg.norm(self.predicted.pose.position - self.true.pose.position))
 
     @property
     def rotation_error_deg(self) -> float:
-        """Angle between the predicted hand and the true one."""
-        angle_rad = rotation_angle_rad(self.predicted.pose.quat_wxyz, self.true.pose.quat_wxyz)
-        return float(np.rad2deg(angle_rad))
+        """Angle between the predicted and the true hand."""
+        return float(np.rad2deg(rotation_angle_rad(self.predicted.pose.quat_wxyz, self.true.pose.quat_wxyz)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +84,7 @@ class Inspection:
 
     Attributes:
         instruction: the sentence.
-        keypose_step: keyposes executed before.
+        keypose_step: number of keyposes executed before.
         scene: occupied voxels of the workspace.
         rgb: (n, 3) uint8, their colours.
         arms: left first.
@@ -101,72 +97,58 @@ class Inspection:
     arms: tuple[ArmInspection, ...]
 
 
-def look(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
+def inspect_sample(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     """Run a policy on the first sample of a preprocessed batch with label.
 
     Raises:
         BadObservation: the batch cannot be true.
     """
     observation, prediction, chosen = policy.infer(batch)
-    workspace, codec = policy.config.workspace, policy.codec
-    grid = voxelise(
-        observation.points[:1],
-        observation.colours[:1],
-        workspace=workspace,
-        voxels=min(policy.config.voxel_size, SHOWN_VOXELS),
-    )[0]
-    occupied = grid[9].nonzero()
-    colours = grid[3:6, *occupied.unbind(1)].T
-    true_bins = codec.encode(batch[NEXT_KEYPOSE][:1].float())
-    chosen_bins = prediction.best()
-    true = BimanualKeypose.from_vector(batch[NEXT_KEYPOSE][0].cpu())
-    predicted = BimanualKeypose.from_vector(chosen[0].cpu())
-    probabilities = prediction.translation.probabilities()[0].float()
+    workspace, voxels = policy.config.workspace, min(policy.config.voxel_size, MAX_SCENE_VOXELS)
+    points, colours = observation.points[:1], observation.colours[:1]
+    grid = voxelise(points, colours, workspace=workspace, voxels=voxels)[0]
+    index = grid[9].nonzero().cpu().numpy()
+    rgb = grid[3:6, *grid[9].nonzero().unbind(1)].T
+    size_m = workspace.size / voxels
+    return Inspection(
+        instruction=observation.instructions[0],
+        keypose_step=int(batch[KEYPOSE_STEP].flatten()[0]),
+        scene=Voxels(index, workspace.lower + (index + 0.5) * size_m, size_m),
+        rgb=(127.5 * (rgb + 1)).round().clamp(0, 255).byte().cpu().numpy(),
+        arms=_inspect_arms(prediction, policy.codec, chosen, batch[NEXT_KEYPOSE]),
+    )
+
+
+def _inspect_arms(
+    prediction: KeyposePrediction, codec: TorchKeyposeCodec, chosen: torch.Tensor, label: torch.Tensor
+) -> tuple[ArmInspection, ...]:
+    predicted, true = (BimanualKeypose.from_vector(vectors[0].cpu()) for vectors in (chosen, label))
+    true_voxel = codec.encode(label[:1].float()).voxel[0]
+    volumes = prediction.translation.probabilities()[0].float()
+    # A chosen class is the most probable one.
+    rotation, gripper, collisions = (
+        logits[0].float().softmax(dim=-1).amax(dim=-1)
+        for logits in (prediction.rotation, prediction.gripper_open, prediction.ignore_collisions)
+    )
     arms = []
-    for arm in ARMS:
-        index, volume = arm.ordinal, probabilities[arm.ordinal]
-        hot, heat = _hottest(volume, codec.voxel_centers, codec.bins.voxel_size_m)
-        x, y, z = true_bins.voxel[0, index].tolist()
+    for arm, volume in zip(ARMS, volumes, strict=True):
+        heat, flat = volume.flatten().topk(min(MAX_HOT_VOXELS, volume.numel()))
+        kept = heat >= MIN_HEAT_SHARE * heat[0]
+        voxel = torch.stack(torch.unravel_index(flat[kept].flip(0), volume.shape), dim=1)
+        center_m = codec.voxel_centers(voxel).double().cpu().numpy()
+        x, y, z = true_voxel[arm.ordinal].tolist()
         within = all(0 <= place < codec.bins.voxels for place in (x, y, z))
-        rotation = _of_class(prediction.rotation[0, index], chosen_bins.rotation[0, index]).tolist()
-        gripper = _of_class(prediction.gripper_open[0, index], chosen_bins.gripper_open[0, index])
-        collisions = _of_class(
-            prediction.ignore_collisions[0, index], chosen_bins.ignore_collisions[0, index]
-        )
         arms.append(
             ArmInspection(
                 arm=arm,
                 predicted=predicted[arm],
                 true=true[arm],
-                hot=hot,
-                heat=heat,
+                hot=Voxels(voxel.cpu().numpy(), center_m, codec.bins.voxel_size_m),
+                heat=heat[kept].flip(0).double().cpu().numpy(),
                 true_voxel_probability=float(volume[x, y, z]) if within else 0.0,
-                rotation_probabilities=tuple(rotation),
-                gripper_probability=float(gripper),
-                collision_probability=float(collisions),
+                rotation_probabilities=tuple(rotation[arm.ordinal].tolist()),
+                gripper_probability=float(gripper[arm.ordinal]),
+                collision_probability=float(collisions[arm.ordinal]),
             )
         )
-    size_m = workspace.size / grid.shape[-1]
-    index = occupied.cpu().numpy()
-    return Inspection(
-        instruction=observation.instructions[0],
-        keypose_step=int(batch[KEYPOSE_STEP].flatten()[0]),
-        scene=Voxels(index, workspace.lower + (index + 0.5) * size_m, size_m),
-        rgb=(127.5 * (colours + 1)).round().clamp(0, 255).byte().cpu().numpy(),
-        arms=tuple(arms),
-    )
-
-
-def _hottest(volume: Tensor, voxel_centers: Any, size_m: NDArray[np.float64]) -> tuple[Voxels, NDArray]:
-    """The most probable voxels of a heat map (v, v, v), the coldest first."""
-    heat, flat = volume.flatten().topk(min(HOT_VOXELS, volume.numel()))
-    kept = heat >= COLDEST * heat[0]
-    heat, flat = heat[kept].flip(0), flat[kept].flip(0)
-    voxel = torch.stack(torch.unravel_index(flat, volume.shape), dim=1)
-    center_m = voxel_centers(voxel).double().cpu().numpy()
-    return Voxels(voxel.cpu().numpy(), center_m, np.asarray(size_m)), heat.double().cpu().numpy()
-
-
-def _of_class(logits: Tensor, chosen: Tensor) -> Tensor:
-    """Probability (...) of the chosen class of logits (..., classes)."""
-    return logits.float().softmax(dim=-1).gather(-1, chosen[..., None])[..., 0]
+    return tuple(arms)
