@@ -140,7 +140,7 @@ def test_teleoperation_moves_the_hands_until_it_is_interrupted(room, told):
         type_before(patch, BimanualKeyboard, "get_action", "3cccc1d")
         call("lerobot-teleoperate", *SMALL, "--teleop.calibration_dir=calibration", word=KEYBOARD)
     assert re.search(r"train seed 0: not solved, unmet: .* after 7 ticks", told[-1])
-    assert len(list((room / "outputs/films").glob("*_unfinished.mp4"))) == 1
+    assert len(list((room / "outputs/videos").glob("*_unfinished.mp4"))) == 1
 
 
 def test_a_recording_has_an_episode_per_seed_with_the_columns_of_our_datasets(recorded, told):

@@ -45,7 +45,7 @@ def measure(
         for arm in ARMS:
             of_arm = {name: values[:, arm.ordinal].cpu() for name, values in columns.items()}
             parts.append(pd.DataFrame({"after": after.cpu(), "arm": str(arm)} | of_arm))
-    return pd.concat(parts, ignore_index=True)
+    return pd.concat(parts).sort_values(["after", "arm"], kind="stable", ignore_index=True)
 
 
 def summary(errors: pd.DataFrame) -> pd.DataFrame:

@@ -109,7 +109,7 @@ def draw_scene(axes: Axes, inspection: Inspection, direction: ViewDirection) -> 
     for arm in inspection.arms:
         # The square root shows second-best voxels, too.
         opacity = MIN_OPACITY + (MAX_OPACITY - MIN_OPACITY) * np.sqrt(arm.heat / arm.heat[-1])
-        heat = _cubes(direction, arm.hot, np.ones((len(arm.hot), 3)), np.arange(len(arm.hot)), cull=False)
+        heat = _cubes(direction, arm.hot, np.ones((len(arm.heat), 3)), np.arange(len(arm.heat)), cull=False)
         heat.set(
             facecolor=ARM_COLORS[arm.arm], alpha=np.repeat(opacity, len(heat.get_paths()) // len(opacity))
         )

@@ -1,7 +1,7 @@
-"""Random rigid motions of the whole scene: cloud and both keyposes move together.
+"""Random rigid transforms of the whole scene, cloud and both keyposes.
 
-One world-frame transform for everything is the correct form for two arms. PerAct2's reference rotates the
-cloud about the right gripper but only shifts the left label, and stops retrying as soon as one arm is inside.
+One world-frame transform for both arms is the correct form. PerAct2's reference rotates the cloud about the right gripper
+but only shifts the left label, and stops retrying as soon as one arm is inside.
 """
 
 import math
@@ -21,7 +21,7 @@ from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
 
 MAX_DRAWS = 100
-"""Draws per sample before the identity is taken (PerAct2 code gives up after as many)."""
+"""Draws per sample before the identity is used (as in PerAct2 code)."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class SceneAugmentation:
     """A yaw about the vertical axis through the workspace's centre, then a shift.
 
     Attributes:
-        workspace: both keyposes must stay inside.
+        workspace: box that both keyposes must stay inside.
         shift_m: largest shift along x, y, z; uniform.
         yaw_deg: largest yaw to either side.
-        yaw_step_deg: yaws are multiples of this, uniform over them, so that they keep rotation bins exact.
+        yaw_step_deg: yaws are uniform over the multiples of this, so that rotation bins stay exact.
     """
 
     workspace: Workspace
@@ -41,7 +41,7 @@ class SceneAugmentation:
     yaw_step_deg: float
 
     def sample(self, keyposes: Tensor) -> Tensor:
-        """Draw one transform per sample, again and again until both keyposes stay inside the workspace.
+        """Draw one transform per sample, repeated until both keyposes stay inside the workspace.
 
         Args:
             keyposes: (b, 18) flat keyposes.
@@ -89,12 +89,11 @@ def move_keyposes(transform: Tensor, keyposes: Tensor) -> Tensor:
 
 
 def _generator(device: torch.device) -> torch.Generator | None:
-    """The global generator, as None; one of its own for each of several processes, as LeRobot seeds them all alike."""
+    """None, the global generator; one per process in distributed training, because LeRobot seeds all processes alike."""
     if not (dist.is_available() and dist.is_initialized() and dist.get_world_size() > 1):
         return None
-    shared = int(
-        torch.randint(2**62, ())
-    )  # drawn anew each time, so that a resumed training goes on as it would have
+    # Drawn from the global generator each time, so that a resumed training continues exactly.
+    shared = int(torch.randint(2**62, ()))
     return torch.Generator(device).manual_seed(shared + dist.get_rank())
 
 

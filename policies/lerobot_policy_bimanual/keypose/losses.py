@@ -1,4 +1,4 @@
-"""The training loss of keypose policies, and the errors that tell what it means."""
+"""Training loss and prediction errors of keypose policies."""
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -11,7 +11,7 @@ from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
 FAR_M = 0.05
-"""Position errors beyond this are counted as misses."""
+"""Position error from which a prediction counts as a miss."""
 
 
 def keypose_losses(
@@ -22,9 +22,9 @@ def keypose_losses(
     The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
 
     Args:
-        prediction: what the network says.
+        prediction: output of the network.
         target: bins of the labels.
-        offset: (b, arms, 3) where in their voxels they lie; see `TranslationPrediction.cross_entropy`.
+        offset: (b, arms, 3) position within the voxels; see `TranslationPrediction.cross_entropy`.
     """
     return {
         "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1).mean(),

@@ -1,7 +1,6 @@
-"""From a LeRobot batch to what keypose networks see: a point cloud, proprioception and instructions.
+"""Convert a LeRobot batch to a point cloud, proprioception and instructions.
 
-This runs inside the policy, on its device, so that images travel as they are stored and the augmentation costs
-nothing: moving the cameras moves the cloud.
+This runs inside the policy, on its device. Augmentation transforms the camera poses, which transforms the cloud.
 """
 
 from collections.abc import Sequence
@@ -31,10 +30,10 @@ PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""
 
 FINGER_TRAVEL_M = 0.04
-"""Travel of one Panda finger, which makes finger openings 0 to 1. (PerAct2 code feeds raw metres.)"""
+"""Travel of one Panda finger, which scales finger openings to 0..1. (PerAct2 code uses metres.)"""
 
 OPEN_ABOVE = 0.9
-"""Opening above which a gripper counts as open; a held object keeps it below."""
+"""Opening above which a gripper counts as open; with a held object it is below."""
 
 
 @dataclass(frozen=True, eq=False)

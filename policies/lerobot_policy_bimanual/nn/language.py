@@ -1,4 +1,4 @@
-"""Instructions to token vectors: a small encoder trained with the policy, or frozen CLIP."""
+"""Language encoders: a small one that is trained with the policy, and frozen CLIP."""
 
 import re
 import zlib
@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from lerobot_policy_bimanual.nn.layers import Attention, FeedForward
 
 BUCKETS = 2048
-"""Word slots. All instructions of the benchmark use about a hundred words, so few of them share a slot."""
+"""Word slots; the instructions of the benchmark use about a hundred words, so few share a slot."""
 
 WORD_DIM = 128
 MAX_WORDS = 77
@@ -19,7 +19,7 @@ START = 0
 
 
 def word_ids(instruction: str) -> list[int]:
-    """Stable slots of an instruction's words, after a start symbol. Any word of any script has a slot, known or not."""
+    """Slots of an instruction's words, after a start symbol; any word of any script has one."""
     words = re.findall(r"[^\W_]+", instruction.lower())
     ids = [1 + zlib.crc32(word.encode()) % (BUCKETS - 1) for word in words]
     return [START, *ids][:MAX_WORDS]
@@ -55,9 +55,8 @@ class LearnedLanguage(nn.Module):
 class ClipLanguage(nn.Module):
     """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.
 
-    The tower is not part of the policy's parameters, never enters a checkpoint, and stays on the CPU in float32:
-    every instruction is encoded once. Words after the end of an instruction are symbol 0, kept and not masked
-    (CLIP and PerAct2 code).
+    The tower is not among the policy's parameters and checkpoints, and stays on the CPU in float32: every instruction is
+    encoded once. Padding is symbol 0 and not masked (CLIP and PerAct2 code).
 
     Args:
         source: local path or hub id of a CLIP model in the transformers format.
@@ -99,7 +98,7 @@ class ClipLanguage(nn.Module):
 
     def _recall(self, instruction: str) -> Tensor:
         tokens = self._cache.get(instruction)
-        # What is cached must also serve training, though the first call may come from an evaluation or under autocast.
+        # A cached tensor must also serve training, though the first call may be in inference mode or under autocast.
         with torch.inference_mode(False), torch.no_grad(), torch.autocast("cpu", enabled=False):
             if tokens is None:
                 tokens = self._encode(instruction)

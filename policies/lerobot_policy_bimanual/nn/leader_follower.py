@@ -1,4 +1,4 @@
-"""Leader and follower: one network per arm, and the second knows what the first is going to do."""
+"""Leader and follower: one network per arm; the follower is given the leader's next keypose."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,15 +11,14 @@ from lerobot_bimanual.codec_torch import KeyposeBins, TorchKeyposeCodec
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction, join_arms, one_arm
 
 KEYPOSE_NUMBERS = 3 + 3 + 1 + 1
-"""Position, rotation, gripper flag and collision flag of one keypose (PerAct2 code)."""
+"""Numbers of one keypose: position, rotation, gripper flag and collision flag (PerAct2 code)."""
 
 
 class LeaderFollower(nn.Module):
     """Predicts the leader's keypose, and the follower's given the leader's.
 
-    The follower is told the leader's keypose as numbers from -1 to 1 that extend its proprioception: the label
-    where there is one (teacher forcing), otherwise the leader's most probable keypose. As only a choice of bins
-    passes between the networks, no gradient does.
+    The leader's keypose, as numbers from -1 to 1, extends the follower's proprioception: the label in training (teacher
+    forcing), otherwise the leader's most probable keypose. Bins have no gradient, so none passes between the networks.
 
     Args:
         make_network: builds a network for one arm, given `proprio_dim`, the length of its proprioception. It is called
@@ -49,11 +48,10 @@ class LeaderFollower(nn.Module):
         """Predict the next keypose of both arms.
 
         Args:
-            scene: what both networks see, passed on as it is.
+            scene: input of both networks.
             proprio: (b, 2 proprio_dim), left arm first.
             language: (b, tokens, dim).
-            target: label of both arms in training, moved by the same augmentation as the scene; None at
-                inference.
+            target: label of both arms in training, augmented as the scene is; None at inference.
 
         Returns:
             Both arms, left first.
@@ -72,8 +70,7 @@ class LeaderFollower(nn.Module):
     def _numbers(self, keypose: KeyposeBins) -> Tensor:
         """One arm's bins (b, 1, ...) as (b, KEYPOSE_NUMBERS) float32 from -1 to 1.
 
-        The reference code gives the bare indices, up to 99, beside features of size one, and does not move them
-        with the augmented scene.
+        The reference code gives bare indices, up to 99, and does not augment them with the scene.
         """
         return torch.cat(
             [

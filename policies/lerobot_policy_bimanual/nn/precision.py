@@ -1,4 +1,4 @@
-"""Where half precision ends."""
+"""Keep geometry, softmax and losses in full precision under autocast and TF32."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,19 +9,16 @@ from torch import Tensor
 
 
 def at_least_float32(x: Tensor) -> Tensor:
-    """Leave autocast's bfloat16; float64 stays, so that exactness can be tested."""
+    """Convert bfloat16 to float32; float64 stays, so that exactness can be tested."""
     return x.to(torch.promote_types(x.dtype, torch.float32))
 
 
 @contextmanager
 def full_precision(device: torch.device) -> Iterator[None]:
-    """Compute in float32, whatever a caller has set.
+    """Compute in float32 on a device, under autocast and TF32.
 
-    LeRobot may train under autocast, and its programs switch on a GPU's TF32: world coordinates would be off by
-    centimetres in bfloat16, and by half a millimetre a metre in TF32.
-
-    Args:
-        device: on which is computed.
+    LeRobot may train under autocast, and its programs enable a GPU's TF32: world coordinates would be off by centimetres
+    in bfloat16, and by half a millimetre per metre in TF32.
     """
     with torch.autocast(device.type, enabled=False):
         if device.type != "cuda":
@@ -32,7 +29,7 @@ def full_precision(device: torch.device) -> Iterator[None]:
 
 
 class _WithoutTF32:
-    """TF32 is off as long as anyone is inside: the setting is the process's, and threads of an evaluation share it."""
+    """Disables TF32 while any thread is inside: the setting is the process's, and threads of an evaluation share it."""
 
     def __init__(self):
         self._lock = Lock()
@@ -53,7 +50,7 @@ class _WithoutTF32:
                 self._allow(True)
 
     def _allow(self, on: bool) -> None:
-        if self._was_on:  # else nothing is touched
+        if self._was_on:
             torch.backends.cuda.matmul.allow_tf32 = on
 
 
@@ -61,7 +58,7 @@ _WITHOUT_TF32 = _WithoutTF32()
 
 
 def _tf32_is_on() -> bool:
-    """Asked in PyTorch's newer words where it has them: its older ones raise after someone has used the newer."""
+    """Read PyTorch's newer setting where it exists, because the older one raises after the newer one was used."""
     matmul = torch.backends.cuda.matmul
     if hasattr(matmul, "fp32_precision"):
         return matmul.fp32_precision == "tf32"

@@ -117,13 +117,13 @@ class PerActNetwork(nn.Module):
             target: label of the arms in training; see `FactorisedTranslationHead`.
         """
         grid = with_quadratic_features(grid) if self.quadratic_features else grid
-        words = None if self.language_filters is None else self.language_filters(language)
-        stem, patches = self.translation.read(grid, self.stem, self.patchify, words)
+        filters = None if self.language_filters is None else self.language_filters(language)
+        stem, patches = self.translation.read(grid, self.stem, self.patchify, filters)
         patch_map = patches.transpose(1, 2).unflatten(-1, (self.patches,) * 3)
         body = self.proprio(proprio)[:, None].expand(-1, patches.shape[1], -1)
         voxel_tokens = torch.cat([patches, body], dim=-1)  # (b, p^3, token_dim), half of it from the patches
         tokens = torch.cat([self.language(language), voxel_tokens], dim=1) + self.positions
-        # Only voxel tokens are asked for an answer; the reference also asks the words and drops the reply.
+        # Only voxel tokens are queries; the reference also queries language tokens and drops their answers.
         answers = self.perceiver(tokens, tokens[:, language.shape[1] :])  # (b, arms, p^3, token_dim)
         answers = answers.transpose(2, 3).unflatten(-1, (self.patches,) * 3)
         target_voxel = None if target is None else target.voxel

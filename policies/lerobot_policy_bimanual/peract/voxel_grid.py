@@ -9,16 +9,16 @@ GRID_CHANNELS = 10
 """Mean xyz [m], mean RGB in [-1, 1], voxel index / voxels, occupancy 0 or 1 (PerAct2 code)."""
 
 QUADRATIC = slice(3, 9)
-"""Channels of which a network may be shown the squares, too: colours and voxel indices."""
+"""Channels whose squares are the quadratic features: colours and voxel indices."""
 
 CELLS_BEHIND = 4096
-"""Cells that take the points outside the workspace."""
+"""Number of cells behind the grid that receive the points outside the workspace."""
 
 
 def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: int) -> Tensor:
     """Average the points of every voxel.
 
-    Only points inside the workspace are touched; the rest, NaN included, vanish.
+    Points outside the workspace are ignored, NaN included.
 
     Args:
         points: (b, 3, n) world positions in metres.
@@ -38,8 +38,8 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         scaled = (points - lower).div_(size)
         inside = (scaled.amin(1) >= 0) & (scaled.amax(1) < V)  # False for NaN
         x, y, z = scaled.int().unbind(1)  # truncation is the floor of what lies inside
-        # Points outside go to cells behind the grid, a different one each: nothing to filter, so the host need not wait
-        # for the device, and no single cell that all of them fight for.
+        # Points outside go to many cells behind the grid: filtering would synchronise host and device, and a single cell
+        # would serialise the atomic additions.
         behind = V**3 + torch.arange(N, dtype=torch.int32, device=points.device) % CELLS_BEHIND
         cell = (
             torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind)

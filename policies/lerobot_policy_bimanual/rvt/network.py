@@ -76,14 +76,14 @@ class RVTNetwork(nn.Module):
             views: (b, 5, 10, size, size) as made by `render_views`.
             proprio: (b, proprio_dim).
             language: (b, language_tokens, language_dim).
-            target: ignored; nothing here is conditioned on the label.
+            target: not used.
         """
         stem = self.read(views, language)  # (b 5, channels, size, size)
         answers = self._attend(self.patchify(stem), proprio, language)  # (b 5, token_dim, p, p)
         fine = self.join(activate(self.upsample(self.coarse(answers))), stem)
         logits = at_least_float32(self.heatmap(fine))  # (b 5, 1, size, size)
 
-        # Where the pose is to be read off is a question of translation alone, hence no gradient through it.
+        # The position of the pose features is trained by the translation loss alone, hence no gradient here.
         attention = logits.detach().flatten(1).softmax(dim=1).to(fine.dtype)
         at_peak = (fine.flatten(2) @ attention[..., None])[..., 0]  # (b 5, channels)
         features = torch.cat([answers.amax((2, 3)), at_peak], dim=1).unflatten(0, (-1, len(VIEWS)))
@@ -97,18 +97,18 @@ class RVTNetwork(nn.Module):
         )
 
     def read(self, views: Tensor, language: Tensor) -> Tensor:
-        """The stem of views (b, 5, 10, size, size), with the filters that the words write: (b 5, channels, size, size)."""
+        """Stem features (b 5, channels, size, size) of views (b, 5, 10, size, size), with language-conditioned filters."""
         if self.language_filters is None:
             return self.stem(views.flatten(0, 1))
-        words = self.language_filters(language)  # (b, channels, 11)
-        weight = self.stem.weight.flatten(1) + words[..., :-1]
-        bias = self.stem.bias + words[..., -1]
+        filters = self.language_filters(language)  # (b, channels, 11)
+        weight = self.stem.weight.flatten(1) + filters[..., :-1]
+        bias = self.stem.bias + filters[..., -1]
         pixels = torch.baddbmm(bias[..., None], weight, views.transpose(1, 2).flatten(2))
         by_view = activate(pixels).unflatten(2, views.shape[1:2] + views.shape[3:])
         return by_view.transpose(1, 2).flatten(0, 1)
 
     def _attend(self, patches: Tensor, proprio: Tensor, language: Tensor) -> Tensor:
-        """What the transformer says about every patch.
+        """Features of every patch from the transformer.
 
         Args:
             patches: (b 5, p^2, token_dim / 2).
