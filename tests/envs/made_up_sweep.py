@@ -8,7 +8,7 @@ from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, LoadMetrics, MoveReport
 from lerobot_env_bimanual.episode.progress import draw_episode
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "dual_push_buttons"
@@ -57,6 +57,7 @@ class MadeUpEvaluator:
     """The expert fails seed 1 where all is heaviest, the open-loop baseline solves seed 0 only."""
 
     specs: list[EpisodeSpec]
+    n_means = 0
 
     def __init__(self, *_: Any):
         pass
@@ -68,6 +69,7 @@ class MadeUpEvaluator:
         pass
 
     def mean_keyposes(self, task: str, variation: str) -> tuple[tuple[float, ...], ...]:
+        MadeUpEvaluator.n_means += 1
         return ((float(variation), *[0.0] * 17),)
 
     def map(self, function: Any, items: Any, *_: Any) -> Iterator[str]:

@@ -11,9 +11,7 @@ from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertRepor
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.sweep import evaluator
-from lerobot_env_bimanual.sweep.evaluator import Evaluator
-from lerobot_env_bimanual.sweep.log import EpisodeLog
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec, play
+from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator, play
 from lerobot_env_bimanual.tasks.registry import TASKS
 from lerobot_env_bimanual.workers import Failure, WorkFailed
 

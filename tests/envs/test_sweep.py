@@ -19,7 +19,7 @@ from lerobot_env_bimanual.perturbations.registry import AXES, get_axis, list_axe
 from lerobot_env_bimanual.sweep import expert_robustness, robustness
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.sweep.conditions import conditions_of, solved_seeds
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
@@ -177,7 +177,7 @@ def test_a_later_expert_report_decides_on_conditions_that_are_played_already(tmp
     assert not MadeUpEvaluator.specs
 
 
-@pytest.mark.parametrize("name", ["nominal", "arm_late:1", "camera_moved:1"])
+@pytest.mark.parametrize("name", ["nominal", "camera_moved:1"])
 def test_conditions_of_another_world_are_not_mixed_with_these(name, tmp_path):
     chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(1,))
     policy_robustness(chosen)
@@ -205,6 +205,9 @@ def test_expert_reports_list_failures_grow_and_play_again_what_has_changed(tmp_p
     MadeUpEvaluator.specs.clear()
     expert_evaluate(chosen)
     assert {spec.perturb for spec in MadeUpEvaluator.specs} == {"mass:3"}
+    n_means = MadeUpEvaluator.n_means
+    expert_evaluate(chosen)
+    assert MadeUpEvaluator.n_means == n_means  # if nothing is missing, no training episodes are played
     with pytest.raises(BimanualError, match="has expert_episodes"):
         expert_evaluate(replace(chosen, episodes=30))
 
@@ -222,9 +225,11 @@ def test_a_checkpoint_says_which_images_it_reads():
     ("config", "message"),
     [
         (None, "does not exist. Give the folder `pretrained_model`"),
-        ([], "names no policy `type`"),
-        ({"type": "act"}, "names no policy `type`, or no `input_features`"),
-        ({"type": "act", "input_features": {"observation.images.front": {"shape": [3, 9]}}}, "three sides"),
+        ({"type": "act"}, "config.json: input_features"),
+        (
+            {"type": "act", "input_features": {"observation.images.front": {"shape": [3, 9]}}},
+            "gives one size",
+        ),
     ],
 )
 def test_a_folder_without_a_checkpoint_is_refused_on_one_line(config, message, tmp_path, capsys):
@@ -232,24 +237,6 @@ def test_a_folder_without_a_checkpoint_is_refused_on_one_line(config, message, t
     if config is not None:
         (tmp_path / "config.json").write_text(json.dumps(config))
     assert cli.main(["policy", "robustness", f"--checkpoint={tmp_path}", "--task=lift_ball"]) == 1
-    error = capsys.readouterr().err.strip()
-    assert message in error
-    assert "\n" not in error
-
-
-@pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        (["--task=lift_bal"], "unknown task 'lift_bal'. Did you mean 'lift_ball'?"),
-        (["--task=lift_ball", "--axes=heat"], "axes is 'heat'"),
-        (["--task=lift_ball", "--episodes=0"], "episodes is 0"),
-        (["--task=lift_ball", "--variation=7"], "no variation 7"),
-        (["--task=lift_ball", "--expert_reports=/nowhere"], "holds no robustness reports of the expert"),
-    ],
-)
-def test_bad_flags_get_one_clear_line(flags, message, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["policy", "robustness", f"--checkpoint={TRAINED}", *flags]) == 1
     error = capsys.readouterr().err.strip()
     assert message in error
     assert "\n" not in error

@@ -11,8 +11,7 @@ from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_bimanual.results.expert_report import EXPERTS, PlayerName
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.sweep.evaluator import Evaluator
-    from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+    from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec, Evaluator
 
 EACH_VARIATION = "each"
 ALL_AXES = ("all",)
@@ -110,8 +109,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.files import check_output_file
     from lerobot_env_bimanual.experts.report import make_report, print_report
-    from lerobot_env_bimanual.sweep.evaluator import Evaluator
-    from lerobot_env_bimanual.sweep.log import EpisodeLog
+    from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
     log = None
     if config.output is not None:
@@ -143,7 +141,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
 
 def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Iterator[EpisodeSpec]:
     from lerobot_env_bimanual.options import ANY_VARIATION
-    from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+    from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
     from lerobot_env_bimanual.tasks.registry import get_task
 
     is_open_loop = config.player == "open_loop"

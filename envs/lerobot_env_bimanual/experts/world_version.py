@@ -13,7 +13,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import platform
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 
@@ -90,11 +89,6 @@ def joint_version(worlds: Mapping[str, str]) -> str:
     """One version for several tasks, given each one's."""
     text = "\n".join(f"{task} {worlds[task]}" for task in sorted(worlds))
     return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
-
-
-def is_version(text: str) -> bool:
-    """Whether it has the form of a world's version."""
-    return bool(re.fullmatch(f"[0-9a-f]{{{VERSION_DIGITS}}}", text))
 
 
 def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:

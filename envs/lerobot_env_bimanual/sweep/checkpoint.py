@@ -6,13 +6,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from pydantic import ConfigDict
+
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import read_json
+from lerobot_bimanual.results.record import Record
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
+
+
+class _Feature(Record):
+    model_config = ConfigDict(extra="ignore")
+
+    shape: tuple[int, ...]
+
+
+class _Config(Record):
+    """Part of a policy's `config.json`."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    type: str
+    input_features: dict[str, _Feature]
 
 
 @dataclass(frozen=True)
@@ -46,22 +63,15 @@ class Checkpoint:
                     f"no checkpoint at {folder}: {folder / name} does not exist. Give the folder `pretrained_model` of a "
                     "training, as in outputs/peract2/checkpoints/last/pretrained_model"
                 )
-        config = read_json(folder / CONFIG_FILE)
-        policy = config.get("type") if isinstance(config, dict) else None
-        features = config.get("input_features") if isinstance(config, dict) else None
-        if not isinstance(policy, str) or not isinstance(features, dict):
-            raise BimanualError(f"{folder / CONFIG_FILE} names no policy `type`, or no `input_features`")
-        shapes = {
-            camera: _shape(features[image_key(camera)], folder)
-            for camera in CAMERA_NAMES
-            if image_key(camera) in features
-        }
-        if len(set(shapes.values())) > 1:
+        config = _Config.read(folder / CONFIG_FILE)
+        cameras = tuple(camera for camera in CAMERA_NAMES if image_key(camera) in config.input_features)
+        sizes = {config.input_features[image_key(camera)].shape[1:] for camera in cameras}
+        if len(sizes) > 1 or any(len(size) != 2 for size in sizes):
             raise BimanualError(
-                f"{folder} reads images of several sizes ({shapes}), which no environment gives"
+                f"{folder} reads images of the sizes {sizes}, but an environment gives one size"
             )
-        size = next((f"{height}x{width}" for height, width in shapes.values()), None)
-        return cls(folder, policy, tuple(shapes), size, sha256(folder / WEIGHTS_FILE))
+        size = next((f"{height}x{width}" for height, width in sizes), None)
+        return cls(folder, config.type, cameras, size, sha256(folder / WEIGHTS_FILE))
 
     @property
     def options(self) -> dict[str, Any]:
@@ -69,13 +79,3 @@ class Checkpoint:
         if self.image_size is None:
             return {"obs": "state"}
         return {"cameras": ",".join(self.cameras), "image_size": self.image_size}
-
-
-def _shape(feature: Any, folder: Path) -> tuple[int, int]:
-    """Height and width of an image."""
-    shape = feature.get("shape") if isinstance(feature, dict) else None
-    if not (isinstance(shape, list) and len(shape) == 3 and all(type(side) is int for side in shape)):
-        raise BimanualError(
-            f"{folder / CONFIG_FILE} gives an image the shape {shape!r}, but it must be three sides"
-        )
-    return shape[1], shape[2]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -24,8 +24,7 @@ from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.perturbations.axis import Axis
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.sweep.evaluator import Evaluator
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec, Evaluator
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 from lerobot_env_bimanual.world.arena import build_spec
@@ -108,7 +107,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
 def solved_seeds(
     evaluator: Evaluator,
     player: Literal["expert", "open_loop"],
-    conditions: Iterable[ConditionKey],
+    conditions: Collection[ConditionKey],
     template: EpisodeSpec,
     seeds: Sequence[int],
 ) -> dict[ConditionKey, tuple[int, ...]]:
@@ -127,6 +126,8 @@ def solved_seeds(
     Raises:
         BimanualError: an episode could not be played.
     """
+    if not conditions:
+        return {}
     spec = get_task(template.task).spec
     fixed = spec.variation_index(template.variation)
     drawn = {seed: draw_episode(spec, template.split, seed, fixed).variation.index for seed in seeds}

@@ -6,20 +6,200 @@ workers gives the same list, and outcomes that a log already holds are not playe
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from itertools import islice
+from pathlib import Path
+from typing import Literal
 
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.expert_report import EpisodeOutcome
-from lerobot_env_bimanual.experts.baselines import mean_of_episodes
-from lerobot_env_bimanual.sweep.log import EpisodeLog
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec, Keyposes, play
+from lerobot_bimanual.codec import KeyposeCodec
+from lerobot_bimanual.errors import BimanualError, PlacementFailure
+from lerobot_bimanual.files import UnwritableOutput, write_file
+from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, PlayerName
+from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
+from lerobot_env_bimanual.experts.load import run_measured
+from lerobot_env_bimanual.experts.runner import failed_to_start, run_episode
+from lerobot_env_bimanual.experts.world_version import simulation_versions
+from lerobot_env_bimanual.perturbations.registry import AXES
+from lerobot_env_bimanual.replay import ReplayMode
+from lerobot_env_bimanual.tasks.registry import TASKS
 from lerobot_env_bimanual.workers import WorkerPool
 
 MEAN_EPISODES = 30
 """Training episodes whose mean keyposes the open-loop baseline plays."""
 MAX_SHOWN = 3
 """Accidents that an error names."""
+
+type Keyposes = tuple[tuple[float, ...], ...]
+"""Keyposes (18,) each."""
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """One episode; its outcome depends on these fields alone.
+
+    Attributes:
+        task: name of the task.
+        variation: index, or "any".
+        split: split of the seed.
+        seed: seed of the reset.
+        player: name of the player.
+        discretise: voxels per axis to which an expert's keyposes are rounded; 0 leaves them exact.
+        mean_keyposes: keyposes of the player `open_loop`.
+        replay: how a solved episode of an expert is replayed afterwards.
+        perturb: perturbations of the world, `AXIS:LEVEL,...`.
+    """
+
+    task: str
+    variation: str
+    split: str
+    seed: int
+    player: PlayerName
+    discretise: int = 0
+    mean_keyposes: Keyposes = ()
+    replay: ReplayMode | Literal["none"] = "none"
+    perturb: str = ""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.player} on seed {self.seed} of {self.task}{f' at {self.perturb}' if self.perturb else ''}"
+        )
+
+
+_environments: dict[tuple[str, str, str, str], BimanualEnv] = {}
+"""The environment of the last episode of this process."""
+
+
+def play(spec: EpisodeSpec) -> EpisodeOutcome:
+    """Play one episode in this process, in an environment that is kept for the next episode of its kind."""
+    key = (spec.task, spec.variation, spec.split, spec.perturb)
+    if key not in _environments:
+        for env in _environments.values():
+            env.close()
+        _environments.clear()
+        _environments[key] = BimanualEnv(
+            spec.task, variation=spec.variation, split=spec.split, obs="state", perturb=spec.perturb
+        )
+    env = _environments[key]
+    codec = KeyposeCodec(voxels=spec.discretise) if spec.discretise else None
+    player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes)
+    try:
+        if spec.player in EXPERTS:
+            return run_measured(env, spec.seed, player, spec.replay)
+        return run_episode(env, spec.seed, player)
+    except PlacementFailure as failure:
+        return failed_to_start(env, str(failure))
+    except Exception:
+        del _environments[key]  # its state is unknown
+        raise
+
+
+class _Line(Record):
+    """One line of a log.
+
+    Attributes:
+        spec: SHA-256 of the episode's spec.
+        outcome: its outcome.
+    """
+
+    spec: str
+    outcome: EpisodeOutcome
+
+
+class EpisodeLog:
+    """A file with one line per finished episode, written as they finish.
+
+    Lines of other code or other versions are discarded, and so is a last line that was cut off, whose episode is played
+    again.
+
+    Args:
+        path: the file; its folder is made.
+
+    Raises:
+        BimanualError: the file is damaged before its end, and is left unchanged.
+        UnwritableOutput: it cannot be written.
+    """
+
+    def __init__(self, path: Path):
+        self._path = path
+        header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
+        self._lines = _read(path, header)
+        write_file(
+            path, "\n".join([header, *(line.model_dump_json() for line in self._lines.values())]) + "\n"
+        )
+
+    def get(self, spec: EpisodeSpec) -> EpisodeOutcome | None:
+        """The outcome of an episode, if it is known."""
+        line = self._lines.get(_key(spec))
+        return line and line.outcome
+
+    def add(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
+        """Keep an outcome.
+
+        Raises:
+            UnwritableOutput: it cannot be written.
+        """
+        line = _Line(spec=_key(spec), outcome=outcome)
+        self._lines[line.spec] = line
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                print(line.model_dump_json(), file=file)
+        except OSError as error:
+            raise UnwritableOutput(self._path, error.strerror or str(error)) from error
+
+    def remove(self) -> None:
+        """Delete the file: the result is safe elsewhere."""
+        self._path.unlink(missing_ok=True)
+
+
+def _source_digest() -> str:
+    """SHA-256 of all code and data that decides the outcome of an episode, which may change while a sweep is interrupted.
+
+    That is this project's packages, and the package or file of every other task and axis.
+    """
+    modules = (*TASKS.modules.values(), *AXES.modules.values())
+    digest = hashlib.sha256()
+    for name in sorted({"lerobot_bimanual", *(module.partition(".")[0] for module in modules)}):
+        spec = find_spec(name)
+        if spec is None or spec.origin is None:
+            continue  # playing the task reports that it cannot be imported
+        origin = Path(spec.origin)
+        root = origin.parent
+        files = (path for path in root.rglob("*") if path.suffix in (".py", ".toml"))
+        for path in sorted(files) if spec.submodule_search_locations else [origin]:
+            digest.update(f"{name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _read(path: Path, header: str) -> dict[str, _Line]:
+    if not path.exists():
+        return {}
+    try:
+        first, *lines = path.read_bytes().split(b"\n")
+    except OSError as error:
+        raise BimanualError(f"{path}: {error}") from error
+    if first != header.encode():
+        return {}
+    found = {}
+    for number, text in enumerate(lines[:-1], start=2):  # text after the last newline was cut off
+        try:
+            line = _Line.from_json(text)
+        except BimanualError as error:
+            raise BimanualError(
+                f"{path}, line {number}: {error}; the file holds the episodes of an interrupted run: repair it, or remove "
+                "it to play them again"
+            ) from error
+        found[line.spec] = line
+    return found
+
+
+def _key(spec: EpisodeSpec) -> str:
+    return hashlib.sha256(json.dumps(asdict(spec), sort_keys=True).encode()).hexdigest()
 
 
 class Evaluator(WorkerPool):

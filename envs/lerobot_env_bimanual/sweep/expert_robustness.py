@@ -11,9 +11,7 @@ from lerobot_bimanual.results.robustness import (
 )
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.sweep.conditions import Conditions, extended, read_earlier, solved_seeds
-from lerobot_env_bimanual.sweep.evaluator import Evaluator
-from lerobot_env_bimanual.sweep.log import EpisodeLog
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec
+from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 
 
 def sweep_expert(

@@ -33,10 +33,8 @@ from lerobot_env_bimanual.sweep.conditions import (
     read_earlier,
     solved_seeds,
 )
-from lerobot_env_bimanual.sweep.evaluator import Evaluator
-from lerobot_env_bimanual.sweep.log import EpisodeLog
+from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
-from lerobot_env_bimanual.sweep.spec import EpisodeSpec
 from lerobot_env_bimanual.vector.evaluation_log import RECORDED_OPTIONS
 
 N_ESTIMATE_EPISODES = 4
