@@ -195,10 +195,6 @@ class _Sweep[Config: Record, Each: Condition](Record):
         """Conditions by axis and level."""
         return {condition.key: condition for condition in self.conditions}
 
-    def of_axis(self, axis: str) -> list[Each]:
-        """The conditions of an axis, without the nominal one."""
-        return [condition for condition in self.conditions if condition.axis == axis]
-
 
 class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
     """One policy on the conditions of one task, each on the same episodes.
