@@ -13,12 +13,12 @@ setup:  ## Make .venv: Python 3.12, pinned packages, ours editable
 
 WATCH := outputs/watch
 TASK := handover_item_easy
-watch: setup  ## Watch a trained policy at work: films in outputs/watch (a minute, no GPU); TASK=lift_ball is another
+watch: setup  ## Watch a trained policy at work: videos in outputs/watch (a minute, no GPU); TASK=lift_ball is another
 	@echo "lerobot-eval says nothing for up to half a minute, while it is imported"
 	$(BIN)/lerobot-eval --policy.path=results/checkpoints/peract2_on_all --policy.device=cpu \
-	    --env.type=bimanual --env.task=$(TASK) --env.image_size=128 --env.video_dir=$(WATCH)/films \
+	    --env.type=bimanual --env.task=$(TASK) --env.image_size=128 --env.video_dir=$(WATCH)/videos \
 	    --eval.n_episodes=4 --eval.batch_size=2 --output_dir=$(WATCH)
-	@ls $(WATCH)/films/*
+	@ls $(WATCH)/videos/*
 
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
@@ -53,7 +53,7 @@ bench: setup  ## Run the benchmarks of docs/performance.md; each ends with a lin
 	@for run in simulation.py observation.py planning.py policies.py "policies.py --reference" "commands.py starting" \
 	    "commands.py recording" "commands.py decoding" "commands.py scoring"; do $(BIN)/python benchmarks/$$run || exit; done
 
-docs: setup  ## Build the site of the documentation, with films of the experts, into build/site (minutes at first)
+docs: setup  ## Build the site of the documentation, with videos of the experts, into build/site (minutes at first)
 	$(BIN)/python scripts/site_films.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	@echo "open build/site/index.html"

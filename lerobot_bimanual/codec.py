@@ -1,7 +1,7 @@
 """Discrete keyposes: voxel indices, rotation bins and flags, in NumPy.
 
 The same discretisation that the policies predict (`codec_torch` is its torch twin) rounds the experts'
-keyposes when a ceiling is certified.
+keyposes when the expert's success with rounded keyposes is measured.
 """
 
 import math

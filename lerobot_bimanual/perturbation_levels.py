@@ -1,4 +1,4 @@
-"""How far a world is from the one that is certified, as text: `camera_moved:2,mass:1`, empty for the world as it is."""
+"""Perturbations as text: `camera_moved:2,mass:1`, empty if nominal."""
 
 from collections.abc import Mapping
 

@@ -345,7 +345,7 @@ class BimanualEnv(gym.Env):
         """How copies and pickles are made: a new environment goes on from a saved state."""
         if self._video is not None:
             raise BimanualError(
-                "an episode that is being filmed cannot be copied: copy before reset, or film one only"
+                "an episode whose video is being written cannot be copied: copy before reset, or write only one video"
             )
         saved = None if self._progress is None else self.save_state()
         kept = {name: copy.deepcopy(vars(self)[name]) for name in GYMNASIUMS_STATE if name in vars(self)}

@@ -57,7 +57,7 @@ class EnvOptions:
     # Perturbations of the nominal world, as `AXIS:LEVEL` with levels 1 to 3, several separated by commas. The seed
     # means the same episode at every level; docs/robustness.md lists the axes.
     perturb: str = ""
-    # Folder for a film of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
+    # Folder for a video of every episode's whole motion. (LeRobot's own videos hold one frame per step, which is one
     # per keypose.)
     video_dir: str | None = None
     # Folder for a record of every episode that a vector environment plays: outcome, actions and a chain of state hashes,
@@ -66,7 +66,7 @@ class EnvOptions:
     results_dir: str | None = None
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
     max_keyposes: int = 25
-    # Of `render` and of films, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
+    # Of `render` and of videos, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
     # shadows and anti-aliasing, is for pictures of a few episodes.
     render_quality: str = "observation"
 

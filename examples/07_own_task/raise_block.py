@@ -2,7 +2,7 @@
 
 The right arm takes a block off the table and holds it up, and the left one follows above it. `pyproject.toml` beside
 this file announces it in the entry-point group `lerobot_bimanual.tasks`, by its name. Once that is installed, every
-verb, `--env.task` and Gymnasium know it:
+command, `--env.task` and Gymnasium know it:
 
     pip install -e examples/07_own_task
     lerobot-bimanual expert evaluate --task=raise_block --episodes=20

@@ -1,4 +1,4 @@
-"""The verb `benchmark`."""
+"""The command `policy benchmark`."""
 
 from rich.console import Console
 

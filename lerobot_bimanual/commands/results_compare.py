@@ -1,4 +1,4 @@
-"""The verb `compare`."""
+"""The command `results compare`."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ type Rows = dict[str, tuple[BenchmarkResult, ...]]
 
 @dataclass
 class ResultsCompareConfig:
-    """Flags of the `compare` verb."""
+    """Flags of `results compare`."""
 
     first: Path = field(kw_only=True)  # result of one benchmark, a JSON file, or a folder of results
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder

@@ -39,10 +39,10 @@ def evaluation(folder: Path) -> dict:
 
 def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
     run("make", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
-    films = [path.stem for path in (tmp_path / "films").glob("*.mp4")]
-    assert len(films) == 4
+    videos = [path.stem for path in (tmp_path / "videos").glob("*.mp4")]
+    assert len(videos) == 4
     # It solves 19 of 20. Processors differ in the last bit of a sum, so one may fail here that does not elsewhere.
-    assert sum(film.endswith("_success") for film in films) >= 2
+    assert sum(video.endswith("_success") for video in videos) >= 2
 
 
 def test_examples_are_short_and_numbered() -> None:
@@ -56,7 +56,7 @@ def test_examples_are_short_and_numbered() -> None:
     ("words", "printed"),
     [
         ("00_step_the_environment.py", "world point"),
-        ("01_watch.py --output=films", "solved"),
+        ("01_watch.py --output=videos", "solved"),
         ("02_record.py --episodes=2 --image_size=32 --output=data", "where the left hand goes next"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The verb `tasks`: what there is to do."""
+"""The command `task list`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WIDTH = 110
 
 @dataclass
 class TaskListConfig:
-    """Options of the verb `tasks`."""
+    """Options of `task list`."""
 
     task: str = "all"  # task and suite names, comma separated
     format: Literal["list", "json"] = "list"  # for people or for programs

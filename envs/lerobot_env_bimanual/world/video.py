@@ -46,7 +46,7 @@ class VideoWriter:
         Raises:
             BimanualError: the file cannot be written.
         """
-        import av  # only those who film pay for the import
+        import av  # imported only where a video is written
 
         with self._plain_errors():
             if self._container is None:
@@ -82,4 +82,4 @@ class VideoWriter:
         try:
             yield
         except OSError as error:
-            raise BimanualError(f"cannot write films to {self._folder}: {error}") from error
+            raise BimanualError(f"cannot write videos to {self._folder}: {error}") from error
