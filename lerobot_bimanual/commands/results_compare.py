@@ -23,8 +23,6 @@ class ResultsCompareConfig:
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
     first_policy: str | None = None  # of a folder with several policies, the one that is meant
     second_policy: str | None = None  # likewise
-    # PNG: the difference on each task, with its errors; of robustness results, both by condition
-    figure: Path | None = None
 
 
 def results_compare(config: ResultsCompareConfig) -> None:
@@ -44,21 +42,12 @@ def results_compare(config: ResultsCompareConfig) -> None:
         lerobot-bimanual results compare --first=results/peract2.json --second=results/act.json
         lerobot-bimanual results compare --first=results/leaderboard --first_policy=peract2 --second=results/leaderboard --second_policy=act
         lerobot-bimanual results compare --first=outputs/robustness/peract2.json --second=outputs/robustness/act.json
-        lerobot-bimanual results compare --first=results/old --second=results/new --figure=outputs/difference.png
     """
-    if config.figure is not None:
-        from lerobot_bimanual.reports.charts import check_chart_file
-
-        check_chart_file(config.figure)
     if is_robustness_result(config.first) or is_robustness_result(config.second):
         from lerobot_bimanual.reports.robustness_text import print_comparison
 
         one, other = RobustnessResult.read(config.first), RobustnessResult.read(config.second)
         print_comparison(one, other)
-        if config.figure is not None:
-            from lerobot_bimanual.reports.robustness_figures import heat_map
-
-            heat_map({"first": one, "second": other}).save(config.figure)
         return
     first = _rows(config.first, config.first_policy, "first_policy")
     second = _rows(config.second, config.second_policy, "second_policy")
@@ -77,10 +66,6 @@ def results_compare(config: ResultsCompareConfig) -> None:
     _print(comparisons)
     for line in _remarks(comparisons):
         print(line)
-    if config.figure is not None:
-        from lerobot_bimanual.reports.difference_figure import difference_figure
-
-        difference_figure(comparisons).save(config.figure)
 
 
 def _rows(path: Path, policy: str | None, flag: str) -> Rows:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from huggingface_hub import DatasetCardData
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -95,7 +94,7 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequenc
     return render(
         "lerobot_bimanual.dataset",
         "card.md",
-        front_matter=_front_matter(tags),
+        tags=[*dict.fromkeys((*TAGS, *tags))],
         repo_id=repo_id,
         picture=PICTURE_FILE.as_posix(),
         info=info,
@@ -110,16 +109,6 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequenc
         seeds=[key.seed for key in provenance.episodes],
         license=LICENSE,
     )
-
-
-def _front_matter(tags: Sequence[str]) -> str:
-    data = DatasetCardData(
-        license=LICENSE,
-        task_categories=["robotics"],
-        tags=list(dict.fromkeys((*TAGS, *tags))),
-        configs=[{"config_name": "default", "data_files": "data/*/*.parquet"}],
-    )
-    return data.to_yaml()
 
 
 def _columns(info: dict) -> pd.DataFrame:

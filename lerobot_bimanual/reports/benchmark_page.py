@@ -7,7 +7,6 @@ from pathlib import Path
 from statistics import fmean, stdev
 
 import pandas as pd
-from pydantic import ConfigDict
 
 from lerobot_bimanual.benchmark.config import beyond_recipe, command, shortest_config
 from lerobot_bimanual.benchmark.recipes import GROUP as RECIPE_GROUP
@@ -16,27 +15,15 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import check_comparable
-from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.results.statistics import SuccessRate
 
 NOT_INSTALLED = "its recipe is not installed here"
 ABSENT = "–"
-EXPERT_REPORT = "expert.json"
-"""The expert report that covers every task."""
-
-
-class _Worlds(Record):
-    """Part of an expert report."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    worlds: dict[str, str]
 
 
 def benchmark_page(
     results: Mapping[Path, BenchmarkResult],
     folder: Path,
-    expert_reports: Path | None = None,
     figure: str | None = None,
 ) -> str:
     """The page of results.
@@ -44,16 +31,12 @@ def benchmark_page(
     Args:
         results: by file.
         folder: that holds them, for the page to say.
-        expert_reports: folder of expert reports, of whose worlds the results must be; by default the folder
-            `expert_reports` beside `folder`, if there is one.
         figure: link to the figure of these results; None for a page without.
 
     Raises:
-        BimanualError: the results are not comparable, are of other worlds than the expert reports, or no command trains
-            one of an installed recipe again. The message names the file.
+        BimanualError: the results are not comparable, or no command trains one of an installed recipe again. The message names the file.
     """
     check_comparable(results)
-    _check_worlds(results, folder, expert_reports)
     ordered = sorted(results.items(), key=lambda item: (item[1].config.eval_key, item[1].config.policy_id))
     installed = [(path, each) for path, each in ordered if each.config.policy in entries(RECIPE_GROUP)]
     commands, beyond = {}, {}
@@ -93,20 +76,6 @@ def read_results(place: Path) -> dict[Path, BenchmarkResult]:
                 f"{path}: a file with this result must be named {result.config.file_name}; rename it"
             )
     return results
-
-
-def _check_worlds(results: Mapping[Path, BenchmarkResult], folder: Path, expert_reports: Path | None) -> None:
-    """Results are of the worlds of the experts; of perturbed worlds there is no such report."""
-    report = (expert_reports or folder.parent / "expert_reports") / EXPERT_REPORT
-    if expert_reports is None and not report.is_file():
-        return
-    worlds = _Worlds.read(report).worlds
-    for path, result in results.items():
-        if result.world != worlds.get(result.task) and not result.config.perturb:
-            raise BimanualError(
-                f"{path}: world of {result.task} is {result.world!r}, but {worlds.get(result.task)!r} in {report}; "
-                "measure both in one world"
-            )
 
 
 def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:

@@ -7,8 +7,7 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.files import check_output_file, write_file
+from lerobot_bimanual.files import write_file
 
 INK, GREY, PALE = "#202228", "#70747e", "#dee0e5"
 BLUE, ORANGE, GREEN, YELLOW, PURPLE, VERMILION = (
@@ -82,15 +81,3 @@ def new_figure(height_in: float, title: str, *notes: str) -> Figure:
     figure.suptitle(title, x=0.01, ha="left", fontsize=13)
     figure.supxlabel("\n".join(notes), x=0.01, ha="left", fontsize=8, color=GREY)
     return figure
-
-
-def check_chart_file(path: Path) -> None:
-    """Check that a chart can be written to a file.
-
-    Raises:
-        UnwritableOutput: it could not be written.
-        InvalidChoice: it has the name of another kind of file.
-    """
-    check_output_file(path)
-    if path.suffix.lower() != ".png":
-        raise InvalidChoice("figure", str(path), "a path that ends in .png")

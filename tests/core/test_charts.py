@@ -9,12 +9,9 @@ from PIL import Image
 from sample_results import trained
 from sample_robustness import ROBUSTNESS, condition, result
 
-from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.reports.charts import INK, Chart, check_chart_file
-from lerobot_bimanual.reports.difference_figure import difference_figure
+from lerobot_bimanual.reports.charts import INK, Chart
 from lerobot_bimanual.reports.robustness_figures import heat_map, sweep_figure
 from lerobot_bimanual.reports.success_figure import STYLES, success_figure
-from lerobot_bimanual.results.comparison import Comparison
 from lerobot_bimanual.results.statistics import wilson_interval
 
 
@@ -41,18 +38,6 @@ def test_policies_differ_in_their_markers_or_in_brightness():
         assert marker != other_marker or abs(brightness[color] - brightness[other]) > 0.15
 
 
-def test_a_difference_is_drawn_with_its_errors_and_filled_if_it_is_significant():
-    many = {
-        "surely": Comparison((trained("x" * 20, policy="mine"),), (trained("." * 20, policy="other"),)),
-        "perhaps": Comparison((trained("xxx.", policy="mine"),), (trained("x..x", policy="other"),)),
-    }
-    markers = [
-        line for line in difference_figure(many).figure.axes[0].get_lines() if line.get_marker() == "o"
-    ]
-    assert [line.get_xdata()[0] for line in markers] == [1.0, 0.25]
-    assert [line.get_markerfacecolor() == "white" for line in markers] == [False, True]
-
-
 def test_a_heat_map_shows_the_mean_of_trainings_and_hatches_what_is_not_valid():
     changed = (condition("", 0, "xxxxxx...."), *ROBUSTNESS.conditions[1:])
     again = result({"checkpoint_sha256": "1f" * 32}, conditions=changed)
@@ -76,13 +61,8 @@ def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
 
 
 def test_charts_say_in_words_what_they_show(snapshot):
-    twice = Comparison(
-        (trained("xxxx", policy="mine", seed=1), trained("xx..", policy="mine", seed=2)),
-        (trained("x...", policy="other", seed=1), trained("....", policy="other", seed=2)),
-    )
     charts = {
         "success": success_figure([trained("xx..", policy="mine", seed=seed) for seed in range(5)]),
-        "difference": difference_figure({"lift_ball": twice}),
         "heat map": heat_map({"a": ROBUSTNESS, "b": result({"policy": "yours", "task": "push_box"})}),
         "sweep": sweep_figure(ROBUSTNESS),
     }
@@ -94,8 +74,3 @@ def test_a_saved_chart_holds_its_description(tmp_path: Path):
     chart.save(tmp_path / "chart.png")
     with Image.open(tmp_path / "chart.png") as image:
         assert image.info["Description"] == chart.description
-
-
-def test_a_chart_under_the_name_of_another_kind_of_file_is_refused(tmp_path: Path):
-    with pytest.raises(InvalidChoice, match=r"figure is '.*all\.pdf', but must be .*ends in \.png"):
-        check_chart_file(tmp_path / "all.pdf")

@@ -3,15 +3,12 @@
 from pathlib import Path
 
 import pytest
-import yaml
-from huggingface_hub import parse_eval_result_entries
 from sample_results import RESULT, proved, put, reported, variant
 from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition, result
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
-from lerobot_bimanual.reports.hub_results import write_hub_results
 from lerobot_bimanual.reports.robustness_page import robustness_page
 
 
@@ -97,19 +94,6 @@ def test_a_folder_without_results_and_a_result_under_another_name_are_refused(re
     (results / "lift_ball_mine_small_seed1000.json").rename(results / "better.json")
     with pytest.raises(BimanualError, match=r"better\.json: .*must be named lift_ball_mine_small"):
         read_results(results)
-
-
-def test_results_take_the_hubs_form_and_come_back_from_it(results: Path, tmp_path: Path):
-    files = write_hub_results(results, tmp_path / "hub", "me/bimanual")
-    assert [file.stem for file in files] == [path.stem for path in sorted(results.glob("*.json"))]
-    (entry,) = parse_eval_result_entries(yaml.safe_load(files[0].read_text()))
-    assert (entry.dataset_id, entry.task_id, entry.value, entry.date) == (
-        "me/bimanual",
-        "lift_ball",
-        50.0,
-        "2026-01-31",
-    )
-    assert "2 of 4 unseen episodes" in (entry.notes or "")
 
 
 def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):

@@ -1,15 +1,13 @@
-"""How pictures are laid out, where they are taken from, and what the sheet of perturbations shows."""
+"""How pictures are laid out, and where they are taken from."""
 
 import numpy as np
 import pytest
 
-from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.commands.task_perturbations import TaskPerturbationsConfig, task_perturbations
-from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.perturbations.registry import list_axes
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
-from lerobot_env_bimanual.rendering.axes_sheet import Row, axes_sheet, draw_row
 from lerobot_env_bimanual.rendering.layout import (
     CAPTION_HEIGHT,
     GAP,
@@ -95,18 +93,3 @@ def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
     listed = capsys.readouterr().out
     assert listed.startswith("instruction  (words)")
     assert "levels 1 to 3: 1, 2, 3 steps" in listed
-
-
-def test_a_row_of_the_sheet_shows_every_level_and_an_axis_that_changes_no_image_has_none():
-    row = Row("fewer_cameras", "push_box", seed=0)
-    panels = draw_row(row)
-    black = [np.mean(panel.rgb.max(axis=-1) == 0) for panel in panels]
-    assert black == pytest.approx([0, 1 / 8, 2 / 8, 3 / 8], abs=0.02)
-    assert [panel.caption for panel in panels][-1] == f"level 3: {get_axis('fewer_cameras').levels[2]}"
-    assert min(axes_sheet(row, panels).size) > 100
-    assert draw_row(Row("arm_late", "push_box", seed=0)) == []
-
-
-def test_a_picture_of_an_unknown_kind_is_refused_before_anything_is_drawn(tmp_path):
-    with pytest.raises(InvalidChoice, match=r"\.jpg"):
-        task_perturbations(TaskPerturbationsConfig(output=tmp_path / "axes.bmp"))

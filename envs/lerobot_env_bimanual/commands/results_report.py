@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from urllib.parse import quote
 
-from lerobot_bimanual.errors import InvalidChoice, check_range
+from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
     from lerobot_bimanual.reports.charts import Chart
@@ -24,17 +24,12 @@ class ResultsReportConfig:
     format: Literal["md", "html"] = "md"
     # The page; by default Markdown is printed, and HTML goes to outputs/results.html.
     output: Path | None = None
-    # Folder of expert reports, of whose worlds the results must be; by default `expert_reports` beside RESULTS, if it exists.
-    expert_reports: Path | None = None
     max_videos: int = 3  # videos in HTML: failed episodes of each result, of different kinds first
-    # Folder for the same results in the Hub's form, one file for `.eval_results/` of each model's repository.
-    hub_results: Path | None = None
-    benchmark_repo: str | None = None  # dataset repository of the benchmark on the Hub, ORGANISATION/NAME
     workers: int = 0  # processes for HTML; 0 takes one per core
 
 
 def results_report(config: ResultsReportConfig) -> None:
-    r"""Write a page of results: success of policies side by side, their robustness, or how they failed.
+    """Write a page of results: success of policies side by side, their robustness, or how they failed.
 
     As Markdown, results of `policy benchmark` become the table of success of all policies on all tasks, and results of
     `policy robustness` the tables of what each condition costs each policy. The figure is written beside the page.
@@ -50,30 +45,17 @@ def results_report(config: ResultsReportConfig) -> None:
         lerobot-bimanual results report --results=results/leaderboard --output=docs/results.md
         lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
         lerobot-bimanual results report --results=results/leaderboard --format=html --output=outputs/results.html
-        lerobot-bimanual results report --results=results/leaderboard --hub_results=outputs/eval_results \
-            --benchmark_repo=me/bimanual
     """
     from lerobot_bimanual.cli import show_next
-    from lerobot_bimanual.files import check_output_file, check_output_folder
+    from lerobot_bimanual.files import check_output_file
 
     check_range("max_videos", config.max_videos, 0)
     if config.output is not None:
         check_output_file(config.output)
-    if config.hub_results is not None:
-        if config.benchmark_repo is None or config.benchmark_repo.count("/") != 1:
-            raise InvalidChoice(
-                "benchmark_repo", config.benchmark_repo, "ORGANISATION/NAME, which --hub_results needs"
-            )
-        check_output_folder(config.hub_results)
     if config.format == "html":
         _write_html(config)
     else:
         _write_markdown(config)
-    if config.hub_results is not None and config.benchmark_repo is not None:
-        from lerobot_bimanual.reports.hub_results import write_hub_results
-
-        for path in write_hub_results(config.results, config.hub_results, config.benchmark_repo):
-            print(path)
     if config.output is not None or config.format == "html":
         show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")
 
@@ -103,7 +85,7 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
         results = {path.stem: RobustnessResult.read(path) for path in paths}
         return robustness_page(results, link), heat_map(results)
     rows = read_results(place)
-    return benchmark_page(rows, place, config.expert_reports, link), success_figure([*rows.values()])
+    return benchmark_page(rows, place, link), success_figure([*rows.values()])
 
 
 def _write_html(config: ResultsReportConfig) -> None:

@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from lerobot_bimanual.errors import BimanualError, check_range
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.rendering.task_pictures import RenderedEpisode, RenderRequest
-
-FRAME_MS, PAUSE_MS = 90, 1500
-WEBP_QUALITY = 50
+    from lerobot_env_bimanual.rendering.task_pictures import RenderRequest
 
 
 @dataclass
@@ -42,7 +39,7 @@ def task_render(config: TaskRenderConfig) -> None:
 
     For each task, an episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4; with
     several episodes, TASK_seedSEED.png and .mp4. Several make a gallery tasks.jpg: a close-up of each in the chosen quality
-    and, beside it, the camera's whole image as policies get it; and, with videos, tasks.webp: all of them moving at once.
+    and, beside it, the camera's whole image as policies get it.
 
     An expert that does not solve its episode is an error, but its pictures are written.
 
@@ -52,6 +49,7 @@ def task_render(config: TaskRenderConfig) -> None:
         lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
     from lerobot_bimanual.files import check_output_folder
+    from lerobot_env_bimanual.rendering.layout import Panel, gallery
     from lerobot_env_bimanual.rendering.task_pictures import render_episode
     from lerobot_env_bimanual.workers import WorkerPool
 
@@ -62,7 +60,11 @@ def task_render(config: TaskRenderConfig) -> None:
             *pool.map(render_episode, requests, "render", "episode", name=lambda each: each.stem.name)
         ]
     if len(rendered) > 1:
-        _write_galleries({each.stem.name: one for each, one in zip(requests, rendered, strict=True)}, config)
+        panels = [
+            Panel(one.thumbnail, each.stem.name, note="what policies see", beside=one.policy_view)
+            for each, one in zip(requests, rendered, strict=True)
+        ]
+        gallery(panels).save(config.output / "tasks.jpg", quality=85)
     print(f"{config.output}: pictures of {', '.join(each.stem.name for each in requests)}")
     failures = [
         f"{each.task} failed at {each.split} seed {each.seed}, stage {one.outcome.last_move!r}: "
@@ -102,25 +104,3 @@ def _requests(config: TaskRenderConfig) -> Sequence[RenderRequest]:
                 )
             requests.append(request)
     return requests
-
-
-def _write_galleries(rendered: dict[str, RenderedEpisode], config: TaskRenderConfig) -> None:
-    from lerobot_env_bimanual.rendering.layout import Panel, gallery, moving_gallery
-
-    panels = [
-        Panel(one.thumbnail, name, note="what policies see", beside=one.policy_view)
-        for name, one in rendered.items()
-    ]
-    gallery(panels).save(config.output / "tasks.jpg", quality=85)
-    if config.video:
-        first, *others = moving_gallery({name: one.strip for name, one in rendered.items()})
-        durations_ms = [FRAME_MS] * len(others) + [PAUSE_MS]  # the last one is shown for longer
-        first.save(
-            config.output / "tasks.webp",
-            save_all=True,
-            append_images=others,
-            duration=durations_ms,
-            loop=0,
-            quality=WEBP_QUALITY,
-            method=4,
-        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,21 +53,6 @@ def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], col
         top += size + GAP // 2
     sheet.paste(grid, (0, header))
     return sheet
-
-
-def moving_gallery(strips: Mapping[str, Sequence[NDArray[np.uint8]]], columns: int = 5) -> list[Image.Image]:
-    """Episodes in rows, each with its name, all moving at once.
-
-    Args:
-        strips: name of each episode -> its pictures, (height, width, 3) uint8, equally many of one shape.
-        columns: number of columns.
-
-    Returns:
-        One picture per moment.
-    """
-    moments = zip(*strips.values(), strict=True)
-    panels = [[Panel(rgb, name) for name, rgb in zip(strips, moment, strict=True)] for moment in moments]
-    return [gallery(moment, columns, panel_width=moment[0].rgb.shape[1]) for moment in panels]
 
 
 def gallery(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet, scaled
+from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.rendering.rollout import Rollout, rollout
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera, close_up
 from lerobot_env_bimanual.world.rendering import Renderer
@@ -23,8 +22,6 @@ from lerobot_env_bimanual.world.video import VideoWriter
 CLEAREST = "clearest"
 THUMBNAIL_MOMENT = 0.8
 """Share of the episode that has passed in a task's one picture: the hands are on the things, the end is in sight."""
-STRIP_LENGTH, STRIP_WIDTH = 40, 208
-"""Pictures of an episode in the moving gallery, and their width in pixels."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +76,11 @@ class RenderedEpisode:
         outcome: result of the episode.
         thumbnail: (height, width, 3) uint8, a close-up that shows what the task is about.
         policy_view: (256, 256, 3) uint8, the same moment as the camera shows it to policies.
-        strip: `STRIP_LENGTH` small close-ups from start to end, (height, `STRIP_WIDTH`, 3) uint8; none without a video.
     """
 
     outcome: EpisodeOutcome
     thumbnail: NDArray[np.uint8]
     policy_view: NDArray[np.uint8]
-    strip: Sequence[NDArray[np.uint8]]
 
 
 def render_episode(request: RenderRequest) -> RenderedEpisode:
@@ -123,7 +118,6 @@ def _render(request: RenderRequest) -> RenderedEpisode:
         moment = round(THUMBNAIL_MOMENT * ticks)
         thumbnail = image(moment)
         window = close_up(env.scene, camera, *env.options.size)
-        strip: list[NDArray[np.uint8]] = []
         if request.video:
             writer = VideoWriter(request.stem.parent, request.stem.name)
             for tick in range(len(played.states)):
@@ -131,13 +125,11 @@ def _render(request: RenderRequest) -> RenderedEpisode:
             video = writer.close("complete")
             assert video is not None  # an episode has at least one state
             video.replace(request.stem.with_suffix(".mp4"))
-            moments = np.linspace(0, ticks, STRIP_LENGTH).round().astype(int)
-            strip = [np.asarray(scaled(image(tick)[window], STRIP_WIDTH)) for tick in moments]
     with Renderer(env.scene, (camera,)) as renderer:  # in the size and quality of observations
         env.scene.restore_state(played.states[moment])
         policy_view = renderer.render()[camera][0]
     env.close()
-    return RenderedEpisode(outcome, thumbnail[window], policy_view, strip)
+    return RenderedEpisode(outcome, thumbnail[window], policy_view)
 
 
 def _panel(played: Rollout, number: int, rgb: NDArray[np.uint8], tick: int) -> Panel:
