@@ -35,9 +35,7 @@ SIMULATION_UNSTABLE = "simulation_unstable"
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
-"""Called with the environment and the joint action (16,) before every control tick."""
 type StepObserver = Callable[[], None]
-"""Called after every step of physics."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +75,7 @@ class BimanualEnv(gym.Env):
         options: what was chosen.
         perturbations: the differences from the nominal world.
         last_action: the action of the last step as float32, also if it was refused; empty if it could not be read.
-        tick_observers: called in turn before every control tick.
+        tick_observers: called in turn before every control tick, with the environment and the joint action (16,).
         step_observers: called in turn after every step of physics of the episode.
 
     Raises:
@@ -94,13 +92,13 @@ class BimanualEnv(gym.Env):
         render_mode: str | None = "rgb_array",
         **keywords: Any,
     ):
-        modes = self.metadata["render_modes"]
-        if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
-            raise InvalidChoice("render_mode", render_mode, modes)
+        if render_mode is not None and str(render_mode) != "rgb_array":
+            raise InvalidChoice("render_mode", render_mode, self.metadata["render_modes"])
         self.task_definition = get_task(task)
-        self.task = self.task_definition.spec.name
+        spec = self.task_definition.spec
+        self.task = spec.name
         self.options = EnvOptions.of(**((options or EnvOptions()).keywords() | keywords))
-        self._variation = self.task_definition.spec.variation_index(self.options.variation)
+        self._variation = spec.variation_index(self.options.variation)
         self.render_mode = render_mode
         self.last_action = EMPTY_ACTION
         self.tick_observers: list[TickObserver] = []
@@ -108,9 +106,8 @@ class BimanualEnv(gym.Env):
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
-        self.perturbations = Perturbations(
-            chosen_levels(self.options.perturb), self.task_definition.spec, self.options.split
-        )
+        levels = chosen_levels(self.options.perturb)
+        self.perturbations = Perturbations(levels, spec, self.options.split)
         self._compiled: _World | None = None
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
@@ -151,10 +148,9 @@ class BimanualEnv(gym.Env):
     @property
     def task_description(self) -> str:
         """The episode's instruction, in words; before the first episode the canonical one."""
-        if self._progress is None:
-            spec = self.task_definition.spec
-            return spec.instructions_for(spec.variations[self._variation or 0])[0]
-        return self._progress.instruction
+        spec = self.task_definition.spec
+        canonical = spec.instructions_for(spec.variations[self._variation or 0])[0]
+        return canonical if self._progress is None else self._progress.instruction
 
     @property
     def action_lengths(self) -> tuple[int, ...]:
@@ -212,15 +208,15 @@ class BimanualEnv(gym.Env):
         self, observer: TickObserver, step_observer: StepObserver | None = None
     ) -> Iterator[None]:
         """Call an observer before every control tick, and another after every step of physics, in a `with` block."""
-        self.tick_observers.append(observer)
-        if step_observer is not None:
-            self.step_observers.append(step_observer)
+        joined: list[tuple[list, Any]] = [(self.tick_observers, observer)]
+        joined += [(self.step_observers, step_observer)] if step_observer else []
+        for observers, joining in joined:
+            observers.append(joining)
         try:
             yield
         finally:
-            self.tick_observers.remove(observer)
-            if step_observer is not None:
-                self.step_observers.remove(step_observer)
+            for observers, leaving in joined:
+                observers.remove(leaving)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -257,8 +253,7 @@ class BimanualEnv(gym.Env):
         return self.progress
 
     def _transition(self) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        progress = self.progress
-        truncated = self._truncated and not progress.terminated
+        progress, truncated = self.progress, self._truncated and not self.progress.terminated
         if progress.terminated or truncated:
             self._finish_video()
         progress.conditions = check(self._conditions, self.scene, known=progress.conditions)
@@ -266,9 +261,8 @@ class BimanualEnv(gym.Env):
 
     @property
     def _truncated(self) -> bool:
-        progress = self.progress
-        is_late = progress.ticks >= self.task_definition.spec.horizon_ticks
-        return is_late or progress.keyposes >= self.options.max_keyposes
+        is_late = self.progress.ticks >= self.task_definition.spec.horizon_ticks
+        return is_late or self.progress.keyposes >= self.options.max_keyposes
 
     def _execute(self, keypose: BimanualKeypose) -> None:
         progress = self.progress
@@ -313,19 +307,15 @@ class BimanualEnv(gym.Env):
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
-            episode = f"v{self.variation}_{self.options.split}_seed{self.progress.seed}"
-            self._video = VideoWriter(folder, f"{self.task}_{episode}")
+            episode = f"{self.task}_v{self.variation}_{self.options.split}_seed{self.progress.seed}"
+            self._video = VideoWriter(folder, episode)
         self._video.add(self._world.renderer.frame())
 
     def _finish_video(self) -> None:
         if self._video is not None:
-            self._video.close(self._outcome())
+            ended = "failure" if self.progress.terminated or self._truncated else "unfinished"
+            self._video.close("success" if self.progress.succeeded else ended)
             self._video = None
-
-    def _outcome(self) -> str:
-        if self.progress.succeeded:
-            return "success"
-        return "failure" if self.progress.terminated or self._truncated else "unfinished"
 
     def state_hash(self) -> str:
         """SHA-256 of everything that decides how the simulation goes on."""
@@ -337,19 +327,17 @@ class BimanualEnv(gym.Env):
 
     def restore_state(self, state: tuple[Any, EpisodeProgress]) -> None:
         """Go back to a saved state of an environment with the same options; the state may be used again."""
-        scene_state, progress = state
-        self.scene.restore_state(scene_state)
-        self._progress = copy.deepcopy(progress)
+        self.scene.restore_state(state[0])
+        self._progress = copy.deepcopy(state[1])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How copies and pickles are made: a new environment goes on from a saved state."""
         if self._video is not None:
-            raise BimanualError(
-                "an episode whose video is being written cannot be copied: copy before reset, or write only one video"
-            )
+            raise BimanualError("an episode that is recorded as a video cannot be copied: copy before reset")
         saved = None if self._progress is None else self.save_state()
         kept = {name: copy.deepcopy(vars(self)[name]) for name in GYMNASIUMS_STATE if name in vars(self)}
-        return _restored, (type(self), self.task, self.options, self.render_mode, saved), kept
+        keywords = {"options": self.options, "render_mode": self.render_mode}
+        return _restored, (type(self), self.task, saved, keywords), kept
 
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
@@ -359,10 +347,8 @@ class BimanualEnv(gym.Env):
         self._compiled = self._progress = None
 
 
-def _restored(
-    kind: type[BimanualEnv], task: str, options: EnvOptions, render_mode: str | None, saved: tuple | None
-) -> BimanualEnv:
-    env = kind(task, options=options, render_mode=render_mode)
+def _restored(kind: type[BimanualEnv], task: str, saved: tuple | None, keywords: dict) -> BimanualEnv:
+    env = kind(task, **keywords)
     if saved is not None:
         env.restore_state(saved)
     return env

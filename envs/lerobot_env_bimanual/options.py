@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -24,7 +25,6 @@ ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
 MIN_IMAGE_SIDE, MAX_IMAGE_SIDE = 8, 4096
-MAX_DIGITS = 9
 
 
 @dataclass
@@ -139,22 +139,13 @@ def _camera_names(cameras: Any) -> tuple[str, ...]:
 
 
 def _image_size(image_size: object) -> tuple[int, int]:
-    sides: Any = image_size.split("x") if isinstance(image_size, str) else image_size
-    if isinstance(image_size, str):
-        sides = [
-            # Python refuses to read thousands of digits.
-            int(side) if side.isascii() and side.isdecimal() and len(side) <= MAX_DIGITS else side
-            for side in sides[:3]
-        ]
-    if isinstance(sides, int):
-        sides = (sides,)
-    is_list = isinstance(sides, Sequence) and 1 <= len(sides) <= 2
-    if not is_list or not all(
-        type(side) is int and MIN_IMAGE_SIDE <= side <= MAX_IMAGE_SIDE for side in sides
-    ):
+    sides = image_size if isinstance(image_size, tuple | list) else [image_size]
+    found = re.fullmatch("([0-9]{1,4})(?:x([0-9]{1,4}))?", "x".join(map(str, sides)), re.ASCII)
+    height, width = (0, 0) if found is None else (int(found[1]), int(found[2] or found[1]))
+    if not all(MIN_IMAGE_SIDE <= side <= MAX_IMAGE_SIDE for side in (height, width)):
         choices = f"{MIN_IMAGE_SIDE} to {MAX_IMAGE_SIDE} pixels, or HEIGHTxWIDTH such as 480x640"
         raise InvalidChoice("image_size", image_size, choices)
-    return sides[0], sides[-1]
+    return height, width
 
 
 def _writable_folder(option: str, path: object) -> str:

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
@@ -19,6 +19,9 @@ from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.servo_commands import TICK_S
+
+if TYPE_CHECKING:
+    from mujoco.viewer import Handle
 
 
 class Key(IntEnum):
@@ -41,32 +44,7 @@ LOOK_AT_M = (0.2, 0.0, 0.9)
 """First view of the window, in m and degrees: roughly that of the front camera, from a little higher."""
 
 
-class Window(Protocol):
-    """The part of MuJoCo's viewer handle that is used."""
-
-    @property
-    def cam(self) -> Any:
-        """The view, an `MjvCamera`."""
-        ...
-
-    def is_running(self) -> bool:
-        """Whether it has not been closed."""
-        ...
-
-    def sync(self) -> None:
-        """Show the present state."""
-        ...
-
-    def lock(self) -> AbstractContextManager[None]:
-        """Keep the window from reading the state while a `with` block runs."""
-        ...
-
-    def set_texts(self, texts: tuple[None, None, str, str]) -> None:
-        """Write into a corner: font, place, left column, right column."""
-        ...
-
-
-type OpenWindow = Callable[..., AbstractContextManager[Window]]
+type OpenWindow = Callable[..., AbstractContextManager[Handle]]
 """Opens a window on a model and its data; `key_callback` is given the code of every key."""
 
 
@@ -116,7 +94,7 @@ def no_window() -> str:
 @contextmanager
 def mujoco_window(
     model: mujoco.MjModel, data: mujoco.MjData, key_callback: Callable[[int], None] | None = None
-) -> Iterator[Window]:
+) -> Iterator[Handle]:
     """MuJoCo's own window, in a thread of its own that ends with the `with` block."""
     from mujoco import viewer
 
