@@ -11,6 +11,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.run import check_task, report, run
+from lerobot_bimanual.cli import show_next
 
 
 @dataclass
@@ -66,13 +67,10 @@ def demo(config: DemoConfig) -> None:
     console, started = Console(), time.monotonic()
     plan = Plan.of(config.benchmark())
     check_task(plan.settings)
-    doctor = Command("doctor", ["lerobot-bimanual", "doctor"])
-    Pipeline(plan.folder, console).run(doctor)
+    Pipeline(plan.folder, console).run(Command("doctor", ["lerobot-bimanual", "doctor"]))
     result = run(plan, console)
     report(result, plan, console)
     if config.video:
         console.print(f"{'videos':<11} {config.video_folder}", soft_wrap=True, highlight=False)
-    console.print("\nThe commands that were run:")
-    for command in (doctor, *plan.commands(result.checkpoint_step)):
-        console.print(f"  {command}", soft_wrap=True, highlight=False, markup=False)
     console.print(f"[dim]finished in {(time.monotonic() - started) / 60:.1f} minutes[/dim]")
+    show_next("lerobot-bimanual", "policy", "benchmark", f"--task={config.task}")

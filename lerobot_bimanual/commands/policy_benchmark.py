@@ -5,6 +5,7 @@ from rich.console import Console
 from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.run import check_task, report, run, show
+from lerobot_bimanual.cli import show_next
 
 
 def policy_benchmark(config: BenchmarkConfig) -> None:
@@ -28,3 +29,4 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
         show(plan, console)
     else:
         report(run(plan, console), plan, console)
+        show_next("lerobot-bimanual", "results", "verify", f"--results={plan.result}")

@@ -4,6 +4,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
@@ -11,13 +12,10 @@ from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
 
-type Rows = dict[str, tuple[BenchmarkResult, ...]]
-"""Trainings of one policy, by task."""
-
 
 @dataclass
 class ResultsCompareConfig:
-    """Flags of `results compare`."""
+    """Flags of the command `results compare`."""
 
     first: Path = field(kw_only=True)  # result of one benchmark, a JSON file, or a folder of results
     second: Path = field(kw_only=True)  # result of another one on the same task and variation, or a folder
@@ -29,12 +27,10 @@ def results_compare(config: ResultsCompareConfig) -> None:
     """Compare two policies episode by episode, on one task or on several.
 
     Pairs the episodes by seed and prints, per task, both success rates with their 95 % Wilson intervals, on how many episodes
-    either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks.
-    Overlapping intervals do not mean that two policies are equal: on the same episodes the paired test sees smaller
-    differences. Of policies that were trained several times, every training is shown, and the standard error of the
-    difference is told apart by where it comes from: the episodes that were drawn, and the trainings. An episode then counts
-    once, with the mean over its trainings, and the p-value is that of the exact sign-flip permutation test. It is about these
-    trainings; whether others would differ likewise, the second error says.
+    either was better, and the p-value of McNemar's exact test, also as corrected by Holm for the number of tasks. Of policies
+    that were trained several times, every training is shown, an episode counts once, with the mean over its trainings, and
+    the p-value is that of the exact sign-flip permutation test. The difference has two standard errors: from the draw of the
+    episodes, and from the draw of the trainings.
 
     Two results of `policy robustness` on one task are paired on every condition that both have.
 
@@ -49,8 +45,8 @@ def results_compare(config: ResultsCompareConfig) -> None:
         one, other = RobustnessResult.read(config.first), RobustnessResult.read(config.second)
         print_comparison(one, other)
         return
-    first = _rows(config.first, config.first_policy, "first_policy")
-    second = _rows(config.second, config.second_policy, "second_policy")
+    first = _results(config.first, config.first_policy, "first_policy")
+    second = _results(config.second, config.second_policy, "second_policy")
     shared = sorted(first.keys() & second.keys())
     if not shared and len(first) == len(second) == 1:
         Comparison(*first.values(), *second.values())  # which says best in what they differ
@@ -60,33 +56,32 @@ def results_compare(config: ResultsCompareConfig) -> None:
             f"{config.second}"
         )
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
-    for name, path, rows in (("first", config.first, first), ("second", config.second, second)):
-        row = rows[shared[0]][0]
-        print(f"{name:<7} {row.config.policy_id} ({row.config.recipe}), {path}")  # too long for a column
+    for name, path, results in (("first", config.first, first), ("second", config.second, second)):
+        settings = results[shared[0]][0].config
+        print(f"{name:<7} {settings.policy_id} ({settings.recipe}), {path}")  # too long for a column
     _print(comparisons)
-    for line in _remarks(comparisons):
-        print(line)
+    show_next("lerobot-bimanual", "results", "report", f"--results={config.first}")
 
 
-def _rows(path: Path, policy: str | None, flag: str) -> Rows:
-    """Rows in a file or folder, by task, of one policy whose trainings are alike."""
+def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[BenchmarkResult, ...]]:
+    """Trainings of one policy in a file or folder, by what they are scored on."""
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    rows = {each: BenchmarkResult.read(each) for each in paths}
-    if not rows:
+    results = {each: BenchmarkResult.read(each) for each in paths}
+    if not results:
         raise BimanualError(f"{path} holds no results; `lerobot-bimanual policy benchmark` writes them")
-    policies = sorted({row.config.policy_id for row in rows.values()})
+    policies = sorted({result.config.policy_id for result in results.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(
             f"{path} holds results of several policies; choose one with --{flag}={'|'.join(policies)}"
         )
     if policy is not None and policy not in policies:
         raise InvalidChoice(flag, policy, policies)
-    trained = {each: row for each, row in rows.items() if policy in (None, row.config.policy_id)}
-    check_trainings(trained)
+    chosen = {each: one for each, one in results.items() if policy in (None, one.config.policy_id)}
+    check_trainings(chosen)
     found: defaultdict[str, list[BenchmarkResult]] = defaultdict(list)
-    for row in trained.values():
-        found[row.config.eval_key].append(row)
-    return {place: tuple(sorted(group, key=lambda row: row.config.seed)) for place, group in found.items()}
+    for result in sorted(chosen.values(), key=lambda result: result.config.seed):
+        found[result.config.eval_key].append(result)
+    return {key: tuple(group) for key, group in found.items()}
 
 
 def _print(comparisons: dict[str, Comparison]) -> None:
@@ -107,6 +102,10 @@ def _print(comparisons: dict[str, Comparison]) -> None:
             )
         )
     print_table(headings, rows, "success on the same seeds")
+    for place, comparison in comparisons.items():
+        print(f"{place}: {_episodes(comparison)}; {comparison.test}: p = {comparison.p_value:.3g}")
+    if any(comparison.training_error is None for comparison in comparisons.values()):
+        print("A single training of a policy does not say how far another one would be from it.")
 
 
 def _rates(rates: list[SuccessRate]) -> str:
@@ -124,17 +123,8 @@ def _difference(comparison: Comparison) -> str:
     return " ± ".join([f"{comparison.difference:+.1%}", *errors])
 
 
-def _remarks(comparisons: dict[str, Comparison]) -> list[str]:
-    remarks = []
-    for place, comparison in comparisons.items():
-        remarks.append(f"{place}: {_episodes(comparison)}; {comparison.test}: p = {comparison.p_value:.3g}")
-    if any(comparison.training_error is None for comparison in comparisons.values()):
-        remarks.append("A single training of a policy does not say how far another one would be from it.")
-    return remarks
-
-
 def _episodes(comparison: Comparison) -> str:
-    """Who solved how many of them."""
+    """Number of episodes that both, one or neither solved, or that either solved more often."""
     pairing = comparison.pairing
     if pairing is None:
         first, second = comparison.better

@@ -6,12 +6,13 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+from lerobot_bimanual.benchmark.pipeline import Command, Marker, Pipeline
 from lerobot_bimanual.errors import BimanualError
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
@@ -90,16 +91,14 @@ def test_only_a_judging_command_that_wrote_its_output_and_exits_with_1_has_succe
     assert count(tmp_path) == 3
 
 
-def test_commands_are_offline_unless_the_user_says_otherwise(tmp_path, pipeline, monkeypatch):
-    for setting, seen in ((None, "1"), ("0", "0")):
-        monkeypatch.delenv("HF_HUB_OFFLINE")
-        if setting is not None:
-            monkeypatch.setenv("HF_HUB_OFFLINE", setting)
-        output = tmp_path / f"seen_{setting}"
-        program = f"import os; open({str(output)!r}, 'w').write(os.environ['HF_HUB_OFFLINE'])"
-        pipeline.run(Command(output.name, ["python", "-c", program]))
-        assert output.read_text() == seen
-        monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+@pytest.mark.parametrize(("setting", "seen"), [(None, "1"), ("0", "0")])
+def test_commands_are_offline_unless_the_user_says_otherwise(setting, seen, tmp_path, pipeline, monkeypatch):
+    monkeypatch.delenv("HF_HUB_OFFLINE")
+    if setting is not None:
+        monkeypatch.setenv("HF_HUB_OFFLINE", setting)
+    program = f"import os; open({str(tmp_path / 'seen')!r}, 'w').write(os.environ['HF_HUB_OFFLINE'])"
+    pipeline.run(Command("offline", ["python", "-c", program]))
+    assert (tmp_path / "seen").read_text() == seen
 
 
 class FakeTraining:
@@ -186,24 +185,16 @@ def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
     assert training.calls[1:] == [["lerobot-train", f"--config_path={training.last}", "--resume=true"]]
 
 
-@pytest.mark.parametrize("code", [0, 1])
-def test_checkpoints_of_a_training_with_other_flags_are_kept(tmp_path, trainings, training, code):
-    training.code = code
-    try:
+@pytest.mark.parametrize("by_chain", [True, False])
+def test_checkpoints_of_another_training_are_kept(by_chain, tmp_path, trainings, training):
+    if by_chain:
         trainings.run(training_command(tmp_path))
-    except BimanualError:
-        assert code
+    else:
+        training(NEW_TRAINING)
     with pytest.raises(BimanualError, match=r"other flags. Choose another --output, or remove"):
         trainings.run(training_command(tmp_path, "--seed=1"))
     assert training.last.exists()
     assert len(training.calls) == 1
-
-
-def test_checkpoints_that_the_chain_did_not_make_are_kept(tmp_path, trainings, training):
-    training(NEW_TRAINING)
-    with pytest.raises(BimanualError, match="other flags"):
-        trainings.run(training_command(tmp_path))
-    assert training.last.exists()
 
 
 def test_a_damaged_marker_is_named(tmp_path, pipeline):
@@ -212,6 +203,45 @@ def test_a_damaged_marker_is_named(tmp_path, pipeline):
     (tmp_path / "chain" / "count.command.json").write_text("{")
     with pytest.raises(BimanualError, match=r"damaged marker .*count\.command\.json: .*remove the file"):
         pipeline.run(command)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from rich.console import Console
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
+folder = Path(sys.argv[1])
+print("ready", flush=True)
+for name in "abcde":
+    program = f"import time; time.sleep(0.2); open({str(folder / 'log')!r}, 'a').write({name!r})"
+    Pipeline(folder, Console(quiet=True)).run(Command(name, ["python", "-c", program]))
+"""
+
+
+def test_a_chain_that_is_killed_again_and_again_loses_nothing_that_is_finished(tmp_path):
+    finished, log = "", tmp_path / "log"
+    log.touch()
+    for delay_s in (0.1, 0.4, 0.7, 1.0, 60.0):
+        before = log.read_text()
+        chain = subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(tmp_path)],
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert chain.stdout is not None
+        chain.stdout.readline()
+        with suppress(subprocess.TimeoutExpired):
+            chain.wait(delay_s)
+        with suppress(ProcessLookupError):
+            os.killpg(chain.pid, signal.SIGKILL)
+        chain.wait()
+        done = [path.name[0] for path in sorted(tmp_path.glob("?.command.json")) if Marker.read(path).done]
+        assert done[: len(finished)] == list(finished)
+        assert all(log.read_text().count(name) == before.count(name) for name in finished)  # run no more
+        finished = "".join(done)
+    assert finished == "abcde"
+    assert set(log.read_text()) == set("abcde")
 
 
 INTERRUPTED = """
