@@ -118,28 +118,36 @@ class PolicyCondition(Condition):
         return is_valid(self.expert_report or self.rates["expert"])
 
 
-class RobustnessConfig(Record):
-    """What a robustness sweep of a policy measures; two sweeps with equal configs are the same measurement.
+class _SweepConfig(Record):
+    """What a sweep measures; two sweeps with equal configs are the same measurement.
 
     Attributes:
         task: name of the task.
-        policy: type of the policy.
-        checkpoint_sha256: SHA-256 of its `model.safetensors`.
-        options: options of the nominal environment, by name.
         first_seed: first seed of the episodes of every condition.
-        episodes: number of episodes, on consecutive seeds.
-        batch_size: environments side by side.
         versions: package -> version.
     """
 
     task: str
+    first_seed: NonNegativeInt = 0
+    versions: dict[str, str]
+
+
+class RobustnessConfig(_SweepConfig):
+    """What a sweep of a policy measures.
+
+    Attributes:
+        policy: type of the policy.
+        checkpoint_sha256: SHA-256 of its `model.safetensors`.
+        options: options of the nominal environment, by name.
+        episodes: number of episodes, on consecutive seeds.
+        batch_size: environments side by side.
+    """
+
     policy: str
     checkpoint_sha256: Sha256
     options: dict[str, str]
-    first_seed: NonNegativeInt = 0
     episodes: EpisodeCount
     batch_size: PositiveInt
-    versions: dict[str, str]
 
     @property
     def seeds(self) -> range:
@@ -147,7 +155,7 @@ class RobustnessConfig(Record):
         return range(self.first_seed, self.first_seed + self.episodes)
 
 
-class _Sweep[Config: Record, Each: Condition](Record):
+class _Sweep[Config: _SweepConfig, Each: Condition](Record):
     """Conditions of one task, sorted, the nominal one first, and the axes that they belong to.
 
     Attributes:
@@ -167,11 +175,8 @@ class _Sweep[Config: Record, Each: Condition](Record):
     @model_validator(mode="after")
     def _is_sorted(self) -> Self:
         names, keys = [axis.name for axis in self.axes], [condition.key for condition in self.conditions]
-        require(names == sorted(set(names)), "axes must be sorted by name, each once")
-        require(
-            keys[:1] == [("", 0)], "conditions must begin with the nominal one, to which all are compared"
-        )
-        require(keys == sorted(set(keys)), "conditions must be sorted by axis and level, each once")
+        in_order = names == sorted(set(names)) and keys == sorted(set(keys)) and keys[:1] == [("", 0)]
+        require(in_order, "axes and conditions must be sorted, each once, and begin with the nominal one")
         require(
             {axis for axis, _ in keys[1:]} == set(names), f"conditions must be of the axes {', '.join(names)}"
         )
@@ -179,6 +184,11 @@ class _Sweep[Config: Record, Each: Condition](Record):
             not set(self.not_applicable) & set(names), "axes that are not applicable must have no condition"
         )
         return self
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.config.task
 
     @property
     def nominal(self) -> Each:
@@ -219,11 +229,6 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
         return self
 
     @property
-    def task(self) -> str:
-        """Name of the task."""
-        return self.config.task
-
-    @property
     def policy(self) -> str:
         """Type of the policy."""
         return self.config.policy
@@ -241,24 +246,18 @@ class ExpertCondition(Condition):
     open_loop_solved: tuple[int, ...] = ()
 
 
-class ExpertRobustnessConfig(Record):
-    """What a robustness sweep of the expert measures; two sweeps with equal configs are the same measurement.
+class ExpertRobustnessConfig(_SweepConfig):
+    """What a sweep of the expert measures.
 
     Attributes:
-        task: name of the task.
         split: split of the seeds.
-        first_seed: first seed of every condition.
         expert_episodes: number of episodes of the expert, on consecutive seeds.
         open_loop_episodes: number of episodes of the open-loop baseline, on the first of these seeds.
-        versions: package -> version.
     """
 
-    task: str
     split: Literal["train", "val", "test"]
-    first_seed: NonNegativeInt
     expert_episodes: EpisodeCount
     open_loop_episodes: EpisodeCount
-    versions: dict[str, str]
 
 
 class ExpertRobustnessReport(_Sweep[ExpertRobustnessConfig, ExpertCondition]):
@@ -274,11 +273,6 @@ class ExpertRobustnessReport(_Sweep[ExpertRobustnessConfig, ExpertCondition]):
             ):
                 _require_among(name, getattr(each, name), range(first, first + n))
         return self
-
-    @property
-    def task(self) -> str:
-        """Name of the task."""
-        return self.config.task
 
     def rates(self, condition: ExpertCondition) -> dict[str, SuccessRate]:
         """Success of `expert` and `open_loop`."""
