@@ -34,9 +34,8 @@ PRELOADED = ("lerobot.datasets.lerobot_dataset",)
 class DatasetVerifyConfig:
     """Options of the command `dataset verify`."""
 
-    root: Path = field(
-        kw_only=True
-    )  # folder of a dataset that `dataset generate` made; all its views are checked
+    # folder of a dataset that `dataset generate` made; all its views are checked
+    root: Path = field(kw_only=True)
     episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     # Rows of every episode whose images are rendered again and compared: a number, or `all`.
     render: str = "2"
