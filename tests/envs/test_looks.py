@@ -9,7 +9,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.textures import boards, plaster
 
-MOST_M = 0.02
+MAX_DISTANCE_M = 0.02
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(m
         kin = np.append(kin, model.body_parentid[body])
         near = np.flatnonzero(collides & np.isin(model.geom_bodyid, kin[kin > 0]))
         away = np.min([distance_m(model, data, geom, corners) for geom in near], axis=0)
-        assert away.max() < MOST_M, f"{model.body(body).name} looks larger than it is"
+        assert away.max() < MAX_DISTANCE_M, f"{model.body(body).name} looks larger than it is"
 
 
 def test_what_an_arm_collides_with_is_not_drawn_but_for_its_finger_pads(model_and_data):

@@ -28,9 +28,9 @@ AXES = [name for name in list_axes() if not get_axis(name).changes_only_observat
 LEVELS = range(1, MAX_LEVEL + 1)
 TICKS = 20
 """Enough for whatever happens once, and for commands that are late."""
-FEW_TASKS = ("handover_item_easy", "put_item_in_drawer")
+TASKS_OF_AXES = ("handover_item_easy", "put_item_in_drawer")
 """One of them has what an axis changes: things that move freely, joints."""
-MOST_SHIFTED_M = 0.05
+MAX_SHIFT_M = 0.05
 
 
 @cache
@@ -78,7 +78,7 @@ def hashes(env: BimanualEnv, moves: np.ndarray, start: np.ndarray) -> list[str]:
 
 
 def task_of(axis: str) -> str:
-    return next(task for task in FEW_TASKS if applies(axis, task))
+    return next(task for task in TASKS_OF_AXES if applies(axis, task))
 
 
 def episode_of(env: BimanualEnv) -> tuple:
@@ -105,7 +105,7 @@ def test_a_seed_means_the_same_episode_at_every_level_and_every_level_is_another
     for (*drawn, placed), _ in worlds[1:]:
         assert drawn == plain
         for name, place in places.items():
-            assert np.linalg.norm(placed[name] - place) < MOST_SHIFTED_M, name
+            assert np.linalg.norm(placed[name] - place) < MAX_SHIFT_M, name
     assert len({last for _, last in worlds}) == len(worlds)
 
 
@@ -133,8 +133,8 @@ def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, s
 
 @pytest.mark.parametrize("asynchronous", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_vector_environments_play_perturbed_episodes_alike(asynchronous):
-    axes = ",".join(f"{axis}:2" for axis in AXES if applies(axis, FEW_TASKS[0]))
-    one = partial(BimanualEnv, FEW_TASKS[0], obs="state", split="val", perturb=axes)
+    axes = ",".join(f"{axis}:2" for axis in AXES if applies(axis, TASKS_OF_AXES[0]))
+    one = partial(BimanualEnv, TASKS_OF_AXES[0], obs="state", split="val", perturb=axes)
     alone = one()
     alone.reset(seed=7)
     moves = alone.scene.commanded + wiggle(4)[:12]
@@ -202,7 +202,7 @@ def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands
 
 def test_friction_changes_every_contact_by_the_same_factor(shared):
     found = []
-    for key in ((FEW_TASKS[0],), (FEW_TASKS[0], "friction", 3)):
+    for key in ((TASKS_OF_AXES[0],), (TASKS_OF_AXES[0], "friction", 3)):
         env = shared(*key)
         env.reset(seed=1)
         env.scene.place("item", env.scene.pose("item"))  # which wakes it
@@ -247,5 +247,5 @@ def test_every_task_is_another_world_on_each_axis_that_applies_and_begins_where_
         (*drawn_there, places_there) = episode_of(perturbed)
         assert drawn_there == drawn
         for name, place in places.items():
-            assert np.linalg.norm(places_there[name] - place) < MOST_SHIFTED_M, (axis, name)
+            assert np.linalg.norm(places_there[name] - place) < MAX_SHIFT_M, (axis, name)
         perturbed.close()

@@ -17,7 +17,7 @@ from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 pytestmark = pytest.mark.slow
 
 SEEN = tuple(name for name in list_axes() if get_axis(name).changes_only_observations)
-MOST_WARNINGS = 2 * len(CAMERA_NAMES) + 1
+MAX_WARNINGS = 2 * len(CAMERA_NAMES) + 1
 
 
 def two_batches(perturb: str) -> list[dict]:
@@ -54,4 +54,4 @@ def test_every_policy_acts_on_every_rung_and_warns_once_at_most(policy_type, run
             assert torch.isfinite(policy.select_action(batch)).all(), f"{rung}, from a dataset"
             policy.reset()
     warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
-    assert len(warnings) == len(set(warnings)) <= MOST_WARNINGS
+    assert len(warnings) == len(set(warnings)) <= MAX_WARNINGS
