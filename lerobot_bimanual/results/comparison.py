@@ -55,7 +55,7 @@ class Comparison:
     def rates(self) -> tuple[list[SuccessRate], list[SuccessRate]]:
         """Success of every training on those seeds."""
         first, second = self._outcomes
-        return [_rate(solved) for solved in first], [_rate(solved) for solved in second]
+        return [*map(_rate, first)], [*map(_rate, second)]
 
     @property
     def pairing(self) -> Pairing | None:
@@ -211,17 +211,14 @@ def _outcomes(episodes: Sequence[Episode]) -> list[tuple[int, int | None, bool]]
 
 
 def _check_same_episodes(first: BenchmarkResult, second: BenchmarkResult) -> None:
-    for name, one, other in (
-        ("task", first.task, second.task),
-        ("variation", first.config.variation, second.config.variation),
-        (f"world of {first.task}", first.world, second.world),
-        *(
-            (f"version of {package}", first.versions[package], second.versions[package])
-            for package in SIMULATION_PACKAGES
-        ),
-    ):
-        if one != other:
+    one, other = (
+        {"task": result.task, "variation": result.config.variation, f"world of {result.task}": result.world}
+        | {f"version of {package}": result.versions[package] for package in SIMULATION_PACKAGES}
+        for result in (first, second)
+    )
+    for name in one:
+        if one[name] != other.get(name):
             raise BimanualError(
-                f"the results differ in {name}: {one!r} and {other!r}, so a seed may mean two episodes; evaluate both on "
-                "the same task with the same versions"
+                f"the results differ in {name}: {one[name]!r} and {other.get(name)!r}, so a seed may mean two episodes; "
+                "evaluate both on the same task with the same versions"
             )

@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import threading
 
 from lerobot_bimanual.interrupts import interrupts_ignored
 
@@ -17,16 +16,3 @@ def test_a_program_started_meanwhile_ignores_interrupts_and_one_started_later_do
     later = subprocess.check_output(ASKS, text=True)
     assert (meanwhile.strip(), later.strip()) == ("True", "False")
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_a_thread_that_may_not_change_signals_leaves_them_as_they_are():
-    happened = []
-
-    def start() -> None:
-        with interrupts_ignored():
-            happened.append(signal.getsignal(signal.SIGINT))
-
-    thread = threading.Thread(target=start)
-    thread.start()
-    thread.join()
-    assert happened == [signal.getsignal(signal.SIGINT)]
