@@ -10,7 +10,7 @@ import av
 import pytest
 from planted_failures import SEED, evaluation, expert_keyposes, played, reproved, shifted
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.results_report import ResultsReportConfig, results_report
 from lerobot_env_bimanual.failures.attribution import Attribution, Responsible
 from lerobot_env_bimanual.failures.classes import FailureClass
@@ -92,11 +92,6 @@ def test_no_word_of_a_file_becomes_markup():
     reader = Reader(page)
     assert reader.text.count("<script>alert(1)") > len(record.episodes)
     assert "{{ 7 * 7 }}" in reader.text
-
-
-def test_a_negative_number_of_videos_is_refused(tmp_path):
-    with pytest.raises(InvalidChoice, match="max_videos"):
-        results_report(ResultsReportConfig(results=ROWS[0], output=tmp_path / "page.html", max_videos=-1))
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The command `task render`: its files, its failures, and the gallery of several tasks."""
+"""The command `task render`: its files, and its failures."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.task_render import TaskRenderConfig, task_render
 from lerobot_env_bimanual.rendering.task_pictures import CLEAREST
-from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 
 
@@ -31,11 +31,11 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.sim
-def test_two_tasks_become_sheets_videos_and_a_gallery(small) -> None:
+def test_two_tasks_become_sheets_and_videos(small) -> None:
     config = small(task="lift_ball,dual_push_buttons")
     task_render(config)
     names = [f"{task}{suffix}" for task in ("lift_ball", "dual_push_buttons") for suffix in (".png", ".mp4")]
-    assert {path.name for path in config.output.iterdir()} == {*names, "tasks.jpg"}
+    assert {path.name for path in config.output.iterdir()} == {*names}
     with av.open(str(config.output / "lift_ball.mp4")) as video:
         frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in video.decode(video=0)]
         assert video.streams.video[0].average_rate == 20
@@ -62,7 +62,7 @@ def test_a_failing_expert_is_an_error_that_says_where_and_its_sheets_are_written
     ):
         task_render(config)
     written = {path.name for path in config.output.iterdir()}
-    assert written == {"lift_ball_seed4.png", "lift_ball_seed5.png", "tasks.jpg"}
+    assert written == {"lift_ball_seed4.png", "lift_ball_seed5.png"}
 
 
 @pytest.mark.parametrize(
@@ -84,11 +84,3 @@ def test_wrong_options_are_refused_before_anything_is_written(small, option, mes
 
 def test_every_camera_can_be_chosen() -> None:
     assert set(get_args(get_type_hints(TaskRenderConfig)["camera"])) == {*CAMERA_NAMES, CLEAREST}
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-def test_all_tasks_are_rendered(small) -> None:
-    config = small(task="all", image_size="240x320", video=False, camera="clearest", workers=0)
-    task_render(config)
-    assert {path.stem for path in config.output.glob("*.png")} == set(list_tasks())

@@ -1,8 +1,5 @@
 """The command `task view` without a display: a video and a sheet of an expert, or of a policy beside it."""
 
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -80,31 +77,6 @@ def test_with_a_display_the_window_opens_unless_a_video_is_requested(monkeypatch
     assert main(["task", "view", "--task=lift_ball"]) == 0
     assert played == ["expert"]
     assert "space: pause" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no virtual display: apt-get install xvfb")
-def test_mujocos_own_window_opens_and_closes() -> None:
-    program = """
-from lerobot_bimanual.cli import main
-from lerobot_env_bimanual.viewer import Key, Performance
-
-def tick(self):
-    self._show("as fast as it goes")
-    if self._env.progress.ticks == 2:
-        print(f"seed {self._env.progress.seed}", flush=True)
-        if self._env.progress.seed:
-            self._window.close()
-        else:
-            self._keys.put(Key.RIGHT)
-
-Performance._tick = tick
-raise SystemExit(main(["task", "view", "--task=lift_ball"]))
-"""
-    command = ("xvfb-run", "--auto-servernum", sys.executable, "-c", program)
-    child = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert child.returncode == 0, child.stderr[-4000:]
-    assert child.stdout.splitlines()[-2:] == ["seed 0", "seed 1"]
 
 
 @pytest.mark.parametrize(

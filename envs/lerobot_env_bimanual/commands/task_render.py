@@ -35,11 +35,10 @@ class TaskRenderConfig:
 
 
 def task_render(config: TaskRenderConfig) -> None:
-    """Render the experts at work: a contact sheet and a video per episode, and a gallery of several.
+    """Render the experts at work: a contact sheet and a video per episode.
 
     For each task, an episode becomes TASK.png (the start, and the scene at the end of every keypose) and TASK.mp4; with
-    several episodes, TASK_seedSEED.png and .mp4. Several make a gallery tasks.jpg: a close-up of each in the chosen quality
-    and, beside it, the camera's whole image as policies get it.
+    several episodes, TASK_seedSEED.png and .mp4.
 
     An expert that does not solve its episode is an error, but its pictures are written.
 
@@ -49,28 +48,21 @@ def task_render(config: TaskRenderConfig) -> None:
         lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
     from lerobot_bimanual.files import check_output_folder
-    from lerobot_env_bimanual.rendering.layout import Panel, gallery
     from lerobot_env_bimanual.rendering.task_pictures import render_episode
     from lerobot_env_bimanual.workers import WorkerPool
 
     requests = _requests(config)
     check_output_folder(config.output)
     with WorkerPool(config.workers) as pool:
-        rendered = [
+        outcomes = [
             *pool.map(render_episode, requests, "render", "episode", name=lambda each: each.stem.name)
         ]
-    if len(rendered) > 1:
-        panels = [
-            Panel(one.thumbnail, each.stem.name, note="what policies see", beside=one.policy_view)
-            for each, one in zip(requests, rendered, strict=True)
-        ]
-        gallery(panels).save(config.output / "tasks.jpg", quality=85)
     print(f"{config.output}: pictures of {', '.join(each.stem.name for each in requests)}")
     failures = [
-        f"{each.task} failed at {each.split} seed {each.seed}, stage {one.outcome.last_move!r}: "
-        f"{one.outcome.failure} (unmet: {', '.join(one.outcome.unmet)}), see {each.sheet}"
-        for each, one in zip(requests, rendered, strict=True)
-        if not one.outcome.success
+        f"{each.task} failed at {each.split} seed {each.seed}, stage {one.last_move!r}: "
+        f"{one.failure} (unmet: {', '.join(one.unmet)}), see {each.sheet}"
+        for each, one in zip(requests, outcomes, strict=True)
+        if not one.success
     ]
     if failures:
         raise BimanualError("; ".join(["the expert did not solve its episode", *failures]))

@@ -12,7 +12,6 @@ from PIL import Image, ImageDraw, ImageFont
 PANEL_WIDTH = 400
 CAPTION_HEIGHT = 34
 GAP = 16
-SEAM = 4
 TITLE_SIZE, TEXT_SIZE, CAPTION_SIZE = 34, 21, 19
 
 PAPER = (255, 255, 255)
@@ -24,21 +23,19 @@ RED = (196, 38, 34)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A picture, perhaps a second one beside it, with a line of text below.
+    """A picture with a line of text below.
 
     Attributes:
         rgb: (height, width, 3) uint8; all panels of a sheet have the same shape.
         caption: text at the left end of the line.
         note: text at its right end.
         color: RGB of both texts; a colour other than `INK` also frames the picture.
-        beside: (height, width, 3) uint8, the second picture; it is scaled to the height of the first.
     """
 
     rgb: NDArray[np.uint8]
     caption: str
     note: str = ""
     color: tuple[int, int, int] = INK
-    beside: NDArray[np.uint8] | None = None
 
 
 def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], columns: int = 4) -> Image.Image:
@@ -79,21 +76,10 @@ def gallery(
     return sheet
 
 
-def scaled(rgb: NDArray[np.uint8], width: int) -> Image.Image:
-    """A picture brought to a width in pixels."""
-    height = round(width * rgb.shape[0] / rgb.shape[1])
-    return Image.fromarray(rgb).resize((width, height), Image.Resampling.LANCZOS)
-
-
-def _draw_panel(panel: Panel, panel_width: int) -> Image.Image:
-    pictures = [scaled(panel.rgb, panel_width)]
-    height = pictures[0].height
-    if panel.beside is not None:
-        pictures.append(scaled(panel.beside, round(height * panel.beside.shape[1] / panel.beside.shape[0])))
-    width = sum(picture.width for picture in pictures) + SEAM * (len(pictures) - 1)
+def _draw_panel(panel: Panel, width: int) -> Image.Image:
+    height = round(width * panel.rgb.shape[0] / panel.rgb.shape[1])
     framed = Image.new("RGB", (width, height + CAPTION_HEIGHT), PAPER)
-    framed.paste(pictures[0])
-    framed.paste(pictures[-1], (width - pictures[-1].width, 0))
+    framed.paste(Image.fromarray(panel.rgb).resize((width, height), Image.Resampling.LANCZOS))
     draw, font = ImageDraw.Draw(framed), ImageFont.load_default(CAPTION_SIZE)
     is_plain = panel.color == INK
     if not is_plain:

@@ -1,4 +1,4 @@
-"""Pictures of an expert's episode: a contact sheet, a video, and the close-ups for a gallery of tasks."""
+"""Pictures of an expert's episode: a contact sheet and a video."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
 from lerobot_env_bimanual.rendering.rollout import Rollout, rollout
-from lerobot_env_bimanual.rendering.viewpoint import clearest_camera, close_up
+from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 from lerobot_env_bimanual.world.video import VideoWriter
 
 CLEAREST = "clearest"
-THUMBNAIL_MOMENT = 0.8
-"""Share of the episode that has passed in a task's one picture: the hands are on the things, the end is in sight."""
 
 
 @dataclass(frozen=True)
@@ -68,22 +66,7 @@ class RenderRequest:
         return self.stem.with_suffix(".png")
 
 
-@dataclass(frozen=True, eq=False)
-class RenderedEpisode:
-    """Result of a request.
-
-    Attributes:
-        outcome: result of the episode.
-        thumbnail: (height, width, 3) uint8, a close-up that shows what the task is about.
-        policy_view: (256, 256, 3) uint8, the same moment as the camera shows it to policies.
-    """
-
-    outcome: EpisodeOutcome
-    thumbnail: NDArray[np.uint8]
-    policy_view: NDArray[np.uint8]
-
-
-def render_episode(request: RenderRequest) -> RenderedEpisode:
+def render_episode(request: RenderRequest) -> EpisodeOutcome:
     """Let the expert play an episode; write its contact sheet and, if requested, its video.
 
     Raises:
@@ -96,7 +79,7 @@ def render_episode(request: RenderRequest) -> RenderedEpisode:
         raise BimanualError(f"{request.task} at {request.split} seed {request.seed}: {error}") from None
 
 
-def _render(request: RenderRequest) -> RenderedEpisode:
+def _render(request: RenderRequest) -> EpisodeOutcome:
     env = request.environment()
     played = rollout(env, request.seed, expert())
     ticks = played.outcome.ticks
@@ -115,9 +98,6 @@ def _render(request: RenderRequest) -> RenderedEpisode:
         outcome = played.outcome
         line = f"{request.split} seed {outcome.seed}, variation {outcome.variation}, {ticks * TICK_S:.1f} s, seen from {camera}"
         contact_sheet(request.task, (env.task_description, line), panels).save(request.sheet)
-        moment = round(THUMBNAIL_MOMENT * ticks)
-        thumbnail = image(moment)
-        window = close_up(env.scene, camera, *env.options.size)
         if request.video:
             writer = VideoWriter(request.stem.parent, request.stem.name)
             for tick in range(len(played.states)):
@@ -125,11 +105,8 @@ def _render(request: RenderRequest) -> RenderedEpisode:
             video = writer.close("complete")
             assert video is not None  # an episode has at least one state
             video.replace(request.stem.with_suffix(".mp4"))
-    with Renderer(env.scene, (camera,)) as renderer:  # in the size and quality of observations
-        env.scene.restore_state(played.states[moment])
-        policy_view = renderer.render()[camera][0]
     env.close()
-    return RenderedEpisode(outcome, thumbnail[window], policy_view)
+    return outcome
 
 
 def _panel(played: Rollout, number: int, rgb: NDArray[np.uint8], tick: int) -> Panel:

@@ -1,4 +1,4 @@
-"""Where to look from, and where to."""
+"""The camera that shows most of an episode."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import CAMERA_NAMES, project
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS, calibration
+from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import Scene, SceneState
 
 RAYS = (48, 64)
 """Rows and columns of rays that stand for an image."""
-ZOOM = 1.4
-"""Of a close-up; more would cut furniture off."""
 MOVED_M = 0.002
 """Way along an axis from which on an object counts as moved: less than that of a button."""
 DRAWN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
@@ -48,24 +45,6 @@ def clearest_camera(scene: Scene, states: Sequence[SceneState]) -> str:
     moved = np.unique(model.body_treeid[moved_bodies])
     votes = (seen / np.maximum(seen.sum(axis=0), 1))[:, moved]
     return FIXED_CAMERAS[int(votes.sum(axis=1).argmax())].name
-
-
-def close_up(scene: Scene, camera: str, height: int, width: int) -> tuple[slice, slice]:
-    """Rows and columns of a picture around the middle between both hands, 1 / ZOOM as high and as wide.
-
-    Args:
-        scene: the scene as it was when the picture was taken.
-        camera: name of its camera.
-        height: of the picture, pixels.
-        width: of the picture, pixels.
-    """
-    extrinsics, intrinsics = calibration(scene, height, width)
-    index = CAMERA_NAMES.index(camera)
-    middle_m = np.mean([scene.tcp(arm).position for arm in ARMS], axis=0)
-    pixel = project(middle_m, intrinsics.reshape(-1, 3, 3)[index], extrinsics.reshape(-1, 4, 4)[index])
-    sides = np.rint(np.array([height, width]) / ZOOM).astype(int)
-    top, left = np.clip(np.rint(pixel[[1, 0]] - sides / 2).astype(int), 0, (height, width) - sides)
-    return slice(top, top + sides[0]), slice(left, left + sides[1])
 
 
 def _objects(scene: Scene) -> NDArray[np.int_]:

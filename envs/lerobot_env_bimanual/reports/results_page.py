@@ -64,25 +64,17 @@ class Section:
         record, row = self.result.record, self.result.benchmark
         facts = {"file": self.result.path.name, "world": record.world}
         if row is not None:
-            machine = row.machine.gpu or f"{row.machine.cpus} cores"
-            validated = (
-                f"{success_rate(one.episodes).successes} of {len(one.episodes)} after {one.step} steps"
-                for one in row.validation
-            )
             facts |= {
-                "checkpoint": f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps",
-                "chosen on val": "; ".join(validated) or "the only checkpoint, not validated",
-                "training": f"{row.training_seconds / 60:.1f} minutes on {machine}",
-                "demonstrations": f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}",
-                "flags of the training": _assignments(
+                "configuration": _assignments(
                     row.config.model_dump(exclude={"training"}) | row.config.training
                 ),
+                "demonstrations": f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}",
+                "checkpoint": f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps",
                 "evaluated": row.date,
             }
         return facts | {
             "environment": _assignments(record.options),
-            "side by side": f"{record.batch_size} environments",
-            "versions": ", ".join(f"{name} {version}" for name, version in sorted(record.versions.items())),
+            "versions": _assignments(record.versions),
         }
 
 
