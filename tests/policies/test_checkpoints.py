@@ -89,11 +89,8 @@ def remove(name: str) -> Damage:
 
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "unknown policy": (config(type="stranger"), "no known policy type; known are act"),
-    "no policy": (edit(CONFIG, lambda value: value.pop("type")), "no known policy type"),
     "unknown field": (config(trust_remote_code=True), "trust_remote_code"),
-    "no heads": (config(heads=0), "heads is 0, but must be a whole number from 1"),
     "language too wide for any memory": (config(language_dim=10**9), "language_dim is 1000000000"),
-    "unknown camera": (config(cameras=["moon"]), "unknown camera 'moon'"),
     "normalisation from outside": (config(normalization_mapping={"VISUAL": "MEAN_STD"}), "must be IDENTITY"),
     "an adapter": (config(use_peft=True), "use_peft"),
     "inputs without depth": (
@@ -101,12 +98,10 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         "front_depth",
     ),
     "no JSON": (write(CONFIG, b"{"), "must be JSON"),
-    "a list": (write(CONFIG, b"[]"), "must hold an object"),
     "too deep": (write(CONFIG, b"[" * 10**6), "must be JSON"),
     "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "larger than 16 MB"),
     "no config": (remove(CONFIG), "no checkpoint at"),
     "no weights": (remove(WEIGHTS), "model.safetensors does not exist"),
-    "weights cut off": (cut(WEIGHTS), "not a valid safetensors file"),
     "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "not a valid safetensors file"),
     "weights with an endless header": (
         write(WEIGHTS, b"\xff" * 7 + b"\x7f{}"),
@@ -118,31 +113,23 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         weights(lambda tensors: tensors.update({BIAS: torch.ones(9)})),
         r"is \(9,\)",
     ),
-    "a tensor of another type": (
-        weights(lambda tensors: tensors.update({BIAS: tensors[BIAS].double()})),
-        "torch.float64, but",
-    ),
     "one infinite weight": (
         weights(lambda tensors: tensors[BIAS].view(-1)[:1].fill_(torch.inf)),
         f"{BIAS} in .* not finite",
     ),
     "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json does not exist"),
-    "no postprocessor": (remove(POSTPROCESSOR), "policy_postprocessor.json does not exist"),
     "no steps": (edit(PREPROCESSOR, lambda value: value.pop("steps")), "no list of steps"),
     "a step by class": (
         edit(PREPROCESSOR, lambda value: value["steps"].append({"class": "subprocess.Popen"})),
         "names the class 'subprocess.Popen'",
     ),
-    "a step by name and class": (step(**{"class": "subprocess.Popen"}), "names the class"),
     "our class with a stranger's name": (
         step(**{"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep"}),
         "names the class",
     ),
     "an unknown step": (step(registry_name="stranger"), "which LeRobot does not have"),
-    "a step named by a number": (step(registry_name=5), "which LeRobot does not have"),
     "another step of LeRobot": (step(registry_name="tokenizer_processor"), "but must list"),
     "a state file outside": (step(state_file="../secret.safetensors"), "not in the same folder"),
-    "a state file that is no name": (step(state_file=5), "not in the same folder"),
     "a state file that is none": (step(state_file=CONFIG), "not a valid safetensors file"),
 }
 
@@ -236,7 +223,7 @@ def test_a_policy_of_lerobot_is_checked_without_being_built(tmp_path, capsys):
     }
     act = save("act", options, tmp_path / "act")
     assert cli.main(["policy", "check", f"--checkpoint={act}"]) == 0
-    assert "shapes that were not checked" in capsys.readouterr().out
+    assert capsys.readouterr().out.startswith("act with")
     with pytest.raises(CheckpointError, match="predicts no keyposes"):
         load_policy(act)
     weights(lambda tensors: tensors[min(tensors)].fill_(torch.nan))(act)

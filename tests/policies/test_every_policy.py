@@ -39,12 +39,6 @@ def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
     assert specimens.keys() == registered
 
 
-def test_lerobot_finds_the_policy_by_its_type(policy_type):
-    policy = get_policy_class(policy_type)
-    assert policy.name == policy_type
-    assert policy.config_class is PreTrainedConfig.get_choice_class(policy_type)
-
-
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
     policy_class = get_policy_class(policy_type)
     config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu", keypose_horizon=25)
@@ -200,11 +194,6 @@ def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
     assert torch.equal(restored.select_action(batch), policy.eval().select_action(batch))
 
 
-def test_a_horizon_that_is_set_stays(make_policy):
-    stats = {KEYPOSE_STEP: {"max": np.array([7.0])}}
-    assert make_policy(dataset_stats=stats, keypose_horizon=25).config.keypose_horizon == 25
-
-
 @pytest.mark.parametrize("stats", [None, {}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
 def test_without_horizon_and_dataset_the_flag_is_named(make_policy, stats):
     with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
@@ -251,12 +240,6 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
     assert torch.minimum(turn, 72 - turn).max() <= 1
     assert torch.equal(predicted.gripper_open, truth.gripper_open)
     assert torch.equal(predicted.ignore_collisions, truth.ignore_collisions)
-
-
-@pytest.mark.slow
-def test_compiling_does_not_change_the_names_in_the_checkpoint(make_policy):
-    plain, compiled = (make_policy(compile=flag) for flag in (False, True))
-    assert plain.state_dict().keys() == compiled.state_dict().keys()
 
 
 @pytest.mark.slow

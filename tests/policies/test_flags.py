@@ -5,8 +5,6 @@ from dataclasses import fields
 
 from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
 from lerobot.configs import PreTrainedConfig
-from lerobot.configs.parser import print_scoped_help
-from lerobot.configs.train import TrainPipelineConfig
 from lerobot.policies.factory import get_policy_class
 
 
@@ -18,13 +16,6 @@ def test_every_flag_of_a_policy_has_a_help_text(policy_type):
             text = get_preferred_help_text(get_attribute_docstring(config_class, field.name))
             assert text, field.name
             assert not re.search(r"""^#|field\(|def |class |"{3}""", text), (field.name, text)
-
-
-def test_the_help_of_lerobot_train_is_printed_for_every_policy(policy_type, capsys):
-    print_scoped_help(TrainPipelineConfig, [f"--policy.type={policy_type}"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert "RGB-D cameras to use, any subset of the five" in said
-    assert "Learning rate at the end over the one at the peak. (default: 0.02)" in said
 
 
 def test_sharded_training_knows_its_modules(policy_type, specimens):

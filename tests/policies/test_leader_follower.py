@@ -66,16 +66,6 @@ def test_when_acting_the_follower_is_told_the_prediction_of_the_leader(policy, l
     assert torch.equal(policy.select_action(batch), policy.codec.decode(best))
 
 
-def test_each_network_gets_the_proprioception_of_its_arm(policy, leader, make_batch):
-    seen, batch = spy(policy), make_batch(samples=1)
-    batch[GRIPPER_FINGERS] = torch.tensor([[0.01, 0.02, 0.03, 0.04]])
-    policy.select_action(batch)
-    fingers = {arm: seen[name][:, 1:3] for arm, name in ((leader, "leader"), (leader.other, "follower"))}
-    torch.testing.assert_close(
-        torch.cat([fingers[arm] for arm in ARMS]), torch.tensor([[0.25, 0.5], [0.75, 1]])
-    )
-
-
 def test_predictions_come_left_arm_first(policy, leader, make_batch):
     network, outputs = parts(policy), {}
     network.leader.register_forward_hook(lambda _, inputs, output: outputs.update({leader: output}))

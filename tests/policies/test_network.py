@@ -319,16 +319,6 @@ def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
 
 
-def test_bfloat16_autocast_stays_close_and_ends_in_float32(make_network):
-    network = make_network().float()
-    inputs = [tensor.float() for tensor in make_inputs()]
-    full = network(*inputs)
-    with torch.autocast("cpu", torch.bfloat16):
-        half = network(*inputs)
-    assert half.translation.logits.dtype == half.rotation.dtype == torch.float32
-    torch.testing.assert_close(half.translation.logits, full.translation.logits, atol=0.1, rtol=0.1)
-
-
 def test_pointwise_convolution_equals_a_plain_one():
     layer = PointwiseConv3d(3, 4).double()
     x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64)

@@ -192,14 +192,6 @@ def train_on(policy, **meta):
     policy.config.remember_dataset(Meta(**meta))
 
 
-def test_a_checkpoint_on_its_own_task_and_size_says_nothing(make_policy, make_batch, caplog):
-    policy = make_policy()
-    batch = make_batch()
-    train_on(policy, instructions=batch["task"], height=16, width=16)
-    policy.select_action(batch)
-    assert not caplog.records
-
-
 def test_another_task_and_another_size_are_warned_of_once_and_survive_saving(
     make_policy, make_batch, caplog, tmp_path
 ):

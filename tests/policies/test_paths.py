@@ -1,6 +1,5 @@
 """Verbs and trainings look at the paths that they are given before they load anything."""
 
-import json
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -9,7 +8,7 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.training.train import check_inputs, load_datasets
+from lerobot_policy_bimanual.training.train import load_datasets
 
 WITHOUT_LEROBOT = """
 import sys
@@ -87,30 +86,3 @@ def test_a_missing_dataset_that_the_hub_has_not_either_is_one_line(tmp_path):
     ):
         load_datasets(training(tmp_path / "nowhere"), offline)
     assert load_datasets(training(tmp_path / "nowhere"), lambda cfg: "downloaded") == "downloaded"
-
-
-def meta(depth: bool) -> SimpleNamespace:
-    features = {
-        "observation.images.front": {"shape": (24, 32, 3)},
-        "observation.state": {"shape": (16,)},
-    }
-    if depth:
-        features["observation.images.front_depth"] = {"shape": (24, 32, 1)}
-    cameras = [key for key in features if "images" in key]
-    return SimpleNamespace(
-        features=features, camera_keys=cameras, depth_keys=[key for key in cameras if "depth" in key]
-    )
-
-
-@pytest.mark.parametrize("policy", ["act", "diffusion", "vqbet", "tdmpc"])
-def test_a_policy_that_takes_depth_for_rgb_is_answered_with_the_flag_that_names_its_inputs(policy):
-    with pytest.raises(DatasetError, match=f"^{policy} takes every image") as caught:
-        check_inputs(training("data", policy), meta(depth=True))
-    flag = str(caught.value).partition("--policy.input_features='")[2].removesuffix("'")
-    assert json.loads(flag) == {
-        "observation.images.front": {"type": "VISUAL", "shape": [3, 24, 32]},
-        "observation.state": {"type": "STATE", "shape": [16]},
-    }
-    check_inputs(training("data", policy, json.loads(flag)), meta(depth=True))
-    check_inputs(training("data", policy), meta(depth=False))
-    check_inputs(training("data", "peract2"), meta(depth=True))

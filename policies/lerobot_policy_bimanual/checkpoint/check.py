@@ -6,9 +6,9 @@ the processor steps must be registered by LeRobot or by this package, and the we
 
 import importlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import draccus
 import torch
@@ -32,31 +32,12 @@ SUBTASK_STEP = {"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskS
 """The one step that is allowed by class: registering it would make every plugin discovery import LeRobot's processors."""
 
 
-@dataclass(frozen=True)
-class CheckedCheckpoint:
-    """What a checkpoint holds.
-
-    Attributes:
-        config: the policy's config.
-        steps: names of the processor steps by file.
-        parameters: number of the weights.
-    """
+class CheckedCheckpoint(NamedTuple):
+    """A checkpoint's config, the names of its processor steps by file, and the number of its weights."""
 
     config: PreTrainedConfig
     steps: dict[str, list[str]]
     parameters: int
-
-    def __str__(self) -> str:
-        """Describe the checkpoint in a few lines."""
-        ours = isinstance(self.config, KeyposePolicyConfig)
-        fit = "of the shapes that the config says" if ours else "of shapes that were not checked"
-        lines = {
-            "policy": self.config.type,
-            "weights": f"{self.parameters:,} numbers, finite, {fit}",
-            "images": ", ".join(key.rpartition(".")[2] for key in self.config.image_features) or "none",
-        }
-        lines |= {file.removesuffix(".json"): ", ".join(steps) for file, steps in self.steps.items()}
-        return "\n".join(f"{what:<22}{text}" for what, text in lines.items())
 
 
 def check_checkpoint(folder: Path) -> CheckedCheckpoint:
@@ -71,19 +52,17 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
         CheckpointError: something is missing, damaged, unknown or does not fit.
     """
     config = read_config(folder)
+    expected = _weights_of(config) if isinstance(config, KeyposePolicyConfig) else None
     try:
-        if not isinstance(config, KeyposePolicyConfig):
-            importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
-            steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
-            return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE))
-        steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
-        for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
-            expected = [step["registry_name"] for step in own.get_config()["steps"]]
-            if names != expected:
-                raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {expected}")
-        return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, _weights_of(config)))
+        importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
     except ImportError as error:
         raise CheckpointError(f"LeRobot's policy {config.type} is not fully installed: {error}") from error
+    steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
+    if expected is not None:
+        for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
+            if names != (known := [step["registry_name"] for step in own.get_config()["steps"]]):
+                raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {known}")
+    return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, expected))
 
 
 def read_config(folder: Path) -> PreTrainedConfig:

@@ -31,5 +31,8 @@ def policy_check(config: PolicyCheckConfig) -> None:
 
     from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 
-    print(check_checkpoint(config.checkpoint))
+    found = check_checkpoint(config.checkpoint)
+    print(f"{found.config.type} with {found.parameters:,} numbers, all finite")
+    for file, steps in found.steps.items():
+        print(f"{file}: {', '.join(steps)}")
     show_next("lerobot-bimanual", "task", "view", "--task=lift_ball", f"--checkpoint={config.checkpoint}")

@@ -38,13 +38,10 @@ def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batc
     # One prediction does not pay for compiling, and there may be fewer devices of its kind than in training.
     config = replace(config, compile=False, device=str(config.device).partition(":")[0])
     policy = cast(KeyposePolicy, get_policy_class(config.type).from_pretrained(checkpoint, config=config))
-    try:
-        overrides = {"device_processor": {"device": config.device}}
-        preprocess, _ = make_pre_post_processors(
-            config, pretrained_path=str(checkpoint), preprocessor_overrides=overrides
-        )
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CheckpointError(f"{checkpoint}: {error}") from error
+    overrides = {"device_processor": {"device": config.device}}
+    preprocess, _ = make_pre_post_processors(
+        config, pretrained_path=str(checkpoint), preprocessor_overrides=overrides
+    )
     return policy, preprocess
 
 
@@ -55,15 +52,11 @@ def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
 
 
 def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
-    """A dataset with labels.
-
-    Args:
-        dataset: folder of a dataset, or of both its views; `keyframes` is taken then.
-        config: config of the policy that is to read it.
+    """Open a dataset, or the view `keyframes` of a folder of both views.
 
     Raises:
         DatasetError: there is no dataset.
-        SchemaMismatch: the dataset lacks the label, or an image that the policy reads.
+        SchemaMismatch: the dataset lacks the label, or an image that a policy of the config reads.
     """
     root = find_view(dataset, ("keyframes", "frames"))
     info = read_info(root)

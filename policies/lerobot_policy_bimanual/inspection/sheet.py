@@ -1,4 +1,4 @@
-"""Draw an inspection: three views of the scene with heat maps and hands, and a table per arm."""
+"""Draw an inspection: three views of the scene with heat maps and hands, and a line of numbers per arm."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,13 +11,12 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.geometry.rotations import quat_wxyz_to_euler_xyz
 from lerobot_bimanual.keypose import Keypose
 from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection, Voxels
 
 Array = NDArray[np.float64]
 
-INK, GREY, GREEN, RED = "#202228", "#70747e", "#16803c", "#c42622"
+INK = "#202228"
 ARM_COLORS = {Arm.LEFT: "#1260d6", Arm.RIGHT: "#e25400"}
 """Blue and orange, which red-green colour-blind readers can tell apart."""
 
@@ -38,9 +37,6 @@ FINGER_M, STEM_M, AXIS_M = 0.06, 0.06, 0.07
 
 OPEN_M, CLOSED_M = 0.04, 0.01
 """Half the distance of the fingers in the drawing of a hand."""
-
-GOOD_CM, GOOD_DEG = 2.0, 10.0
-"""Errors up to these are printed green: two voxels and two bins of the paper's grid."""
 
 
 @dataclass(frozen=True)
@@ -79,25 +75,23 @@ VIEW_DIRECTIONS = (
 
 
 def draw_sheet(inspection: Inspection, origin: str) -> Figure:
-    """Draw three views side by side above one table per arm.
+    """Draw three views side by side, with the errors and probabilities of both arms.
 
     Args:
         inspection: what to draw.
         origin: the policy and the sample, for the subtitle.
     """
-    figure = Figure(figsize=(19, 10), layout="constrained")
+    figure = Figure(figsize=(19, 8), layout="constrained")
     figure.suptitle(f"“{inspection.instruction}”\n{origin}, keypose step {inspection.keypose_step}")
-    grid = figure.add_gridspec(2, 6, height_ratios=(3, 1))
-    for number, direction in enumerate(VIEW_DIRECTIONS):
-        draw_scene(figure.add_subplot(grid[0, 2 * number : 2 * number + 2]), inspection, direction)
-    for arm in inspection.arms:
-        _draw_table(figure.add_subplot(grid[1, 3 * arm.arm.ordinal : 3 * arm.arm.ordinal + 3]), arm)
-    labels = {f"{arm} arm: heat and predicted hand": color for arm, color in ARM_COLORS.items()}
+    for axes, direction in zip(figure.subplots(1, len(VIEW_DIRECTIONS)), VIEW_DIRECTIONS, strict=True):
+        draw_scene(axes, inspection, direction)
+    labels = {_describe(arm): ARM_COLORS[arm.arm] for arm in inspection.arms}
     labels |= {"true hand": INK} | dict(
         zip(("hand x", "hand y (fingers)", "hand z"), AXIS_COLORS, strict=True)
     )
     handles = [Line2D([], [], color=color, label=label, linewidth=4) for label, color in labels.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    figure.legend(handles=handles[:2], loc="outside lower left", frameon=False)
+    figure.legend(handles=handles[2:], loc="outside lower right", ncols=2, frameon=False)
     return figure
 
 
@@ -168,62 +162,15 @@ def _draw_hand(axes: Axes, direction: ViewDirection, hand: Keypose, color: str, 
     line([np.zeros(3)], color=color, marker="o", markersize=2 * width, markeredgecolor="white")
 
 
-def _draw_table(axes: Axes, arm: ArmInspection) -> None:
-    gripper, collisions = ("closed", "open"), ("avoided", "ignored")
+def _describe(arm: ArmInspection) -> str:
+    def verdict(right: bool, probability: float) -> str:
+        return f"{'right' if right else 'wrong'} ({probability:.0%})"
+
     predicted, true = arm.predicted, arm.true
-    right = predicted.gripper_open == true.gripper_open
-    ignores = predicted.ignore_collisions == true.ignore_collisions
-    rows = [
-        ("position [m]", _position(predicted), _position(true), f"{arm.position_error_cm:.1f} cm off"),
-        ("angles xyz [°]", _angles(predicted), _angles(true), f"{arm.rotation_error_deg:.1f}° off"),
-        (
-            "gripper",
-            gripper[predicted.gripper_open],
-            gripper[true.gripper_open],
-            _verdict(right, arm.gripper_probability),
-        ),
-        (
-            "collisions",
-            collisions[predicted.ignore_collisions],
-            collisions[true.ignore_collisions],
-            _verdict(ignores, arm.collision_probability),
-        ),
-        (
-            "probability",
-            "voxels " + ", ".join(_percent(heat) for heat in arm.heat[:-4:-1]),
-            f"voxel {_percent(arm.true_voxel_probability)}",
-            "angles " + " / ".join(_percent(probability) for probability in arm.rotation_probabilities),
-        ),
-    ]
-    good = (arm.position_error_cm <= GOOD_CM, arm.rotation_error_deg <= GOOD_DEG, right, ignores)
-    table = axes.table(
-        cellText=rows,
-        colLabels=(f"{arm.arm} arm", "predicted", "true", ""),
-        colWidths=(0.14, 0.3, 0.3, 0.26),
-        cellLoc="left",
-        edges="horizontal",
-        bbox=(0, 0, 1, 1),
+    angles = " / ".join(f"{probability:.0%}" for probability in arm.rotation_probabilities)
+    return (
+        f"{arm.arm} arm: {arm.position_error_cm:.1f} cm off, best voxel {arm.heat[-1]:.1%}, true voxel "
+        f"{arm.true_voxel_probability:.1%}; {arm.rotation_error_deg:.0f}° off, angles x / y / z {angles}; gripper "
+        f"{verdict(predicted.gripper_open == true.gripper_open, arm.gripper_probability)}, collision flag "
+        f"{verdict(predicted.ignore_collisions == true.ignore_collisions, arm.collision_probability)}"
     )
-    table.auto_set_font_size(False)
-    table.set_fontsize(12)
-    table[0, 0].get_text().set(color=ARM_COLORS[arm.arm], weight="bold")
-    for row, is_good in enumerate(good, start=1):
-        table[row, 3].get_text().set_color(GREEN if is_good else RED)
-    axes.axis("off")
-
-
-def _position(keypose: Keypose) -> str:
-    return "   ".join(f"{value:+.3f}" for value in keypose.pose.position)
-
-
-def _angles(keypose: Keypose) -> str:
-    angles_deg = np.rad2deg(quat_wxyz_to_euler_xyz(keypose.pose.quat_wxyz)).round().astype(int)
-    return "   ".join(f"{value:+d}" for value in angles_deg)
-
-
-def _verdict(right: bool, probability: float) -> str:
-    return f"{'right' if right else 'wrong'} ({_percent(probability)})"
-
-
-def _percent(probability: float) -> str:
-    return f"{100 * probability:.3g} %" if probability > 1e-4 else "< 0.01 %"

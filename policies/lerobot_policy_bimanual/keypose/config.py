@@ -55,11 +55,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # IDENTITY for all: the policy normalises inside, with constants. LeRobot's statistics would treat depth and
     # calibration like any other image or state.
     normalization_mapping: dict[str, NormalizationMode] = field(
-        default_factory=lambda: {
-            "VISUAL": NormalizationMode.IDENTITY,
-            "STATE": NormalizationMode.IDENTITY,
-            "ACTION": NormalizationMode.IDENTITY,
-        }
+        default_factory=lambda: dict.fromkeys(("VISUAL", "STATE", "ACTION"), NormalizationMode.IDENTITY)
     )
     # RGB-D cameras to use, any subset of the five, as in `["front", "left_wrist"]`.
     cameras: tuple[str, ...] = CAMERA_NAMES
@@ -147,25 +143,19 @@ class KeyposePolicyConfig(PreTrainedConfig):
         if encoder != LEARNED_LANGUAGE and not str(encoder).startswith(CLIP_PREFIX):
             allowed = (LEARNED_LANGUAGE, f"{CLIP_PREFIX}<local path or hub id>")
             raise InvalidChoice("language_encoder", encoder, allowed)
-        if not isinstance(self.cameras, list | tuple):
-            raise BadConfig(f"cameras is {self.cameras!r}, but must be a list of names")
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
                 raise UnknownCamera(camera, CAMERA_NAMES)
         if not self.cameras or len(set(self.cameras)) < len(self.cameras):
             raise BadConfig(f"cameras={list(self.cameras)} must name at least one camera, and none twice")
-        for lower, upper in zip(self.workspace_lower, self.workspace_upper, strict=True):
-            if lower >= upper:
-                raise BadConfig(
-                    f"workspace_lower={list(self.workspace_lower)} must be below "
-                    f"workspace_upper={list(self.workspace_upper)} on every axis"
-                )
+        if not np.less(self.workspace_lower, self.workspace_upper).all():
+            raise BadConfig(
+                f"workspace_lower={list(self.workspace_lower)} must be below "
+                f"workspace_upper={list(self.workspace_upper)} on every axis"
+            )
         if not codec.divides_circle(self.rotation_bin_deg):
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
-        modes = self.normalization_mapping
-        if self.n_obs_steps != 1 or not (
-            isinstance(modes, dict) and all(mode == NormalizationMode.IDENTITY for mode in modes.values())
-        ):
+        if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) != {NormalizationMode.IDENTITY}:
             raise BadConfig(
                 f"n_obs_steps={self.n_obs_steps} must be 1, and normalization_mapping must be IDENTITY for all: "
                 "the policy normalises one observation itself, with constants"
@@ -215,11 +205,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
         """Return `keypose_horizon`, after setting it from a dataset's statistics if it is unset.
 
-        The last row of an episode in the view `keyframes` has seen all its keyposes executed, so the largest step of
-        the dataset is the number of keyposes of its longest episode.
-
-        Args:
-            dataset_stats: LeRobot's statistics of the dataset; None where there is none.
+        It becomes one more than the largest keypose step, so one more than the most keyposes of an episode.
 
         Raises:
             BadConfig: there is neither a horizon nor a dataset to take it from.
@@ -270,17 +256,5 @@ class KeyposePolicyConfig(PreTrainedConfig):
             decay_lr=self.final_lr_fraction * self.optimizer_lr,
         )
 
-    @property
-    def observation_delta_indices(self) -> None:
-        """One observation is enough."""
-        return None
-
-    @property
-    def action_delta_indices(self) -> None:
-        """The joint actions of the dataset are not used."""
-        return None
-
-    @property
-    def reward_delta_indices(self) -> None:
-        """Rewards are not used."""
-        return None
+    # One observation is enough, and neither joint actions nor rewards of the dataset are used.
+    observation_delta_indices = action_delta_indices = reward_delta_indices = property(lambda self: None)  # pyright: ignore

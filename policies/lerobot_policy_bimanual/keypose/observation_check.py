@@ -15,7 +15,6 @@ from torch import Tensor
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import (
-    CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     DEPTH_MIN_M,
     MM_PER_M,
@@ -23,7 +22,6 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
-from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_policy_bimanual.errors import BadObservation
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 
@@ -38,9 +36,6 @@ RGB_TOLERANCE = 0.01
 
 MAX_OFF_CENTRE = 0.05
 """Largest distance of a principal point from the middle of the image, as a share of the image's side."""
-
-POINT_STRIDE = 31
-"""One point of so many is tested for being inside the workspace."""
 
 _log = logging.getLogger(__name__)
 
@@ -89,22 +84,6 @@ class ObservationCheck:
             if empty:
                 self._warn(f"{depth_key(camera)} has no depth at all (zero, NaN or infinite): is it on?")
         self._compare_with_training(batch)
-
-    def warn_if_empty(self, points: Tensor, workspace: Workspace) -> None:
-        """Warn if all cameras together see nothing inside the workspace.
-
-        Args:
-            points: (b, 3, n) metres, NaN where there is no depth.
-            workspace: the box that keyposes must lie in.
-        """
-        lower, upper = points.new_tensor(workspace.lower), points.new_tensor(workspace.upper)
-        some = points[..., ::POINT_STRIDE]
-        inside = ((some >= lower[:, None]) & (some < upper[:, None])).all(dim=1)
-        if not inside.any(dim=1).all():
-            self._warn(
-                "no camera sees anything inside the workspace: "
-                f"{CAMERA_EXTRINSICS} must be world_T_camera in metres, and depth along the optical axis in millimetres"
-            )
 
     def _compare_with_training(self, batch: Mapping[str, Any]) -> None:
         for camera in self._config.cameras:

@@ -173,12 +173,9 @@ class KeyposePolicy(PreTrainedPolicy):
             BadObservation: something is missing, of another shape, or cannot be true.
         """
         self._check_observation(batch)
-        observation = observe(
+        return observe(
             batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
         )
-        if not self.training:
-            self._check_observation.warn_if_empty(observation.points, self.config.workspace)
-        return observation
 
     def target_bins(self, keyposes: Tensor) -> KeyposeBins:
         """Bins of the labels, with positions outside the workspace in its nearest voxel."""

@@ -6,7 +6,6 @@ before the first step, into the memory of the policy's device. Loaders then give
 the device. Logs, checkpoints and how to resume are LeRobot's.
 """
 
-import json
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -20,16 +19,12 @@ from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, datasets_below, views_below
-from lerobot_bimanual.dataset.schema import STATE
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 ROW_KEYS = ("row", "held_out_row")
 """Keys of a row number: of the training set, and of the one that `--dataset.eval_split` holds out."""
-
-RGB_ONLY = ("act", "diffusion", "vqbet", "tdmpc")
-"""LeRobot's policies that take every image for RGB, and fail with an error about channels if one is depth."""
 
 
 class LookUpRows:
@@ -84,7 +79,7 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
 
     Raises:
         DatasetError: there are none, they are streamed, are transformed at random, are asked for in metres, do not fit
-            into memory, are for a reward model, or hold depth for a policy that takes it for RGB.
+            into memory, or are for a reward model.
         BadConfig: the device is a GPU by its number, which LeRobot would not train on.
     """
     if cfg.is_reward_model_training:
@@ -109,7 +104,6 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
             f"--policy.device={device.type}, and choose the GPU by the environment variable CUDA_VISIBLE_DEVICES={device.index}"
         )
     datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
-    check_inputs(cfg, datasets[0].meta)
     images = images_read(cfg, datasets[0].meta)
     return tuple(
         None if dataset is None else ResidentDataset(dataset, device, row_key, images)
@@ -148,35 +142,6 @@ def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConf
             f"--dataset.root={root} is no dataset ({Path(root) / INFO_FILE} does not exist), and {repo_id} could not "
             f"be downloaded to it: {' '.join(str(error).split())}"
         ) from error
-
-
-def check_inputs(cfg: TrainPipelineConfig, meta: Any) -> None:
-    """Check that a policy for RGB is not given depth.
-
-    Args:
-        cfg: of the training.
-        meta: LeRobot's metadata of the dataset.
-
-    Raises:
-        DatasetError: the dataset has depth; the message holds the flag that names the policy's inputs.
-    """
-    policy = cfg.policy
-    if policy is None or policy.type not in RGB_ONLY or policy.input_features or not meta.depth_keys:
-        return
-    cameras = [key for key in meta.camera_keys if key not in meta.depth_keys]
-    shapes = {key: ("VISUAL", _channels_first(meta.features[key]["shape"])) for key in cameras}
-    if STATE in meta.features:
-        shapes[STATE] = ("STATE", list(meta.features[STATE]["shape"]))
-    features = {key: {"type": kind, "shape": shape} for key, (kind, shape) in shapes.items()}
-    raise DatasetError(
-        f"{policy.type} takes every image for RGB, and this dataset has depth, too: name its inputs, as in "
-        f"--policy.input_features='{json.dumps(features)}'"
-    )
-
-
-def _channels_first(shape: tuple[int, int, int]) -> list[int]:
-    height, width, channels = shape
-    return [channels, height, width]
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
