@@ -91,7 +91,7 @@ def test_fresh_seeds_were_played_with_the_weights_of_the_board():
 
 
 def test_every_row_is_of_the_world_that_is_certified():
-    certificate = json.loads((ROOT / "results/certificates/expert.json").read_text())
+    report = json.loads((ROOT / "results/expert_reports/expert.json").read_text())
     assert {(row.task, row.world) for row in map(BenchmarkResult.read, ALL_ROWS)} <= certificate[
         "worlds"
     ].items()
