@@ -1,6 +1,6 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -154,9 +154,9 @@ def check_videos(root: Path) -> None:
     info = read_info(root)
     for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
         chunk, file = f"videos/{key}/chunk_index", f"videos/{key}/file_index"
-        lengths: dict[tuple[int, int], list[int]] = defaultdict(list)
+        rows: Counter[tuple[int, int]] = Counter()
         for episode in episode_table(root, ["episode_index", "length", chunk, file]).to_pylist():
-            lengths[episode[chunk], episode[file]].append(episode["length"])
-        for (chunk_index, file_index), in_file in lengths.items():
+            rows[episode[chunk], episode[file]] += episode["length"]
+        for (chunk_index, file_index), count in rows.items():
             path = info["video_path"].format(video_key=key, chunk_index=chunk_index, file_index=file_index)
-            check_video(root / path, in_file)
+            check_video(root / path, count)

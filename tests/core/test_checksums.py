@@ -118,18 +118,6 @@ def test_a_list_that_is_damaged_or_leads_elsewhere_is_named(published, change, p
     assert all("\n" not in text for text in problems)
 
 
-def test_a_dataset_without_a_list_is_told_in_one_sentence(published) -> None:
-    (published / CHECKSUMS).unlink()
-    (problem,) = checksum_problems(published)
-    assert problem.startswith(f"{CHECKSUMS} is missing, so it is unknown which files belong here")
-
-
-def test_names_that_no_terminal_shows_are_told_escaped(published) -> None:
-    (published / os.fsdecode(b"data/\xff\x1b")).touch()
-    (problem,) = checksum_problems(published)
-    assert problem.startswith(r"'data/\udcff\x1b' does not belong here")
-
-
 def test_only_plain_files_with_plain_names_are_listed(published) -> None:
     (published / "data/link").symlink_to("/etc/passwd")
     with pytest.raises(DatasetError, match="data/link is a link"):

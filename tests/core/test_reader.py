@@ -8,8 +8,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from lerobot_bimanual.dataset import schema
@@ -53,11 +51,6 @@ def test_reading_imports_neither_lerobot_nor_torch() -> None:
     assert subprocess.check_output([sys.executable, "-c", check], text=True).strip() == "set()"
 
 
-def test_an_episode_that_is_not_there_is_an_error(datasets) -> None:
-    with pytest.raises(DatasetError, match="episodes 0 to 1, but not 2"):
-        RecordedDataset(datasets["frames"]).episode(2)
-
-
 @pytest.mark.parametrize("table", ["meta/episodes", "data"])
 def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, table: str) -> None:
     shutil.copytree(datasets["keyframes"], tmp_path / "copy")
@@ -65,15 +58,6 @@ def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, tab
     os.truncate(file, file.stat().st_size // 2)
     with pytest.raises(DatasetError, match=f"{re.escape(str(file))} is missing or damaged"):
         list(RecordedDataset(tmp_path / "copy").episodes())
-
-
-def test_damaged_images_are_an_error_that_names_the_file(datasets, tmp_path) -> None:
-    shutil.copytree(datasets["keyframes"], tmp_path / "copy")
-    reader = ImageReader(tmp_path / "copy")
-    file = tmp_path / "copy/data/chunk-000/file-000.parquet"
-    os.truncate(file, file.stat().st_size // 2)
-    with pytest.raises(DatasetError, match=f"{re.escape(str(file))} is missing or damaged"):
-        list(reader.images(0, "observation.images.front"))
 
 
 def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
@@ -129,20 +113,6 @@ def test_a_feature_without_type_or_shape_is_an_error(datasets, tmp_path, feature
     for reader in (RecordedDataset, ImageReader):
         with pytest.raises(DatasetError, match=r"type, shape and info of observation\.images\.front"):
             reader(root)
-
-
-@pytest.mark.parametrize("key", ["tick", "task_name", "observation.state", "timestamp"])
-def test_an_empty_cell_is_an_error_that_names_the_column(datasets, tmp_path, key: str) -> None:
-    root = tmp_path / "copy"
-    shutil.copytree(datasets["keyframes"], root)
-    file = root / "data/chunk-000/file-000.parquet"
-    table = pq.read_table(file)
-    values = table[key].to_pylist()
-    values[1] = None
-    place, field = table.column_names.index(key), table.schema.field(key)
-    pq.write_table(table.set_column(place, field, pa.array(values, field.type)), file)
-    with pytest.raises(DatasetError, match=f"{re.escape(key)} in .* has empty cells"):
-        RecordedDataset(root).episode(0)
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", '{"features": []}', "{", ""])

@@ -1,18 +1,14 @@
 """What LeRobot reads is what was written, and a lost frame or a broken-off dataset is noticed."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
-from lerobot.datasets.dataset_tools import merge_datasets
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.dataset.video import check_video
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.dataset.writer import ViewWriter, check_videos, write_episode
 from lerobot_bimanual.errors import DatasetError
@@ -79,45 +75,6 @@ def test_a_lost_frame_is_noticed(datasets, tmp_path, make_episode) -> None:
         check_videos(broken)
 
 
-def remuxed(source: Path, target: Path, change: Callable[[list], None]) -> Path:
-    """The packets of a video in a new file, as a function has changed them."""
-    with av.open(str(source)) as old, av.open(str(target), "w") as new:
-        stream = new.add_stream_from_template(old.streams.video[0])
-        packets = [packet for packet in old.demux(video=0) if packet.size]
-        change(packets)
-        for packet in packets:
-            packet.stream = stream
-            new.mux(packet)
-    return target
-
-
-@pytest.mark.parametrize("camera", ["front", "front_depth"])
-def test_a_video_must_hold_each_row_at_its_time_and_each_episode_to_its_end(
-    datasets, tmp_path, camera: str
-) -> None:
-    video = next(datasets["frames"].glob(f"videos/*.{camera}/chunk-000/*.mp4"))
-    lengths = [TICKS, TICKS]
-
-    def delay(packets: list) -> None:
-        for packet in packets[-3:]:
-            packet.pts, packet.dts = (time + packet.duration for time in (packet.pts, packet.dts))
-
-    def damage(packets: list) -> None:
-        last_key = max(index for index, packet in enumerate(packets[:TICKS]) if packet.is_keyframe)
-        packets[last_key].update(bytes(packets[last_key].size))
-
-    check_video(remuxed(video, tmp_path / "same.mp4", lambda packets: None), lengths)
-    with pytest.raises(DatasetError, match=f"{2 * TICKS - 1} frames"):
-        check_video(remuxed(video, tmp_path / "lost.mp4", lambda packets: packets.pop(5)), lengths)
-    with pytest.raises(DatasetError, match="at the time of each row"):
-        check_video(remuxed(video, tmp_path / "late.mp4", delay), lengths)
-    with pytest.raises(DatasetError, match="decode"):
-        check_video(remuxed(video, tmp_path / "damaged.mp4", damage), lengths)
-    (tmp_path / "cut.mp4").write_bytes(video.read_bytes()[:-200])
-    with pytest.raises(DatasetError):
-        check_video(tmp_path / "cut.mp4", lengths)
-
-
 @pytest.mark.parametrize("view", schema.VIEWS)
 def test_what_breaks_off_is_no_dataset(tmp_path, make_episode, view: schema.View) -> None:
     root = tmp_path / view
@@ -127,16 +84,3 @@ def test_what_breaks_off_is_no_dataset(tmp_path, make_episode, view: schema.View
         raise KeyboardInterrupt
     with pytest.raises(DatasetError, match="no episodes"):
         RecordedDataset(root)
-
-
-@pytest.mark.parametrize("view", schema.VIEWS)
-def test_lerobot_merges_datasets_without_losing_a_column(datasets, tmp_path, view: schema.View) -> None:
-    parts = [open_dataset(datasets[view])] * 2
-    merge_datasets(parts, "local/merged", tmp_path / "merged")
-    merged, part = RecordedDataset(tmp_path / "merged"), RecordedDataset(datasets[view])
-    assert (len(merged), merged.view, merged.cameras) == (4, view, CAMERAS)
-    for index in range(4):
-        again, first = merged.episode(index), part.episode(index % 2)
-        assert again.meta == first.meta
-        for key, column in first.columns.items():
-            assert np.array_equal(again.columns[key], column), key

@@ -181,11 +181,6 @@ CORRUPTIONS = (
         "statistics",
         column("stats/action/max", lambda v: [x + 0.1 for x in v], file=ENTRIES),
     ),
-    Corruption(
-        "statistics of an episode's images",
-        "statistics",
-        column(f"stats/{FRONT}/mean", lambda v: [[[x[0][0] + 0.1]] for x in v], file=ENTRIES),
-    ),
     Corruption("provenance is gone", "provenance", lambda root: (root / PROVENANCE_FILE).unlink()),
     Corruption(
         "provenance lists an episode twice",

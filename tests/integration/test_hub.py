@@ -1,184 +1,130 @@
-"""A dataset goes onto the Hub with its card, and everyone else loads it by its name."""
+"""A dataset goes onto the Hub whole, with its card, in one commit that gets LeRobot's version tag."""
 
-import json
 import shutil
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 
-import loopback_hub
+import httpx
 import numpy as np
 import pytest
 from huggingface_hub import DatasetCard
+from huggingface_hub.errors import HfHubHTTPError, OfflineModeIsEnabled
 from PIL import Image
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.cli import main
+from lerobot_bimanual.dataset import hub
 from lerobot_bimanual.dataset.card import PICTURE_FILE
 from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-
 REPO_ID = "someone/balls"
-LOAD = """
-import json, sys
-import numpy as np
-from lerobot.datasets.lerobot_dataset import LeRobotDataset
-dataset = LeRobotDataset(sys.argv[1], **json.loads(sys.argv[2]))
-depth = dataset[0]["observation.images.front_depth"]
-np.save("labels.npy", np.stack([item["observation.next_keypose"] for item in dataset]))
-print(json.dumps([len(dataset), list(depth.shape), str(depth.dtype), str(dataset.root)]))
-"""
 
 
-@pytest.fixture(scope="module")
-def hub() -> Iterator:
-    with loopback_hub.LoopbackHub() as running:
-        yield running
+class FakeHub:
+    """Takes the place of `HfApi`, and notes what is asked of it."""
 
+    calls: list[tuple[str, dict]]
+    failure: Exception | None = None
 
-class Desk(loopback_hub.Desk):
-    """Somebody who pushes and loads datasets."""
+    def __getattr__(self, name: str):
+        def call(*args, **options) -> None:
+            if self.failure is not None:
+                raise self.failure
+            self.calls.append((name, {"repo_id": args[0], **options} if args else options))
 
-    def push(self, root: Path, repo_id: str = REPO_ID, *flags: str, **changes: str):
-        words = ("lerobot-bimanual", "dataset", "push", f"--root={root}", f"--repo_id={repo_id}", *flags)
-        return self.run(*words, **changes)
-
-    def load(self, repo_id: str, **options: str) -> tuple[int, list[int], str, str]:
-        """Length, shape and type of a depth image, and place of a dataset that LeRobot loads by its name."""
-        done = self.run("python", "-c", LOAD, repo_id, json.dumps(options))
-        assert done.returncode == 0, done.stderr[-4000:]
-        return tuple(json.loads(done.stdout.splitlines()[-1]))
+        return call
 
 
 @pytest.fixture
-def desk(hub, tmp_path) -> Desk:
-    return Desk(tmp_path / "desk", hub.address, loopback_hub.TOKEN)
+def calls(monkeypatch) -> list[tuple[str, dict]]:
+    monkeypatch.setattr(FakeHub, "calls", [], raising=False)
+    monkeypatch.setattr(hub, "HfApi", FakeHub)
+    monkeypatch.setattr(hub, "get_token", lambda: "hf_token")
+    return FakeHub.calls
 
 
-@pytest.fixture(scope="module")
-def dataset(generated, tmp_path_factory) -> Path:
+@pytest.fixture
+def dataset(copy) -> Path:
     """A copy whose card may be written again."""
-    root = tmp_path_factory.mktemp("hub") / "balls"
-    shutil.copytree(generated / "keyframes", root)
-    return root
+    return copy("keyframes")
 
 
-@pytest.fixture(scope="module")
-def published(hub, dataset, tmp_path_factory):
-    """The repository after a first push."""
-    publisher = Desk(tmp_path_factory.mktemp("publisher") / "desk", hub.address, loopback_hub.TOKEN)
-    done = publisher.push(dataset, REPO_ID, "--tags=certified,yes")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == f"{hub.address}/datasets/{REPO_ID}\n"
-    return hub.repositories[REPO_ID]
+def push(root: Path, repo_id: str = REPO_ID, *flags: str) -> int:
+    return main(["dataset", "push", f"--root={root}", f"--repo_id={repo_id}", *flags])
 
 
-def test_the_repository_holds_the_dataset_in_one_tagged_commit(published, dataset) -> None:
-    files = {str(path.relative_to(dataset)) for path in dataset.rglob("*") if path.is_file()}
-    assert set(published.files("v3.0")) == files | {".gitattributes"}
-    assert all(published.files("v3.0")[file] == (dataset / file).read_bytes() for file in files)
-    assert published.tags == {"v3.0": published.branches["main"]}
-    assert len(published.commits) == 2  # the empty one and ours
-    assert str(PROVENANCE_FILE) in files
-
-
-def test_the_card_is_ours_with_valid_metadata_and_its_picture(published, dataset) -> None:
-    files = published.files("v3.0")
-    card = DatasetCard(files["README.md"].decode())
-    assert card.data.license == "apache-2.0"
-    assert {"LeRobot", "bimanual", "depth", "certified", "yes"} <= set(card.data.tags)  # `yes` is a text here
+def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> None:
+    assert push(dataset, REPO_ID, "--private", "--tags=certified,yes") == 0
+    assert [name for name, _ in calls] == ["create_repo", "upload_folder", "delete_tag", "create_tag"]
+    created, uploaded, _, tagged = (options for _, options in calls)
+    assert created["private"] is True
+    assert (uploaded["folder_path"], uploaded["revision"]) == (dataset, None)
+    assert uploaded["delete_patterns"] == [
+        "data/*",
+        "meta/*",
+        "videos/*",
+    ]  # nothing of an earlier upload stays
+    assert tagged["tag"] == "v3.0"
+    assert list(checksum_problems(dataset)) == []
+    card = DatasetCard((dataset / "README.md").read_text())
+    assert {"LeRobot", "bimanual", "depth", "certified", "yes"} <= set(card.data.to_dict()["tags"])
     provenance = RecordedDataset(dataset).provenance
     assert provenance is not None
-    assert f"# {REPO_ID}" in card.text
-    assert provenance.command in card.text
-    assert f"]({PICTURE_FILE})" in card.text
-    picture = Image.open(BytesIO(files[str(PICTURE_FILE)]))
+    for part in (f"# {REPO_ID}", provenance.command, f"]({PICTURE_FILE})"):
+        assert part in card.text
+    picture = Image.open(BytesIO((dataset / PICTURE_FILE).read_bytes()))
     assert picture.width > 2 * picture.height  # several tiles
     assert np.asarray(picture).std() > 10
 
 
-def test_a_stranger_with_an_empty_cache_loads_it_by_name(published, dataset, desk) -> None:
-    length, shape, dtype, root = desk.load(REPO_ID)
-    labels = [episode.columns[schema.NEXT_KEYPOSE] for episode in RecordedDataset(dataset).episodes()]
-    assert np.array_equal(np.load(desk.folder / "labels.npy"), np.concatenate(labels))
-    assert (length, shape, dtype) == (len(np.concatenate(labels)), [1, 24, 32], "torch.float32")
-    assert Path(root).is_relative_to(desk.folder)
-    assert RecordedDataset(root).provenance == RecordedDataset(dataset).provenance
-    assert list(checksum_problems(Path(root))) == []
+def test_a_branch_gets_no_tag(calls, dataset) -> None:
+    assert push(dataset, REPO_ID, "--branch=draft") == 0
+    assert [name for name, _ in calls] == ["create_repo", "create_branch", "upload_folder"]
+    assert calls[-1][1]["revision"] == "draft"
 
 
-def test_a_stranger_trains_on_it_by_name(published, desk, tiny_flags) -> None:
-    done = desk.run(
-        "lerobot-train",
-        *tiny_flags["peract2"],
-        "--policy.cameras=[front,left_wrist]",
-        f"--dataset.repo_id={REPO_ID}",
-        "--policy.device=cpu",
-        "--policy.push_to_hub=false",
-        "--batch_size=2",
-        "--num_workers=0",
-        "--steps=1",
-        "--save_freq=1",
-        "--output_dir=out",
-    )
-    assert done.returncode == 0, done.stderr[-4000:]
-    assert (desk.folder / "out/checkpoints/last/pretrained_model/model.safetensors").is_file()
-
-
-def test_a_second_push_leaves_nothing_of_the_first_behind(hub, dataset, desk, tmp_path) -> None:
-    repo_id = "someone/twice"
-    assert desk.push(dataset, repo_id).returncode == 0
-    repository = hub.repositories[repo_id]
-    stale = {"data/chunk-000/file-777.parquet": b"old rows", "notes/mine.txt": b"kept"}
-    repository.commit("main", repository.files("main") | stale)
-    assert desk.push(dataset, repo_id).returncode == 0
-    files = repository.files("v3.0")
-    assert "data/chunk-000/file-777.parquet" not in files
-    assert files["notes/mine.txt"] == b"kept"
-    assert (dataset / "meta/info.json").read_bytes() == files["meta/info.json"]
-
-
-def test_a_branch_is_loaded_by_its_name_and_leaves_main_alone(hub, dataset, desk) -> None:
-    repo_id = "someone/branched"
-    assert desk.push(dataset, repo_id, "--branch=draft").returncode == 0
-    repository = hub.repositories[repo_id]
-    assert repository.tags == {}
-    assert set(repository.files("main")) == {".gitattributes"}
-    assert desk.load(repo_id, revision="draft")[0] > 0
+def refused(status: int) -> HfHubHTTPError:
+    return HfHubHTTPError("no", response=httpx.Response(status, request=httpx.Request("POST", "http://hub")))
 
 
 @pytest.mark.parametrize(
-    ("repo_id", "changes", "message"),
+    ("repo_id", "failure", "message"),
     [
-        (REPO_ID, {"HF_TOKEN": ""}, "run `hf auth login`"),
-        (REPO_ID, {"HF_TOKEN": "hf_stolen"}, "it does not accept the token; run `hf auth login`"),
-        ("stranger/balls", {}, "the token may not write there"),
-        ("balls", {}, "but must be USER/NAME"),
-        ("some one/balls", {}, "which no repository can have"),
-        (REPO_ID, {"HF_ENDPOINT": "http://127.0.0.1:9"}, "cannot reach http://127.0.0.1:9"),
-        (REPO_ID, {"HF_HUB_OFFLINE": "1"}, "HF_HUB_OFFLINE is set"),
+        (REPO_ID, refused(401), "it does not accept the token; run `hf auth login`"),
+        (REPO_ID, refused(403), "the token may not write there"),
+        (REPO_ID, httpx.ConnectError("no route"), "cannot reach http"),
+        (REPO_ID, OfflineModeIsEnabled("offline"), "HF_HUB_OFFLINE is set"),
+        ("balls", None, "but must be USER/NAME"),
+        ("some one/balls", None, "which no repository can have"),
     ],
 )
-def test_a_push_that_cannot_be_is_one_clear_line(dataset, desk, repo_id, changes, message) -> None:
-    done = desk.push(dataset, repo_id, **changes)
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_a_push_that_cannot_be_is_one_clear_line(
+    calls, dataset, monkeypatch, capsys, repo_id, failure, message
+) -> None:
+    monkeypatch.setattr(FakeHub, "failure", failure)
+    assert push(dataset, repo_id) == 1
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
 
 
-def test_only_one_whole_dataset_can_be_pushed(generated, dataset, desk, tmp_path) -> None:
-    shutil.copytree(dataset, tmp_path / "edited")
-    (tmp_path / "edited" / PROVENANCE_FILE).unlink()
-    shutil.copytree(dataset, tmp_path / "damaged")
-    (tmp_path / "damaged/data/chunk-000/file-000.parquet").write_bytes(b"PAR1")
+def test_without_a_login_the_error_names_the_command(calls, dataset, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(hub, "get_token", lambda: None)
+    assert push(dataset) == 1
+    assert "run `hf auth login`" in capsys.readouterr().err
+
+
+def test_only_one_whole_dataset_can_be_pushed(calls, generated, dataset, tmp_path, capsys) -> None:
+    edited, damaged = (Path(shutil.copytree(dataset, tmp_path / name)) for name in ("edited", "damaged"))
+    (edited / PROVENANCE_FILE).unlink()
+    (damaged / "data/chunk-000/file-000.parquet").write_bytes(b"PAR1")
     for root, message in (
         (tmp_path / "nowhere", "no LeRobot dataset at"),
         (generated, f"{generated / 'frames'} and {generated / 'keyframes'}"),
-        (tmp_path / "edited", "does not say where it comes from"),
-        (tmp_path / "damaged", "data/chunk-000/file-000.parquet has changed since it was written"),
+        (edited, "does not say where it comes from"),
+        (damaged, "data/chunk-000/file-000.parquet has changed since it was written"),
     ):
-        done = desk.push(root)
-        assert done.returncode == 1
-        assert message in done.stderr
+        assert push(root) == 1
+        assert message in capsys.readouterr().err
+    assert not calls

@@ -9,15 +9,12 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.workers import START_METHOD, WorkerPool, WorkFailed
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch."""
@@ -101,20 +98,17 @@ class ProcessExecutor:
                 self._on_episodes(self._news.recv())
 
 
-_recorder: ShardRecorder | None = None
 _outlet: Connection | None = None
 
 
 def _prepare(outlet: Connection) -> None:
-    global _recorder, _outlet
-    from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
-
-    quieten_libraries()
-    _recorder, _outlet = ShardRecorder(), outlet
+    global _outlet
+    _outlet = outlet
 
 
 def _record(work: tuple[GenerationSettings, Shard, Path]) -> None:
-    assert _recorder is not None
+    from lerobot_env_bimanual.generation.shard import recorder
+
     assert _outlet is not None
     outlet = _outlet
-    _recorder.record(*work, lambda: outlet.send(1))
+    recorder().record(*work, lambda: outlet.send(1))

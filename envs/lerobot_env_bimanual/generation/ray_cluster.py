@@ -14,10 +14,9 @@ import tarfile
 import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.versions import installed_versions
@@ -25,9 +24,6 @@ from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 from lerobot_env_bimanual.workers import ONE_THREAD
-
-if TYPE_CHECKING:
-    from lerobot_env_bimanual.generation.shard import ShardRecorder
 
 try:
     import ray
@@ -107,34 +103,24 @@ class RayExecutor:
 def record_packed(
     settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]
 ) -> tuple[bytes, int]:
-    """Record a shard on some machine; this is the task that ray runs.
-
-    Returns:
-        The shard's folder as a tar archive, and how many episodes it has.
+    """A shard's folder as a tar archive, and its number of episodes; the task that ray runs on some machine.
 
     Raises:
         DatasetError: the shard cannot be recorded, or this machine has other versions than the driver.
     """
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
+    from lerobot_env_bimanual.generation.shard import recorder
+
     episodes = []
     with new_folder(Path(tempfile.gettempdir())) as folder:
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
-        _shard_recorder().record(settings, shard, finished, lambda: episodes.append(1))
+        recorder().record(settings, shard, finished, lambda: episodes.append(1))
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
     return archive.getvalue(), len(episodes)
-
-
-@cache
-def _shard_recorder() -> ShardRecorder:
-    """The one of this worker, kept from task to task."""
-    from lerobot_env_bimanual.generation.shard import ShardRecorder, quieten_libraries
-
-    quieten_libraries()
-    return ShardRecorder()
 
 
 def unpack(packed: bytes, target: Path) -> None:
@@ -152,14 +138,10 @@ def unpack(packed: bytes, target: Path) -> None:
 def _result(task: Any, shard: Shard) -> tuple[bytes, int]:
     try:
         return ray.get(task)
-    except RayTaskError as error:
-        if isinstance(error.cause, BimanualError):
-            raise error.cause from None
+    except (RayTaskError, RayError) as error:
+        cause = getattr(error, "cause", None)
+        if isinstance(cause, BimanualError):
+            raise cause from None
         raise DatasetError(
-            f"shard {shard.name}: unexpected {type(error.cause).__name__}: {error.cause}. Finished shards are kept"
-        ) from error
-    except RayError as error:
-        raise DatasetError(
-            f"workers died while recording shard {shard.name}, {MAX_RETRIES + 1} times or for good: {error}. "
-            "Finished shards are kept: repeat the command"
+            f"shard {shard.name}: {cause or error}. Finished shards are kept: repeat the command"
         ) from error

@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 
 from tqdm import tqdm
@@ -99,6 +100,13 @@ class ShardRecorder:
             self._recorder = Recorder(task, settings.split, settings.cameras, size, codec, settings.perturb)
             self._key = settings, task
         return self._recorder
+
+
+@cache
+def recorder() -> ShardRecorder:
+    """The recorder of this process, kept from shard to shard; quietens libraries."""
+    quieten_libraries()
+    return ShardRecorder()
 
 
 def _record(recorder: Recorder, candidate: EpisodeKey) -> tuple[Demonstration | None, str]:

@@ -27,7 +27,7 @@ from lerobot_env_bimanual.verification.images import COMPLETE, DEPTH_RANGE, insp
 from lerobot_env_bimanual.verification.metadata import READABLE
 from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
 from lerobot_env_bimanual.verification.simulation import Player, check_replay
-from lerobot_env_bimanual.verification.statistics import ImageStatistics, check_episode_statistics
+from lerobot_env_bimanual.verification.statistics import check_episode_statistics
 
 LOADED_ROWS = 2
 """Rows of the sampled episode that are read through LeRobot's loader."""
@@ -41,8 +41,7 @@ class Thoroughness:
         simulate: whether episodes are played again; wrong for a dataset of another simulation.
         rendered_rows: rows of every episode whose images are compared with new ones, `ALL_ROWS` for all of them.
         seed: of the draw of rows.
-        sampled: the episode that is also read through LeRobot's loader, and the statistics of whose images are computed
-            again; None if there is none.
+        sampled: the episode that is also read through LeRobot's loader; None if there is none.
         cache: folder for LeRobot's loader.
     """
 
@@ -130,16 +129,11 @@ class Verifier:
         image_faults: dict[str, list[Fault]] = {COMPLETE: [], DEPTH_RANGE: []}
         digest = EpisodeHash(episode, self._reader.units)
         is_sampled = episode.index == self._thoroughness.sampled
-        features = self._dataset.info["features"]
-        keys = [*self._reader.shapes] if is_sampled else []
-        statistics = {key: ImageStatistics(features[key]) for key in keys}
         rows = draw_rows(episode, LOADED_ROWS, self._thoroughness.seed) if is_sampled else []
         loaded: dict[int, dict[str, NDArray]] = {row: {} for row in rows}
         rendered = self._render(episode, played)
         for key, row, image in inspected_images(self._reader, episode.index, len(episode), image_faults):
             digest.add_image(key, image)
-            if is_sampled:
-                statistics[key].add(image)
             if rendered is not None:
                 rendered.see(key, row, image)
             if row in loaded:
@@ -149,7 +143,7 @@ class Verifier:
             faults |= rendered.faults()
         if not image_faults[COMPLETE]:
             hashes.append(digest.hexdigest())
-            faults["statistics"] = faults_of(check_episode_statistics, self._root, episode, statistics)
+            faults["statistics"] = faults_of(check_episode_statistics, self._root, episode)
             # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
             if is_sampled:
                 faults["LeRobot's loader"] = faults_of(self._check_loader, episode, loaded)
