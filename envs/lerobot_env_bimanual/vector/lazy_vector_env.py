@@ -26,7 +26,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from lerobot_bimanual.errors import InvalidAction, InvalidChoice
+from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.keypose import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
@@ -148,7 +148,6 @@ class LazyVectorEnv(VectorEnv):
         self._action_lengths = getattr(
             example.unwrapped, "action_lengths", self.single_action_space.shape or ()
         )
-        self._attributes = sorted(name for name in vars(example.unwrapped) if not name.startswith("_"))
         self._episodes = None
         if isinstance(example.unwrapped, BimanualEnv):
             self._episodes = EvaluationLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
@@ -252,13 +251,7 @@ class LazyVectorEnv(VectorEnv):
         return self._ask(lambda envs: envs.get_attr(name))
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of every environment.
-
-        Raises:
-            InvalidChoice: they have no such attribute.
-        """
-        if name not in self._attributes:
-            raise InvalidChoice("an attribute of the environments", name, self._attributes)
+        """Set an attribute of every environment."""
         self._ask(lambda envs: envs.set_attr(name, values))
 
     def close(self, **kwargs: Any) -> None:
