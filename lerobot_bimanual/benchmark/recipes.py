@@ -143,7 +143,7 @@ class Recipe:
         return options
 
     @property
-    def _features(self) -> Mapping[str, Mapping[str, Any]]:
+    def _features(self) -> Mapping[str, dict[str, Any]]:
         return self.sections["policy"].get("input_features") or {}
 
 

@@ -14,7 +14,7 @@ from lerobot_bimanual.results.benchmark import (
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
-VERSIONS = dict.fromkeys(SIMULATION_PACKAGES, "3")
+VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
 WORLD = "0123456789ab"
 
 

@@ -84,10 +84,10 @@ class Programs:
 
     def _report(self, path: Path, player: str) -> None:
         episodes = [
-            EpisodeOutcome(**{"ticks": 7} | episode.model_dump(exclude_none=True), task="lift_ball")
+            EpisodeOutcome.of(**{"ticks": 7} | episode.model_dump(exclude_none=True), task="lift_ball")
             for episode in reported(OUTCOMES[player])
         ]
-        ExpertReport(
+        ExpertReport.of(
             schema_version=1,
             player=player,
             split="test",

@@ -1,6 +1,7 @@
 """Records survive their files, and a damaged file is refused with its name and field, or read as what it says."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,7 @@ LOAD = LoadMetrics(
     penetration_mm=0.5,
     penetrating="hand, box",
 )
-EXAMPLES: list[Record] = [
+EXAMPLES: Sequence[Record] = [
     RESULT,
     RESULT.evaluation,
     Marker(command="true", inputs={"a": "0"}, done=True, seconds=1.5),
@@ -60,7 +61,7 @@ EXAMPLES: list[Record] = [
         worlds={"lift_ball": WORLD},
         loads=(VariationLoad(task="lift_ball", variation=0, load=LOAD),),
         episodes=tuple(
-            EpisodeOutcome(
+            EpisodeOutcome.of(
                 task="lift_ball",
                 **dict(episode) | {"ticks": 20},
                 moves=(MoveReport("beside", 20, 1.0, 2.0),),
