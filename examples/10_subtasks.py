@@ -4,7 +4,7 @@ lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --view=both --r
 python examples/10_subtasks.py --root=data/lift_ball
 lerobot-bimanual dataset verify --root=data/lift_ball
 
-Experts know their stages by name. `generate` leaves the names out, as LeRobot's recorder has no language columns; LeRobot adds
+Experts know their stages by name. `dataset generate` leaves the names out, as LeRobot's recorder has no language columns; LeRobot adds
 them to finished datasets, and so does this. docs/datasets.md says who reads them.
 """
 

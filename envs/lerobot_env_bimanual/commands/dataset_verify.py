@@ -34,14 +34,13 @@ PRELOADED = ("lerobot.datasets.lerobot_dataset",)
 class DatasetVerifyConfig:
     """Options of the command `dataset verify`."""
 
-    # folder of a dataset that `dataset generate` made; all its views are checked
+    # Folder of a dataset that `dataset generate` made; all its views are checked
     root: Path = field(kw_only=True)
     episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     # Rows of every episode whose images are rendered again and compared: a number, or `all`.
     render: str = "2"
-    sample_seed: int = (
-        0  # of the draw of those rows, and of the episode that is read through LeRobot's loader
-    )
+    # Seed of the random choice of those rows, and of the episode that is read through LeRobot's loader.
+    sample_seed: int = 0
     workers: int = 0  # processes; 0 takes one per core
 
 
