@@ -48,7 +48,7 @@ class Taxonomy:
         """The row with these words, such as "temporal spatial symmetric prehensile"; the last says the prehension."""
         *properties, prehension = words.split()
         names = ("temporal", "spatial", "physical", "symmetric", "synchronous")
-        return cls(*(name in properties for name in names), Prehension(prehension))
+        return cls(**{name: name in properties for name in names}, prehension=Prehension(prehension))
 
     @property
     def suites(self) -> tuple[str, ...]:

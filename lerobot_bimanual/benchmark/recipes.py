@@ -135,7 +135,7 @@ class Recipe:
                 options[name] = _normalised(value)
         if self._features:
             options["policy.input_features"] = {
-                key: feature | {"shape": [feature["shape"][0], image_size, image_size]}
+                key: {**feature, "shape": [feature["shape"][0], image_size, image_size]}
                 if feature["type"] == "VISUAL"
                 else feature
                 for key, feature in self._features.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import InvalidChoice, check_range
@@ -129,7 +129,7 @@ def _write(results: Sequence[ResultFile], found: Mapping[Path, list[Attribution]
 
     from lerobot_bimanual.files import write_file
 
-    content: dict[str, list[dict[str, object]]] = {}
+    content: dict[str, list[dict[str, Any]]] = {}
     for result in results:
         source = {
             "file": str(result.path),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import check_range
@@ -111,9 +111,9 @@ def _perform(config: TaskViewConfig) -> None:
 
 def _options(config: TaskViewConfig) -> EnvOptions:
     """Options of the environment: what the checkpoint sees, and no images for an expert, which needs none."""
-    chosen = {"variation": config.variation, "split": config.split, "perturb": config.perturb}
+    chosen: dict[str, Any] = {"variation": config.variation, "split": config.split, "perturb": config.perturb}
     if config.checkpoint is None:
         return EnvOptions(obs="state", **chosen)
-    from lerobot_env_bimanual.checkpoint import Checkpoint
+    from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 
     return EnvOptions(**chosen | Checkpoint.read(config.checkpoint).options)

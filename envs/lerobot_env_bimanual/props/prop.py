@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lerobot_env_bimanual.gl import mujoco
 
 COMMON_LAYER = 1
@@ -40,7 +43,10 @@ class Prop(Protocol):
 
 
 def add_box(
-    body: mujoco.MjsBody, position: Sequence[float], half_size: Sequence[float], **settings: Any
+    body: mujoco.MjsBody,
+    position: Sequence[float],
+    half_size: Sequence[float] | NDArray[np.float64],
+    **settings: Any,
 ) -> mujoco.MjsGeom:
     """Add a box to a body, by its centre and half sizes in m; `settings` are those of MuJoCo's geoms."""
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=half_size, **settings)

@@ -76,11 +76,13 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
         players = {policy: (recording, played.success), "expert": (expert, expert.outcome.success)}
         with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
             writer = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF)
-            for frame in frames(env, renderer, players, EVERY, SIZE[1]):
-                writer.add(frame)
+            last = None
+            for last in frames(env, renderer, players, EVERY, SIZE[1]):
+                writer.add(last)
             path, poster = writer.close("complete"), BytesIO()
             assert path is not None  # an episode has at least one state
-            Image.fromarray(frame).save(poster, "jpeg", quality=75)
+            assert last is not None
+            Image.fromarray(last).save(poster, "jpeg", quality=75)
             seconds = writer.frames * EVERY * TICK_S
             return FailureVideo(played.seed, camera, seconds, path.read_bytes(), poster.getvalue())
     finally:

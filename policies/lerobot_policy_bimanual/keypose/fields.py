@@ -39,7 +39,7 @@ def number(default: float | tuple[float, ...] | None, low: float, high: float, u
             )
 
     def holds(value: Any) -> bool:
-        return isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high
+        return isinstance(value, kind) and not isinstance(value, bool) and low <= value <= high  # pyright: ignore[reportOperatorIssue]
 
     return field(default=default, metadata={CHECK: check})
 

@@ -80,7 +80,7 @@ class ObservationCheck:
                 "that sees nothing must not act"
             )
         # The cloud is made of all cameras, and real cameras drop images: one empty image is a warning only.
-        for camera, empty in zip(self._config.cameras, is_empty.any(axis=1), strict=True):
+        for camera, empty in zip(self._config.cameras, np.atleast_1d(is_empty.any(axis=1)), strict=True):
             if empty:
                 self._warn(f"{depth_key(camera)} has no depth at all (zero, NaN or infinite): is it on?")
         self._compare_with_training(batch)
