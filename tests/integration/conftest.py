@@ -1,4 +1,4 @@
-"""A small generated dataset, somebody who records in the test's own process, and flags of small policies."""
+"""A small generated dataset, an executor in the test's own process, and flags of small policies."""
 
 import contextlib
 import hashlib
@@ -15,37 +15,20 @@ from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard import ShardRecorder
 
-TINY_PERACT = (
-    "--policy.voxel_size=10",
-    "--policy.channels=8",
-    "--policy.token_dim=16",
-    "--policy.num_latents=16",
-    "--policy.latent_dim=32",
-    "--policy.depth=1",
-    "--policy.heads=2",
-    "--policy.language_tokens=4",
-    "--policy.language_dim=16",
-)
-TINY_RVT = (
-    "--policy.voxel_size=15",
-    "--policy.patch=3",
-    "--policy.channels=8",
-    "--policy.token_dim=16",
-    "--policy.attention_dim=32",
-    "--policy.depth=2",
-    "--policy.heads=2",
-    "--policy.language_tokens=4",
-    "--policy.language_dim=16",
-)
+TINY = {"channels": 8, "token_dim": 16, "heads": 2, "language_tokens": 4, "language_dim": 16}
+TINY_PERACT = TINY | {"voxel_size": 10, "num_latents": 16, "latent_dim": 32, "depth": 1}
+TINY_RVT = TINY | {"voxel_size": 15, "patch": 3, "attention_dim": 32, "depth": 2}
 
 
 @pytest.fixture(scope="session")
 def tiny_flags() -> dict[str, tuple[str, ...]]:
     """By type of keypose policy, flags of LeRobot's commands for a network as small as can be."""
-    peract = dict.fromkeys(("peract2", "peract_independent", "peract_lf"), TINY_PERACT)
+    options = dict.fromkeys(("peract2", "peract_independent", "peract_lf"), TINY_PERACT) | {
+        "rvt_lf": TINY_RVT
+    }
     return {
-        policy: (f"--policy.type={policy}", *flags)
-        for policy, flags in (peract | {"rvt_lf": TINY_RVT}).items()
+        policy: (f"--policy.type={policy}", *(f"--policy.{name}={value}" for name, value in tiny.items()))
+        for policy, tiny in options.items()
     }
 
 

@@ -2,10 +2,9 @@
 
 import io
 import json
-import os
-import subprocess
 from pathlib import Path
 
+import programs
 import pytest
 from rich.console import Console
 
@@ -50,7 +49,6 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert row.rates["expert"].rate == 1
     assert row.demonstrations.seeds == (0, 1)
     assert row.checkpoint_sha256 == sha256(plan.weights(row.checkpoint_step))
-    assert row.training_seconds > 0
 
     plan.result.unlink()
     plan.evaluation_file("test", row.checkpoint_step).unlink()
@@ -80,15 +78,9 @@ def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Pat
         "train_flags": " ".join(tiny_flags["peract2"][1:]),
         "eval_flags": "--eval.batch_size=1",
     }
-    done = subprocess.run(
-        [ROOT / "scripts/board.sh", *(f"--{name}={value}" for name, value in flags.items())],
-        env=os.environ | {name: str(place) for name, place in places.items()} | {"TASKS": " ".join(tasks)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-    assert done.returncode == 0, done.stderr
+    words = [f"--{name}={value}" for name, value in flags.items()]
+    variables = {name: str(place) for name, place in places.items()} | {"TASKS": " ".join(tasks)}
+    programs.run(str(ROOT / "scripts/board.sh"), *words, folder=ROOT, **variables)
     scored = [BenchmarkResult.read(path) for path in sorted(rows.glob("*.json"))]
     assert [row.task for row in scored] == list(tasks)
     assert {row.config.policy_id for row in scored} == {"peract2_on_lift_ball.push_box"}

@@ -1,11 +1,11 @@
 """LeRobot's plugin discovery in fresh interpreters: what is found, and what is not yet loaded."""
 
 import json
-import subprocess
 import sys
 from typing import Any
 
 import pytest
+from programs import run
 
 DISCOVER = """
 import json, sys
@@ -29,36 +29,24 @@ print(json.dumps({
 """
 
 
-def run(program: str) -> Any:
-    """The object that a program prints as JSON on its last line, in a fresh interpreter."""
-    child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert child.returncode == 0, child.stderr
-    return json.loads(child.stdout.splitlines()[-1])
-
-
 @pytest.fixture(scope="module")
-def discovery() -> Any:
-    return run(DISCOVER)
+def discovery(tmp_path_factory) -> Any:
+    printed = run(sys.executable, "-c", DISCOVER, folder=tmp_path_factory.mktemp("fresh"))
+    return json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
 
 
-def test_lerobot_finds_the_environment_and_the_policies(discovery: Any) -> None:
+def test_lerobot_finds_the_environment_the_robot_and_both_teleoperators(discovery: Any) -> None:
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
-    assert discovery["policies"]["peract2"].startswith("lerobot_policy_bimanual.")
-
-
-def test_lerobot_finds_the_robot_the_keyboard_and_the_gamepad(discovery: Any) -> None:
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
     for name in ("bimanual_keyboard", "bimanual_gamepad"):
         assert discovery["teleoperators"][name].startswith("lerobot_robot_bimanual.")
 
 
 def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:
-    ours = {
-        name: module for name, module in discovery["policies"].items() if "lerobot_policy_bimanual" in module
-    }
-    assert ours
-    for name, module in ours.items():
-        assert module == f"lerobot_policy_bimanual.{name}.configuration_{name}"
+    ours = {name for name, module in discovery["policies"].items() if "lerobot_policy_bimanual" in module}
+    assert "peract2" in ours
+    for name in ours:
+        assert discovery["policies"][name] == f"lerobot_policy_bimanual.{name}.configuration_{name}"
 
 
 def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
@@ -72,15 +60,8 @@ def test_discovery_loads_neither_mujoco_nor_networks(discovery: Any) -> None:
     assert not heavy + [name for name in networks if name.startswith("lerobot_policy_bimanual")]
 
 
-def test_the_environment_is_built_in_a_worker_without_lerobot_or_torch() -> None:
-    loaded = run(
-        "import json, sys\nimport lerobot_env_bimanual.env, lerobot_env_bimanual.vector.lazy_vector_env\n"
-        "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))"
-    )
-    assert "lerobot_env_bimanual" in loaded
-    assert not {"lerobot", "torch", "datasets"} & set(loaded)
-
-
-def test_core_alone_loads_no_heavy_library() -> None:
-    loaded = run("import json, sys, lerobot_bimanual\nprint(json.dumps(sorted(sys.modules)))")
+def test_core_alone_loads_no_heavy_library(tmp_path) -> None:
+    program = "import sys, lerobot_bimanual; print(*sys.modules)"
+    loaded = run(sys.executable, "-c", program, folder=tmp_path).split()
+    assert "lerobot_bimanual" in loaded
     assert not {"lerobot", "torch", "mujoco", "gymnasium", "datasets", "draccus"} & set(loaded)

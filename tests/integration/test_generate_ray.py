@@ -37,8 +37,8 @@ def test_without_ray_the_error_names_the_extra(small_generation, tmp_path, monke
 
 def test_a_cluster_that_is_not_there_is_one_clear_error(small_generation, tmp_path, monkeypatch) -> None:
     def init(address: str, **_) -> None:
-        raise ConnectionError("nobody answers")  # what ray says after minutes
+        raise ConnectionError("no answer")  # what ray says after minutes
 
     monkeypatch.setattr("ray.init", init)
-    with pytest.raises(DatasetError, match=r"cannot reach a ray cluster at 127\.0\.0\.1:1: nobody answers"):
+    with pytest.raises(DatasetError, match=r"cannot reach a ray cluster at 127\.0\.0\.1:1: no answer"):
         dataset_generate(small_generation(tmp_path / "never", executor="ray", ray_address="127.0.0.1:1"))

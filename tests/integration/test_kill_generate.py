@@ -21,14 +21,17 @@ TIMEOUT_S = 60.0
 """Within which orphans must be gone."""
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> tuple[Path, float]:
+    """A dataset, and how long it took to generate it, in seconds."""
+    root, start = tmp_path_factory.mktemp("undisturbed") / "small", time.monotonic()
+    assert start_run(root).wait() == 0
+    return root, time.monotonic() - start
+
+
 @pytest.mark.parametrize("victim", ["parent", "all"])
-def test_killed_runs_lose_only_what_was_unfinished(
-    victim, generated, small_generation, tree_hashes, tmp_path
-):
-    undisturbed, root = tmp_path / "undisturbed" / "small", tmp_path / "killed" / "small"
-    start = time.monotonic()
-    assert start_run(undisturbed).wait() == 0
-    duration_s = time.monotonic() - start
+def test_killed_runs_lose_only_what_was_unfinished(victim, undisturbed, tree_hashes, tmp_path):
+    (expected, duration_s), root = undisturbed, tmp_path / "small"
     rng = np.random.default_rng()  # other moments in every run of the test
     kept: dict[str, float] = {}
     for share in (0.6, 0.95):  # imports take the first third
@@ -36,30 +39,25 @@ def test_killed_runs_lose_only_what_was_unfinished(
         with contextlib.suppress(subprocess.TimeoutExpired):
             run.wait(timeout=share * duration_s * rng.uniform(0.8, 1.0))
         kill(run, victim)
-        shards = {path.name: path.stat().st_mtime for path in partial(root).glob("shards/*")}
+        shards = {
+            path.name: path.stat().st_mtime for path in root.with_name("small.partial").glob("shards/*")
+        }
         assert root.exists() or kept.items() <= shards.items(), "a finished shard was recorded again"
         kept = shards
     assert start_run(root).wait() == 0
-    assert tree_hashes(root) == tree_hashes(undisturbed)
+    assert tree_hashes(root) == tree_hashes(expected)
     assert [path.name for path in root.parent.iterdir()] == ["small"]
 
 
-def test_a_killed_worker_changes_nothing(tree_hashes, tmp_path):
-    for name in ("undisturbed", "disturbed"):
-        run = start_run(tmp_path / name / "small")
-        if name == "disturbed":
-            while (
-                len(processes := processes_of(run.pid)) < 5
-            ):  # itself, resource tracker, fork server, two workers
-                assert run.poll() is None, "it ended before it had workers"
-                time.sleep(0.02)
-            os.kill(max(processes), signal.SIGKILL)
-        assert run.wait() == 0
-    assert tree_hashes(tmp_path / "undisturbed") == tree_hashes(tmp_path / "disturbed")
-
-
-def partial(root: Path) -> Path:
-    return root.with_name(f"{root.name}.partial")
+def test_a_killed_worker_changes_nothing(undisturbed, tree_hashes, tmp_path):
+    run = start_run(tmp_path / "small")
+    # The run itself, a resource tracker, the fork server and two workers.
+    while len(processes := processes_of(run.pid)) < 5:
+        assert run.poll() is None, "it ended before it had workers"
+        time.sleep(0.02)
+    os.kill(max(processes), signal.SIGKILL)
+    assert run.wait() == 0
+    assert tree_hashes(tmp_path / "small") == tree_hashes(undisturbed[0])
 
 
 def start_run(root: Path) -> subprocess.Popen:

@@ -1,4 +1,4 @@
-"""Policies act on every rung of what is seen and said, whether depth comes from the environment or from a dataset."""
+"""Policies act under every perturbation of what is seen and said, whether depth comes from the environment or from a dataset."""
 
 import logging
 
@@ -33,25 +33,27 @@ def two_batches(perturb: str) -> list[dict]:
 
 
 @pytest.fixture(scope="module")
-def rungs() -> dict[str, list[dict]]:
+def conditions() -> dict[str, list[dict]]:
     return {axis: two_batches(f"{axis}:3") for axis in SEEN}
 
 
 @pytest.mark.parametrize("policy_type", ["peract2", "peract_independent", "peract_lf", "rvt_lf"])
-def test_every_policy_acts_on_every_rung_and_warns_once_at_most(policy_type, rungs, tiny_flags, caplog):
+def test_every_policy_acts_under_every_condition_and_warns_once_at_most(
+    policy_type, conditions, tiny_flags, caplog
+):
     flags = dict(flag.removeprefix("--policy.").split("=") for flag in tiny_flags[policy_type])
     options = {name: int(value) for name, value in flags.items() if name != "type"}
     config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu", keypose_horizon=25, **options)
     policy = get_policy_class(policy_type)(config)
-    for rung, batches in rungs.items():
+    for condition, batches in conditions.items():
         for batch in batches:
             action = policy.select_action(batch)
-            assert torch.isfinite(action).all(), rung
+            assert torch.isfinite(action).all(), condition
             for key in map(schema.depth_key, CAMERA_NAMES):
                 stored = schema.stored_depth(batch[key].numpy())
                 batch = batch | {key: torch.from_numpy(stored.astype("float32"))}
                 assert ((batch[key] <= schema.UNMEASURED_MM) == (stored == 10)).all()
-            assert torch.isfinite(policy.select_action(batch)).all(), f"{rung}, from a dataset"
+            assert torch.isfinite(policy.select_action(batch)).all(), f"{condition}, from a dataset"
             policy.reset()
     warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
     assert len(warnings) == len(set(warnings)) <= MAX_WARNINGS

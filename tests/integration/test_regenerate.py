@@ -28,6 +28,12 @@ def provenance(generated, tmp_path) -> Path:
     return Path(shutil.copyfile(generated / "frames" / PROVENANCE_FILE, tmp_path / "small.json"))
 
 
+@pytest.fixture
+def never(provenance, tmp_path) -> DatasetRegenerateConfig:
+    """Options of a command that is refused before it makes the root folder."""
+    return DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never")
+
+
 @pytest.mark.slow
 def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_path, tree_hashes) -> None:
     root = tmp_path / "small"
@@ -46,33 +52,30 @@ def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
     assert main(["dataset", "verify", f"--root={config.root}", "--workers=1"]) == 0
     assert main(["dataset", "replay", f"--root={config.root}", "--replay=keypose", "--workers=1"]) == 0
     assert "warning" not in capsys.readouterr().out
-    dataset_regenerate(
-        DatasetRegenerateConfig(
-            provenance=config.root / PROVENANCE_FILE, root=tmp_path / "again" / "made", workers=1
-        )
-    )
-    assert tree_hashes(tmp_path / "again" / "made") == tree_hashes(config.root)
+    provenance, again = config.root / PROVENANCE_FILE, tmp_path / "again" / "made"
+    dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=again, workers=1))
+    assert tree_hashes(again) == tree_hashes(config.root)
 
 
-def test_the_provenance_of_another_simulation_is_refused(provenance, tmp_path) -> None:
-    rewrite(provenance, lambda origin: origin["versions"].update(mujoco="1.2.3", lerobot="0.0.1"))
-    with pytest.raises(DatasetError, match=r"pip install mujoco==1\.2\.3`"):
-        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
-    assert not (tmp_path / "never").exists()
+@pytest.mark.parametrize(
+    ("field", "other", "message"),
+    [
+        ("versions", {"mujoco": "1.2.3", "lerobot": "0.0.1"}, r"pip install mujoco==1\.2\.3`"),
+        ("worlds", {"lift_ball": "0123456789ab"}, "lift_ball in world 0123456789ab"),
+    ],
+)
+def test_the_provenance_of_another_simulation_is_refused(provenance, never, field, other, message) -> None:
+    rewrite(provenance, lambda origin: origin[field].update(other))
+    with pytest.raises(DatasetError, match=message):
+        dataset_regenerate(never)
+    assert not never.root.exists()
 
 
-def test_the_provenance_of_another_world_is_refused(provenance, tmp_path) -> None:
-    rewrite(provenance, lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))
-    with pytest.raises(DatasetError, match="lift_ball in world 0123456789ab"):
-        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
-    assert not (tmp_path / "never").exists()
-
-
-@pytest.mark.parametrize("version", ["3.3; rm -rf ~", "3.3 git+https://elsewhere", "3.3`id`", ""])
-def test_a_version_is_nothing_but_a_version(provenance, tmp_path, version) -> None:
+@pytest.mark.parametrize("version", ["3.3; rm -rf ~", "3.3`id`", ""])
+def test_a_version_is_nothing_but_a_version(provenance, never, version) -> None:
     rewrite(provenance, lambda origin: origin["versions"].update(mujoco=version))
     with pytest.raises(SchemaMismatch, match=r"versions\.mujoco: String should match"):
-        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "again"))
+        dataset_regenerate(never)
 
 
 def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
@@ -101,27 +104,23 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
     [
         ({"tasks": ["no_such_task"]}, "unknown task 'no_such_task'"),
         ({"episodes": -1}, "episodes: .* but is -1"),
-        ({"episodes": True}, "episodes: .* but is True"),
-        ({"cameras": 7}, "cameras: .* but is 7"),
         ({"command": "ls"}, "command: Extra inputs"),
         ({"intermediate": ["half"]}, "intermediate.0: "),
         ({"repo_id": "../../elsewhere"}, "repo_id: "),
     ],
 )
-def test_settings_of_no_dataset_are_refused(provenance, tmp_path, changes, message) -> None:
+def test_settings_of_no_dataset_are_refused(provenance, never, changes, message) -> None:
     rewrite(provenance, lambda origin: origin["settings"].update(changes))
     with pytest.raises(DatasetError, match=f"small.json: no dataset has these settings: .*{message}"):
-        dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=tmp_path / "never"))
-    assert not (tmp_path / "never").exists()
+        dataset_regenerate(never)
+    assert not never.root.exists()
 
 
-@pytest.mark.parametrize("content", [b"[]", b"{}", b"not json", b"", b"\xff\xfe{}", b"[" * 100_000])
-def test_a_file_that_is_no_provenance_is_refused(tmp_path, content) -> None:
-    (tmp_path / "notes.json").write_bytes(content)
-    with pytest.raises(SchemaMismatch, match=r"not what schema version .*notes\.json"):
-        dataset_regenerate(
-            DatasetRegenerateConfig(provenance=tmp_path / "notes.json", root=tmp_path / "never")
-        )
+@pytest.mark.parametrize("content", [b"{}", b"", b"\xff\xfe{}", b"[" * 100_000])
+def test_a_file_that_is_no_provenance_is_refused(provenance, never, content) -> None:
+    provenance.write_bytes(content)
+    with pytest.raises(SchemaMismatch, match=r"not what schema version .*small\.json"):
+        dataset_regenerate(never)
 
 
 def test_a_recipe_that_was_changed_in_its_dataset_is_refused_and_a_damaged_dataset_is_not(

@@ -1,7 +1,6 @@
 """Recorded actions and keyposes replay to the same states, and a dataset that lies is found out."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +41,7 @@ def test_both_views_know_the_same_keyposes(generated) -> None:
         assert len(expected) == frames.episode(index).columns[schema.KEYPOSE_STEP][-1] + 1
 
 
-def test_the_verb_prints_a_table_and_succeeds(generated, capsys) -> None:
+def test_the_command_prints_a_table_and_succeeds(generated, capsys) -> None:
     assert dataset_replay(DatasetReplayConfig(root=generated, workers=1)) == 0
     printed = capsys.readouterr().out
     assert "lift_ball" in printed
@@ -50,10 +49,9 @@ def test_the_verb_prints_a_table_and_succeeds(generated, capsys) -> None:
 
 
 @pytest.fixture
-def tampered(generated, tmp_path) -> Path:
+def tampered(copy) -> Path:
     """The first shard with one joint target of tick 30 of episode 1 changed by a hundredth of a radian."""
-    root = tmp_path / "tampered"
-    shutil.copytree(generated / "frames", root)
+    root = copy("frames")
     file = root / "data/chunk-000/file-000.parquet"
     table = pq.read_table(file)
     row = table["episode_index"].to_pylist().index(1) + 30
@@ -65,14 +63,11 @@ def tampered(generated, tmp_path) -> Path:
     return root
 
 
-def test_a_changed_action_is_found_at_its_tick(tampered) -> None:
+def test_a_changed_action_is_found_at_its_tick_and_the_command_names_both(tampered, capsys) -> None:
     replayer = Replayer(tampered, "joint")
     (_, whole), (_, changed) = map(replayer.replay, (0, 1))
     assert whole.matches
     assert changed.divergence == 30
-
-
-def test_the_verb_fails_and_names_episode_and_tick(tampered, capsys) -> None:
     assert dataset_replay(DatasetReplayConfig(root=tampered, episode_indices="1", workers=1)) == 1
     assert "episode 1 (lift_ball, seed 1): another state after tick 30" in capsys.readouterr().out
 
@@ -88,7 +83,7 @@ def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(g
         return replay(env, meta.seed, meta.variation, actions, hashes).divergence
 
     assert divergence(actions, hashes) is None
-    assert divergence([*actions, actions[-1]], hashes) is None  # nobody takes it: the episode is over
+    assert divergence([*actions, actions[-1]], hashes) is None  # never taken: the episode is over
     assert divergence(actions, hashes | {length + 1: hashes[length]}) == length
     assert divergence(actions[:-1], hashes) is not None
     shorter = {ticks: state_hash for ticks, state_hash in hashes.items() if ticks < length}
@@ -96,28 +91,22 @@ def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(g
     env.close()
 
 
-def test_other_versions_are_named(generated, tmp_path, capsys) -> None:
-    root = tmp_path / "old"
-    shutil.copytree(generated / "keyframes", root)
+@pytest.mark.parametrize(
+    ("field", "other", "remark"),
+    [
+        ("versions", {"mujoco": "1.2.3"}, "generated with mujoco 1.2.3, but 3."),
+        ("worlds", {"lift_ball": "0123456789ab"}, "lift_ball in world 0123456789ab (here: "),
+    ],
+)
+def test_another_version_and_another_world_are_named(copy, capsys, field, other, remark) -> None:
+    root = copy("keyframes")
     path = root / PROVENANCE_FILE
     provenance = json.loads(path.read_text())
-    provenance["versions"]["mujoco"] = "1.2.3"
+    provenance[field].update(other)
     path.write_text(json.dumps(provenance))
-    assert (
-        dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)) == 0
-    )
-    assert "generated with mujoco 1.2.3, but 3." in capsys.readouterr().out
-
-
-def test_another_world_is_named(generated, tmp_path, capsys) -> None:
-    root = tmp_path / "old"
-    shutil.copytree(generated / "keyframes", root)
-    path = root / PROVENANCE_FILE
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"worlds": {"lift_ball": "0123456789ab"}}))
-    assert (
-        dataset_replay(DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)) == 0
-    )
-    assert "lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
+    config = DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)
+    assert dataset_replay(config) == 0
+    assert remark in capsys.readouterr().out
 
 
 def test_joint_actions_need_the_view_frames(generated) -> None:
@@ -131,7 +120,7 @@ def test_episodes_are_chosen_by_index_or_range() -> None:
     assert parse_episodes("1:3", 3) == [1, 2]
 
 
-@pytest.mark.parametrize("text", ["3", "-1", "2:1", "x", "", "0:9", "0:1000000000", "-1000000000:1"])
+@pytest.mark.parametrize("text", ["3", "-1", "2:1", "x", "", "0:1000000000"])
 def test_episodes_that_are_not_there_are_refused(text: str) -> None:
     with pytest.raises(BimanualError, match="from 0 to 2"):
         parse_episodes(text, 3)

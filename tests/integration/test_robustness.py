@@ -1,8 +1,5 @@
 """A trained policy under perturbations: the nominal condition is what `lerobot-eval` gives, and every condition can be played again from its record."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +8,7 @@ from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.policies import make_pre_post_processors
 from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.act.modeling_act import ACTPolicy
+from programs import run
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.results.evaluation import EvaluationRecord
@@ -46,28 +44,33 @@ def records(output: Path) -> dict[str, EvaluationRecord]:
     return {record.perturb or "nominal": record for record in found}
 
 
-def test_nominal_is_what_lerobot_eval_gives_bit_for_bit(played, tmp_path):
-    words = {
-        "policy.path": TRAINED,
-        "policy.device": "cpu",
-        "env.type": "bimanual",
-        "env.task": TASK,
-        "env.image_size": 128,
-        "env.results_dir": tmp_path,
-        "eval.n_episodes": len(SEEDS),
-        "eval.batch_size": 2,
-        "seed": SEEDS[0],
-        "output_dir": tmp_path,
-    }
-    program = Path(sys.executable).with_name("lerobot-eval")
-    environment = os.environ | {"HF_HUB_OFFLINE": "1"}
-    flags = [f"--{name}={value}" for name, value in words.items()]
-    subprocess.run([program, *flags], check=True, capture_output=True, env=environment)
-    stock = EvaluationRecord.read(tmp_path / f"{TASK}_test_record.json")
-    ours = records(played)["nominal"]
-    # Every action and the state after it stand in the record; sizes of images may be written in two ways.
-    assert ours.episodes == stock.episodes
-    assert ours.model_copy(update={"options": {}}) == stock.model_copy(update={"options": {}})
+@pytest.mark.parametrize(("episodes_before", "asynchronous"), [(0, False), (2, True)])
+def test_nominal_is_what_lerobot_eval_gives_bit_for_bit_also_after_other_episodes_and_side_by_side(
+    played, tmp_path, episodes_before, asynchronous
+):
+    run(
+        "lerobot-eval",
+        f"--policy.path={TRAINED}",
+        "--policy.device=cpu",
+        "--env.type=bimanual",
+        f"--env.task={TASK}",
+        "--env.image_size=128",
+        f"--env.results_dir={tmp_path}",
+        f"--eval.n_episodes={episodes_before + len(SEEDS)}",
+        "--eval.batch_size=2",
+        f"--eval.use_async_envs={str(asynchronous).lower()}",
+        f"--seed={SEEDS[0] - episodes_before}",
+        f"--output_dir={tmp_path}",
+        folder=tmp_path,
+    )
+    stock, ours = EvaluationRecord.read(tmp_path / f"{TASK}_test_record.json"), records(played)["nominal"]
+    # The proof of an episode holds every action and the state after it.
+    assert [episode.seed for episode in ours.episodes] == [*SEEDS]
+    assert stock.episodes[episodes_before:] == ours.episodes
+    assert all(episode.keyposes > 1 for episode in ours.episodes)
+    # Sizes of images may be written in two ways.
+    same = {"options": {}, "episodes": ()}
+    assert ours.model_copy(update=same) == stock.model_copy(update=same)
 
 
 def test_every_condition_is_of_the_same_episodes_and_kept_with_its_record(played):
@@ -103,11 +106,6 @@ def of_mixed_precision(tmp_path: Path) -> Path:
             "observation.state": PolicyFeature(FeatureType.STATE, (16,)),
         },
         output_features={"action": PolicyFeature(FeatureType.ACTION, (16,))},
-        dim_model=16,
-        n_heads=2,
-        dim_feedforward=32,
-        n_encoder_layers=1,
-        use_vae=False,
         pretrained_backbone_weights=None,
         device="cpu",
         use_amp=True,
@@ -121,14 +119,8 @@ def of_mixed_precision(tmp_path: Path) -> Path:
 
 def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precision, tmp_path, capsys):
     output = tmp_path / "act.json"
-    words = [
-        "policy",
-        "robustness",
-        f"--checkpoint={of_mixed_precision}",
-        f"--task={TASK}",
-        f"--output={output}",
-    ]
-    words += ["--axes=mass", "--levels=1", "--episodes=1", "--device=cpu"]
+    flags = [f"--task={TASK}", f"--output={output}", "--axes=mass", "--levels=1", "--episodes=1"]
+    words = ["policy", "robustness", f"--checkpoint={of_mixed_precision}", "--device=cpu", *flags]
     assert cli.main(words) == 1
     error = capsys.readouterr().err
     assert "unsupported ScalarType BFloat16; play it with --use_amp=false" in error
@@ -139,30 +131,10 @@ def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precis
 
 def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = [
-        "policy",
-        "robustness",
-        f"--checkpoint={TRAINED}",
-        f"--task={TASK}",
-        "--axes=mass",
-        "--device=cpu",
-        "--dry_run",
-    ]
-    assert cli.main(words) == 0
+    flags = [f"--checkpoint={TRAINED}", f"--task={TASK}", "--axes=mass", "--device=cpu", "--dry_run"]
+    assert cli.main(["policy", "robustness", *flags]) == 0
     output = capsys.readouterr().out
     assert "1 axes, 4 conditions of 20 episodes, 4 to be played" in output
     assert "mass: 1.2, 1.5, 2 times the mass" in output
     assert "minutes" in output
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
-
-
-def test_a_damaged_checkpoint_is_named_before_anything_is_played(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("lerobot_env_bimanual.sweep.robustness.Evaluator", None)
-    for path in TRAINED.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    damaged = tmp_path / "model.safetensors"
-    damaged.write_bytes(damaged.read_bytes()[:1000])
-    words = [f"--checkpoint={tmp_path}", f"--task={TASK}", "--axes=mass", "--levels=1", "--episodes=1"]
-    assert cli.main(["policy", "robustness", *words, f"--output={tmp_path / 'out.json'}"]) == 1
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert error.startswith(f"lerobot-bimanual: {tmp_path}")

@@ -50,9 +50,6 @@ def begun(options, half_done, tmp_path):
     return options(tmp_path / "small"), Path(shutil.copytree(half_done, tmp_path / "small.partial"))
 
 
-# -- an unfinished dataset ----------------------------------------------------------------------------------
-
-
 def test_finished_shards_are_taken_over_and_the_rest_recorded(begun, records_here) -> None:
     config, folder = begun
     shutil.rmtree(folder / "shards/000001")
@@ -75,11 +72,7 @@ def provenance_of(root: Path) -> dict:
     [
         (lambda origin: origin["settings"].update(episodes=5), "episodes is 5, not 2"),
         (lambda origin: origin["versions"].update(mujoco="1.2.3"), r"mujoco is '1\.2\.3', not "),
-        (
-            lambda origin: origin["worlds"].update(lift_ball="0123456789ab"),
-            "lift_ball is '0123456789ab', not",
-        ),
-        (lambda origin: origin.pop("worlds"), "worlds: Field required"),
+        (lambda origin: origin["worlds"].update(lift_ball="0123456789ab"), "lift_ball is '0123456789ab'"),
     ],
 )
 def test_shards_of_another_origin_are_refused_and_kept(begun, change, difference) -> None:
@@ -90,20 +83,17 @@ def test_shards_of_another_origin_are_refused_and_kept(begun, change, difference
     assert len([*(folder / "shards").iterdir()]) == 2
 
 
-def test_a_shard_of_other_candidates_is_refused(begun) -> None:
+def test_foreign_files_and_shards_of_other_candidates_are_refused_and_left_alone(begun) -> None:
     config, folder = begun
+    mine = folder / "notes.txt"
+    mine.write_text("mine")
+    with pytest.raises(DatasetError, match=f"{mine} was not made by this command: move it away"):
+        dataset_generate(config)
+    assert mine.read_text() == "mine"
+    mine.unlink()
     edit(folder / "shards/000001/report.json", lambda report: report["episodes"][0].update(seed=7))
     with pytest.raises(DatasetError, match="does not list the planned candidates"):
         dataset_generate(config)
-
-
-@pytest.mark.parametrize("name", ["notes.txt", "photos"])
-def test_foreign_files_are_refused_and_left_alone(begun, name) -> None:
-    config, folder = begun
-    (folder / name).write_text("mine")
-    with pytest.raises(DatasetError, match=f"{folder / name} was not made by this command: move it away"):
-        dataset_generate(config)
-    assert (folder / name).read_text() == "mine"
 
 
 def test_a_full_disk_is_one_clear_error_and_keeps_what_is_finished(begun, records_here, monkeypatch) -> None:
@@ -120,18 +110,12 @@ def test_a_full_disk_is_one_clear_error_and_keeps_what_is_finished(begun, record
     assert not list(folder.glob("tmp-*"))
 
 
-def test_a_refusal_is_not_taken_for_a_full_disk(tmp_path, monkeypatch) -> None:
+def test_only_a_full_disk_is_told_as_one(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("lerobot_env_bimanual.generation.staging.ALMOST_FULL_BYTES", 2**60)
-    with (
-        pytest.raises(DatasetError, match=r"cannot write .*: Permission denied"),
-        plain_write_errors(tmp_path),
-    ):
+    with pytest.raises(DatasetError, match="Permission denied"), plain_write_errors(tmp_path):
         raise PermissionError(13, "Permission denied")
     with pytest.raises(DatasetError, match="no space left"), plain_write_errors(tmp_path):
         raise RuntimeError("an image writer that does not mention the disk")
-
-
-# -- where a dataset can be ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -140,7 +124,6 @@ def test_a_refusal_is_not_taken_for_a_full_disk(tmp_path, monkeypatch) -> None:
         ("/", "must be a new folder .* for example --root=/dataset"),
         ("/proc/dataset", r"cannot write /proc/dataset\.partial: No such file or directory"),
         ("file/dataset", "cannot write .*file/dataset.partial: Not a directory"),
-        ("n" * 250, "cannot write .*: File name too long"),
         ("linked", "must be a new folder"),
     ],
 )
@@ -171,10 +154,9 @@ def test_a_root_that_is_a_link_is_the_folder_that_it_leads_to(options, tmp_path)
 VIDEO = "videos/observation.images.front/chunk-000/file-001.mp4"
 
 
-def rewrite_provenance(root: Path, view: str, change: Callable[[dict], object]) -> None:
-    """Change the provenance and list the new checksum."""
-    edit(root / view / PROVENANCE_FILE, change)
-    write_checksums(root / view)
+def of_other_settings(root: Path) -> None:
+    edit(root / "keyframes" / PROVENANCE_FILE, lambda origin: origin["settings"].update(first_seed=9))
+    write_checksums(root / "keyframes")
 
 
 def exchange_views(root: Path) -> None:
@@ -187,19 +169,12 @@ def exchange_views(root: Path) -> None:
     ("damage", "message"),
     [
         (lambda root: shutil.rmtree(root / "frames"), "frames is not .*: the view is missing"),
-        (lambda root: (root / "frames" / VIDEO).unlink(), f"{VIDEO} is missing"),
         (lambda root: (root / "frames" / VIDEO).write_bytes(b"0"), f"{VIDEO} has changed"),
-        (lambda root: (root / "keyframes/data/more.parquet").touch(), r"more\.parquet does not belong here"),
         (lambda root: (root / "keyframes/data/link").symlink_to("/etc/passwd"), "data/link is a link"),
         (lambda root: (root / "frames" / CHECKSUMS_FILE).unlink(), f"{CHECKSUMS_FILE} is missing"),
         (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), "does not say any more what it is"),
         (exchange_views, "it holds another view"),
-        (
-            lambda root: rewrite_provenance(
-                root, "keyframes", lambda origin: origin["settings"].update(first_seed=9)
-            ),
-            "first_seed is 9, not 0",
-        ),
+        (of_other_settings, "first_seed is 9, not 0"),
     ],
 )
 def test_a_dataset_that_is_not_as_published_is_named_and_left_as_it_is(

@@ -43,17 +43,13 @@ def test_without_a_display_one_line_says_so_and_a_video_is_written(capsys) -> No
 
 
 @pytest.mark.sim
-def test_a_video_shows_another_world_and_says_which(capsys) -> None:
+def test_a_video_shows_the_perturbation_that_its_name_says() -> None:
     flags = ("--task=lift_ball", "--output=films")
     for perturb in ("", "light:3,arm_late:1"):
         assert main(["task", "view", *flags, f"--perturb={perturb}"]) == 0
-    told = capsys.readouterr().out
-    as_it_is, dark = (
-        Path(f"films/lift_ball_v0_test_seed0{name}_expert.mp4") for name in ("", "_arm_late1_light3")
-    )
-    assert f"{dark}\n" in told
-    colours = [frames(film)[0].mean((0, 1)) for film in (as_it_is, dark)]
-    assert np.abs(colours[0] - colours[1]).max() > 5
+    names = ("lift_ball_v0_test_seed0_expert.mp4", "lift_ball_v0_test_seed0_arm_late1_light3_expert.mp4")
+    nominal, dark = (frames(Path("films") / name)[0].mean((0, 1)) for name in names)
+    assert np.abs(nominal - dark).max() > 5
 
 
 @pytest.mark.slow
@@ -65,9 +61,6 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     assert "expert: solved after " in told
     (film,) = Path("films").glob("*_expert_and_policy.mp4")
     assert frames(film)[0].shape[1] == 2 * (PANEL_WIDTH + GAP) + GAP
-    (sheet,) = Path("films").glob("*.png")
-    row = Image.open(sheet)
-    assert row.width > row.height > 2 * 300  # two rows of panels
 
 
 def test_with_a_display_the_window_opens_unless_a_video_is_requested(monkeypatch, capsys) -> None:
@@ -87,7 +80,6 @@ def test_with_a_display_the_window_opens_unless_a_video_is_requested(monkeypatch
         ("--first_seed=-1", "first_seed is -1"),
         ("--checkpoint=nowhere", "no checkpoint at nowhere"),
         ("--perturb=fog:1", "fog"),
-        ("--perturb=grip_force:9", "with levels 0 to 3"),
         ("--output=/proc/films", "cannot write /proc/films"),
     ],
 )

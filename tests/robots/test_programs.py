@@ -172,17 +172,13 @@ def test_an_operator_takes_over_from_a_policy_where_the_robot_is(trained, room, 
     pause_policy, correct = " ", "\t"
     keys = f"{PAUSE}{pause_policy}{PAUSE}{correct}{PAUSE}3cccc{PAUSE}{correct}{PAUSE}"
     type_before(monkeypatch, BimanualSim, "send_action", keys)
-    dataset = (
-        "--dataset.repo_id=local/rollout_corrected --dataset.root=outputs/corrected --dataset.num_episodes=1 "
-        "--dataset.fps=20 --dataset.push_to_hub=false"
-    )
     flags = (
-        "--strategy.type=dagger",
-        KEYBOARD,
-        "--teleop.calibration_dir=calibration",
+        "--strategy.type=dagger --teleop.type=bimanual_keyboard --teleop.calibration_dir=calibration "
+        "--dataset.repo_id=local/rollout_corrected --dataset.root=outputs/corrected --dataset.num_episodes=1 "
+        "--dataset.fps=20 --dataset.push_to_hub=false "
+        "--play_sounds=false --device=cpu --return_to_initial_position=false --duration=60"
     )
-    quiet = ("--play_sounds=false", "--device=cpu", "--return_to_initial_position=false", "--duration=60")
-    call("lerobot-rollout", *SMALL, *flags, *dataset.split(), *quiet)
+    call("lerobot-rollout", *SMALL, *flags.split())
     dataset = LeRobotDataset("local/rollout_corrected", root=room / "outputs/corrected")
     rows = dataset.hf_dataset.with_format("numpy")[:]
     assert dataset.num_episodes == 1
@@ -201,20 +197,15 @@ def test_act_is_served_asynchronously(trained, told, monkeypatch):
     from lerobot.transport import services_pb2_grpc
 
     told.clear()
-    config = draccus.parse(
-        PolicyServerConfig, args=page_command("python -m lerobot.async_inference.policy_server")
-    )
+    words = page_command("python -m lerobot.async_inference.policy_server")
+    config = draccus.parse(PolicyServerConfig, args=words)
     server = grpc.server(ThreadPoolExecutor(4))
     services_pb2_grpc.add_AsyncInferenceServicer_to_server(PolicyServer(config), server)
     port = server.add_insecure_port(f"{config.host}:0")
     server.start()
     type_before(monkeypatch, BimanualSim, "send_action", PAUSE)
+    flags = (*SMALL, f"--server_address={config.host}:{port}", "--actions_per_chunk=5")
     with pytest.raises(KeyboardInterrupt):
-        call(
-            "python -m lerobot.async_inference.robot_client",
-            *SMALL,
-            f"--server_address={config.host}:{port}",
-            "--actions_per_chunk=5",
-        )
+        call("python -m lerobot.async_inference.robot_client", *flags)
     server.stop(None).wait()
     assert "test seed 0: not solved" in told[-1]
