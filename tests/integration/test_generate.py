@@ -130,7 +130,7 @@ def test_a_finished_dataset_stays_as_it_is_and_other_settings_are_refused(
     before = tree_hashes(generated)
     assert dataset_generate(small_generation(generated)) is None
     assert "already complete" in capsys.readouterr().out
-    with pytest.raises(DatasetError, match="views is .'frames', 'keyframes'., not .'frames'."):
+    with pytest.raises(DatasetError, match=r"views is .'frames', 'keyframes'., not .'frames'."):
         dataset_generate(small_generation(generated, view="frames"))
     with pytest.raises(DatasetError, match="first_seed is 0, not 7; split is 'train', not 'val'"):
         dataset_generate(small_generation(generated, first_seed=7, split="val"))
