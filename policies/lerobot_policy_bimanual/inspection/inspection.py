@@ -27,21 +27,6 @@ MIN_HEAT_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Voxels:
-    """Equal cubes on a lattice.
-
-    Attributes:
-        index: (n, 3) int64, position on the lattice.
-        center_m: (n, 3) in the world frame.
-        size_m: (3,) edge lengths.
-    """
-
-    index: NDArray[np.int64]
-    center_m: NDArray[np.float64]
-    size_m: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
 class ArmInspection:
     """Prediction and label of one arm.
 
@@ -49,7 +34,7 @@ class ArmInspection:
         arm: the arm.
         predicted: the chosen keypose.
         true: the label.
-        hot: the most probable voxels, the most probable last.
+        hot_m: (n, 3) centres of the most probable voxels in the world frame, the most probable last.
         heat: (n,) their probabilities.
         true_voxel_probability: probability of the label's voxel; 0 outside the workspace.
         rotation_probabilities: probability of the chosen bin of each Euler axis.
@@ -60,7 +45,7 @@ class ArmInspection:
     arm: Arm
     predicted: Keypose
     true: Keypose
-    hot: Voxels
+    hot_m: NDArray[np.float64]
     heat: NDArray[np.float64]
     true_voxel_probability: float
     rotation_probabilities: tuple[float, ...]
@@ -85,14 +70,14 @@ class Inspection:
     Attributes:
         instruction: the sentence.
         keypose_step: number of keyposes executed before.
-        scene: occupied voxels of the workspace.
+        scene_m: (n, 3) centres of the occupied voxels of the workspace in the world frame.
         rgb: (n, 3) uint8, their colours.
         arms: left first.
     """
 
     instruction: str
     keypose_step: int
-    scene: Voxels
+    scene_m: NDArray[np.float64]
     rgb: NDArray[np.uint8]
     arms: tuple[ArmInspection, ...]
 
@@ -109,11 +94,10 @@ def inspect_sample(policy: KeyposePolicy, batch: dict[str, Any]) -> Inspection:
     grid = voxelise(points, colours, workspace=workspace, voxels=voxels)[0]
     index = grid[9].nonzero().cpu().numpy()
     rgb = grid[3:6, *grid[9].nonzero().unbind(1)].T
-    size_m = workspace.size / voxels
     return Inspection(
         instruction=observation.instructions[0],
         keypose_step=int(batch[KEYPOSE_STEP].flatten()[0]),
-        scene=Voxels(index, workspace.lower + (index + 0.5) * size_m, size_m),
+        scene_m=workspace.lower + (index + 0.5) * workspace.size / voxels,
         rgb=(127.5 * (rgb + 1)).round().clamp(0, 255).byte().cpu().numpy(),
         arms=_inspect_arms(prediction, policy.codec, chosen, batch[NEXT_KEYPOSE]),
     )
@@ -135,7 +119,6 @@ def _inspect_arms(
         heat, flat = volume.flatten().topk(min(MAX_HOT_VOXELS, volume.numel()))
         kept = heat >= MIN_HEAT_SHARE * heat[0]
         voxel = torch.stack(torch.unravel_index(flat[kept].flip(0), volume.shape), dim=1)
-        center_m = codec.voxel_centers(voxel).double().cpu().numpy()
         x, y, z = true_voxel[arm.ordinal].tolist()
         within = all(0 <= place < codec.bins.voxels for place in (x, y, z))
         arms.append(
@@ -143,7 +126,7 @@ def _inspect_arms(
                 arm=arm,
                 predicted=predicted[arm],
                 true=true[arm],
-                hot=Voxels(voxel.cpu().numpy(), center_m, codec.bins.voxel_size_m),
+                hot_m=codec.voxel_centers(voxel).double().cpu().numpy(),
                 heat=heat[kept].flip(0).double().cpu().numpy(),
                 true_voxel_probability=float(volume[x, y, z]) if within else 0.0,
                 rotation_probabilities=tuple(rotation[arm.ordinal].tolist()),
