@@ -70,14 +70,14 @@ class InvalidChoice(BimanualError):
             )
 
 
-def check_range(option: str, value: float, least: float, most: float | None = None) -> None:
-    """Refuse a number outside its range, whose bounds are included.
+def check_range(option: str, value: float, minimum: float) -> None:
+    """Refuse a number that is below its minimum.
 
     Raises:
-        InvalidChoice: the number is below `least` or above `most`.
+        InvalidChoice: the number is smaller.
     """
-    if value < least or (most is not None and value > most):
-        raise InvalidChoice(option, value, f"at least {least}" if most is None else f"{least} to {most}")
+    if value < minimum:
+        raise InvalidChoice(option, value, f"at least {minimum}")
 
 
 class InvalidAction(BimanualError):

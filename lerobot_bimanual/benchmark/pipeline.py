@@ -20,7 +20,7 @@ from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.interrupts import interrupts_ignored
-from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_bimanual.results.record import Record
 
 TERMINATION_TIMEOUT_S = 20.0
 """Time that an interrupted program has to end its workers."""
@@ -83,17 +83,12 @@ def call(words: list[str]) -> int:
     try:
         return process.wait()
     finally:
-        _end(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program if it is still running, and give it time to end what it has started."""
-    process.terminate()
-    try:
-        process.wait(TERMINATION_TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+        process.terminate()
+        try:
+            process.wait(TERMINATION_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 class Pipeline:
@@ -135,7 +130,7 @@ class Pipeline:
         if command.judges and command.output is not None:
             command.output.unlink(missing_ok=True)  # so that afterwards it is known to be new
         marker = marker.model_copy(update={"done": False, "seconds": seconds})
-        self._write(command, marker)
+        marker.write(self._path(command))
         started = time.monotonic()
         try:
             code = self._call(words)
@@ -143,7 +138,7 @@ class Pipeline:
             raise KeyboardInterrupt("the same command goes on where it stopped") from None
         finally:
             marker = marker.model_copy(update={"seconds": seconds + time.monotonic() - started})
-            self._write(command, marker)
+            marker.write(self._path(command))
         verdict = code == 1 and command.judges and command.output is not None and command.output.exists()
         if code and not verdict:
             raise BimanualError(
@@ -155,7 +150,7 @@ class Pipeline:
                 f"{command.name!r} ended without an error, but did not write {command.output}. Leave out what prevents it, "
                 f"such as --save_checkpoint=false, and repeat the command line. What ran was: {shlex.join(words)}"
             )
-        self._write(command, marker.model_copy(update={"done": True}))
+        marker.model_copy(update={"done": True}).write(self._path(command))
         self._console.print(f"[dim]{command.name}: {marker.seconds:.0f} s[/dim]")
 
     def seconds(self, command: Command) -> float:
@@ -173,16 +168,10 @@ class Pipeline:
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"
 
-    def _write(self, command: Command, marker: Marker) -> None:
-        marker.write(self._path(command))
-
     def _read(self, command: Command) -> Marker | None:
         """The marker under a command's name, of this command or of one with other flags."""
         path = self._path(command)
-        try:
-            return Marker.read(path) if path.is_file() else None
-        except BadRecord as error:
-            raise BimanualError(f"damaged marker {error}; remove the file and try again") from error
+        return Marker.read(path) if path.is_file() else None
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""

@@ -23,18 +23,16 @@ class Plan:
     Attributes:
         settings: what is measured.
         recipe: how the policy is trained.
-        intermediate: where on the way to a keypose the view `keyframes` has another row, as fractions of the motion.
         output: folder of all benchmarks.
         workers: processes for generation and for expert and baseline; 0 takes one per core.
-        films: options of the evaluations that only add files.
+        outputs: options of the evaluations that only add files.
     """
 
     settings: BenchmarkSettings
     recipe: Recipe
-    intermediate: tuple[float, ...]
     output: Path
     workers: int
-    films: Mapping[str, Any]
+    outputs: Mapping[str, Any]
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Self:
@@ -46,10 +44,9 @@ class Plan:
         return cls(
             settings=resolve(config),
             recipe=Recipe.find(config.policy, config.recipe),
-            intermediate=PROTOCOLS[config.recipe].intermediate,
             output=config.output.resolve(),
             workers=config.workers,
-            films=output_options(config),
+            outputs=output_options(config),
         )
 
     @property
@@ -121,7 +118,7 @@ class Plan:
     def generation(self) -> Command:
         """Record the demonstrations; the splits of the evaluation have other episodes for the same seeds."""
         settings = self.settings
-        between = ",".join(map(str, self.intermediate)) if self.recipe.view == "keyframes" else ""
+        fractions = PROTOCOLS[settings.recipe].intermediate if self.recipe.view == "keyframes" else ()
         options = {
             "task": settings.trained_on or settings.task,
             "variation": settings.variation,
@@ -131,7 +128,7 @@ class Plan:
             "image_size": settings.image_size,
             "cameras": ",".join(self.recipe.cameras),
             **({} if self.recipe.depth else {"depth": False}),
-            **_unless_empty("intermediate", between),
+            **_unless_empty("intermediate", ",".join(map(str, fractions))),
             "root": str(self.dataset),
             "repo_id": self._repo_id,
             **_unless_empty("perturb", settings.demos_perturb),
@@ -199,7 +196,7 @@ class Plan:
             "seed": seeds.start,
             "output_dir": str(folder),
             **settings.evaluation,
-            **self.films,
+            **self.outputs,
         }
         words = ["lerobot-eval", *_words(options)]
         output = self.evaluation_file(split, step)

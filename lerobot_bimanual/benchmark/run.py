@@ -3,12 +3,12 @@
 import json
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
+from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.measurements import check_one_world, read_record, read_report, read_successes
 from lerobot_bimanual.benchmark.pipeline import Pipeline, made_before, show_command
 from lerobot_bimanual.benchmark.plan import BASELINES, Plan
 from lerobot_bimanual.dataset.provenance import Provenance
@@ -20,7 +20,9 @@ from lerobot_bimanual.results.benchmark import (
     Machine,
     Validation,
 )
-from lerobot_bimanual.results.episode import success_rate
+from lerobot_bimanual.results.episode import Episode, success_rate
+from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.record import BadRecord
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_bimanual.tables import print_table
@@ -76,23 +78,25 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     for player in BASELINES:
         shared.run(plan.baseline(player))
         path = plan.report(player)
-        worlds[path], reports[player] = read_report(path, player, settings.task, plan.seeds("test"))
+        worlds[path], reports[player] = _read_report(path, player, settings.task, plan.seeds("test"))
     if settings.demos_perturb == settings.perturb:  # otherwise the worlds differ by intention
         worlds[plan.dataset] = provenance.worlds.get(settings.task, "none")
-    check_one_world(worlds, settings.task)
+    _check_one_world(worlds, settings.task)
 
     training, own = Pipeline(plan.training_folder, console), Pipeline(plan.run_folder, console)
     training.run(plan.training())
     validation = []
     for step in settings.checkpoint_steps if settings.val_episodes else ():
         own.run(plan.evaluation("val", step))
-        episodes = read_successes(plan.evaluation_file("val", step), plan.seeds("val"))
-        validation.append(Validation(step=step, episodes=episodes))
-    step = best_checkpoint(validation).step if validation else settings.steps
+        played = _read_record(plan.record_file("val", step), plan.seeds("val")).episodes
+        solved = (Episode(seed=episode.seed, success=episode.success) for episode in played)
+        validation.append(Validation(step=step, episodes=tuple(solved)))
+    scores = {each.step: success_rate(each.episodes).rate for each in validation}
+    # The best checkpoint, and of equally good ones the one that was trained longest.
+    step = max(scores, key=lambda step: (scores[step], step)) if scores else settings.steps
     own.run(plan.evaluation("test", step))
-    counted = read_successes(plan.evaluation_file("test", step), plan.seeds("test"))
-    tested = read_record(plan.record_file("test", step), plan.seeds("test"), counted)
-    check_one_world(worlds | {plan.record_file("test", step): tested.world}, settings.task)
+    tested = _read_record(plan.record_file("test", step), plan.seeds("test"))
+    _check_one_world(worlds | {plan.record_file("test", step): tested.world}, settings.task)
 
     weights = made_before(plan.weights(step))
     # A finished benchmark that is run again was neither trained nor tested where and when that happens.
@@ -123,11 +127,6 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
         ) from error
     result.write(plan.result)
     return result
-
-
-def best_checkpoint(validations: list[Validation]) -> Validation:
-    """The checkpoint that solved most validation episodes; of equals the one trained longest."""
-    return max(validations, key=lambda validation: (success_rate(validation.episodes).rate, validation.step))
 
 
 def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
@@ -183,15 +182,65 @@ def _cached(plan: Plan) -> BenchmarkResult | None:
         raise BadRecord(f"{error}; {advice}") from error
     for name in BenchmarkSettings.model_fields:
         got, asked = getattr(cached.config, name), getattr(plan.settings, name)
-        if isinstance(got, dict):
-            names = sorted(key for key in got.keys() | asked.keys() if got.get(key) != asked.get(key))
-            name = f"{name} option {names[0]}" if names else name
-            got, asked = (options.get(names[0]) if names else None for options in (got, asked))
         if got != asked:
             raise BimanualError(
-                f"{plan.result} would be replaced: its {name} is {got!r}, but {asked!r} is asked for; {advice}"
+                f"{plan.result} would be replaced: its {name} is {got!r}, not {asked!r}; {advice}"
             )
     return cached
+
+
+def _read_record(path: Path, seeds: Sequence[int]) -> EvaluationRecord:
+    """The record of an evaluation, without the episodes that filled up its last batch.
+
+    Args:
+        path: the file.
+        seeds: seeds of the evaluation's episodes, increasing.
+
+    Raises:
+        BadRecord: the file is not such a record, or an episode is missing.
+    """
+    record = EvaluationRecord.read(path)
+    episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
+    if [episode.seed for episode in episodes] != list(seeds):
+        raise BadRecord(
+            f"{path} does not hold the seeds {seeds[0]} to {seeds[-1]}; remove it to evaluate again"
+        )
+    return record.model_copy(update={"episodes": episodes})
+
+
+def _read_report(path: Path, player: str, task: str, seeds: Sequence[int]) -> tuple[str, tuple[Episode, ...]]:
+    """World and episodes, sorted by variation and seed, of the report of the expert or a baseline on one task.
+
+    Raises:
+        BadRecord: the file is not such a report, or of another player, split, task or other seeds.
+    """
+    report = ExpertReport.read(path)
+    found = (report.player, report.discretise, report.split, report.tasks, [*report.seeds])
+    if found != (player, 0, "test", [task], [*seeds]):
+        raise BadRecord(
+            f"{path} is not of {player} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
+            "to measure again"
+        )
+    kept = ("seed", "variation", "success", "failure", "state_hash")
+    episodes = sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
+    return report.worlds[task], tuple(
+        Episode(**{name: getattr(episode, name) for name in kept}) for episode in episodes
+    )
+
+
+def _check_one_world(worlds: dict[Path, str], task: str) -> None:
+    """Files may have been made long before each other, but must be of one world.
+
+    Raises:
+        BimanualError: they are not; the message names the file that differs.
+    """
+    (first, world), *others = worlds.items()
+    for path, other in others:
+        if other != world:
+            raise BimanualError(
+                f"{path} is of the world {other} of {task}, but {first} of {world}: it has changed between them; choose "
+                "another --output, or remove the older one, of demonstrations with the trainings beside them"
+            )
 
 
 def _provenance(plan: Plan) -> Provenance:

@@ -59,7 +59,7 @@ class DoctorConfig:
 def doctor(config: DoctorConfig) -> int:
     """Check this machine and say how to mend what is missing.
 
-    Checks Python, package versions, off-screen OpenGL, video decoding, GPU, disk and the login to the Hugging Face Hub.
+    Checks Python, package versions, off-screen OpenGL, video decoding, GPU and disk.
     Exits with 1 if something that the project cannot work without is missing.
 
     Examples:
@@ -69,7 +69,7 @@ def doctor(config: DoctorConfig) -> int:
     from rich.text import Text
 
     console, findings = Console(), []
-    for check in (check_python, check_packages, check_machine, check_gl, check_video, check_gpu, check_hub):
+    for check in (check_python, check_packages, check_machine, check_gl, check_video, check_gpu):
         try:
             found = [*check()]
         except Exception as error:  # a broken installation may break one check in any way, but not the others
@@ -168,15 +168,6 @@ def check_gpu() -> Iterator[Finding]:
     names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
     detail = ", ".join(names) or "none: simulation and small policies run on the processor"
     yield Finding("GPU", "ok" if names else "info", detail)
-
-
-def check_hub() -> Iterator[Finding]:
-    """Whether a token for the Hugging Face Hub is stored."""
-    from huggingface_hub import get_token
-
-    yield Finding(
-        "Hub", "info", "a token is stored" if get_token() else "not logged in; only uploads need it"
-    )
 
 
 def _version(distribution: str) -> str | None:

@@ -103,7 +103,12 @@ def _print(comparisons: dict[str, Comparison]) -> None:
         )
     print_table(headings, rows, "success on the same seeds")
     for place, comparison in comparisons.items():
-        print(f"{place}: {_episodes(comparison)}; {comparison.test}: p = {comparison.p_value:.3g}")
+        first, second = comparison.better
+        equal = len(comparison.seeds) - first - second
+        print(
+            f"{place}: the first is better on {first} episodes, the second on {second}, equal on {equal}; "
+            f"{comparison.test}: p = {comparison.p_value:.3g}"
+        )
     if any(comparison.training_error is None for comparison in comparisons.values()):
         print("A single training of a policy does not say how far another one would be from it.")
 
@@ -121,16 +126,3 @@ def _difference(comparison: Comparison) -> str:
     if comparison.training_error is not None:
         errors.append(f"{comparison.training_error:.1%} (trainings)")
     return " ± ".join([f"{comparison.difference:+.1%}", *errors])
-
-
-def _episodes(comparison: Comparison) -> str:
-    """Number of episodes that both, one or neither solved, or that either solved more often."""
-    pairing = comparison.pairing
-    if pairing is None:
-        first, second = comparison.better
-        equal = len(comparison.seeds) - first - second
-        return f"the first is better on {first} episodes, the second on {second}, equal on {equal}"
-    return (
-        f"both {pairing.both}, only the first {pairing.only_first}, only the second {pairing.only_second}, "
-        f"neither {pairing.neither}"
-    )

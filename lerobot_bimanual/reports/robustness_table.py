@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import pandas as pd
 
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name, short_name
-from lerobot_bimanual.results.statistics import Pairing, holm
+from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
+from lerobot_bimanual.results.statistics import holm, mcnemar_p_value, only_one_solved
 
 SIGNIFICANT = 0.05
 """Corrected p-values up to this one count as a difference."""
@@ -37,10 +37,10 @@ def conditions_table(results: Mapping[str, RobustnessResult]) -> pd.DataFrame:
     lines = []
     for name, result in results.items():
         axes = {axis.name: axis for axis in result.axes}
-        label = short_name(name, result)
+        label = name.removeprefix(f"{result.task}_")
         for each in result.conditions:
             rates, axis = each.rates, axes.get(each.axis)
-            pairing = Pairing.of(result.nominal.solved, each.solved)
+            lost, won = only_one_solved(result.nominal.solved, each.solved)
             low, high = rates["policy"].interval
             lines.append(
                 {
@@ -63,9 +63,9 @@ def conditions_table(results: Mapping[str, RobustnessResult]) -> pd.DataFrame:
                     "expert": rates["expert"].successes,
                     "open_loop": rates["open_loop"].successes,
                     "valid": each.is_valid,
-                    "lost": pairing.only_first,
-                    "won": pairing.only_second,
-                    "p": pairing.p_value if axis else None,
+                    "lost": lost,
+                    "won": won,
+                    "p": mcnemar_p_value(lost, won) if axis else None,
                 }
             )
     table = pd.DataFrame(lines)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness_table import conditions_table, corrected
 from lerobot_bimanual.results.robustness import RobustnessResult
-from lerobot_bimanual.results.statistics import Pairing
+from lerobot_bimanual.results.statistics import mcnemar_p_value, only_one_solved
 from lerobot_bimanual.tables import print_table
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
@@ -64,21 +64,21 @@ def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
     table = conditions_table({"first": first}).merge(
         conditions_table({"second": second}), on="condition", suffixes=("", "_second")
     )
-    pairings = [
-        Pairing.of(first.by_name[name].solved, second.by_name[name].solved) for name in table.condition
+    pairs = [
+        only_one_solved(first.by_name[name].solved, second.by_name[name].solved) for name in table.condition
     ]
-    table["p"], table["valid"] = [each.p_value for each in pairings], table.valid & table.valid_second
+    table["p"], table["valid"] = [mcnemar_p_value(*pair) for pair in pairs], table.valid & table.valid_second
     table["p_holm"] = corrected(table[table.valid], "level")
     rows = [
         (
             line.condition,
             line.solved,
             line.solved_second,
-            f"{pairing.only_first}, {pairing.only_second}",
+            "{}, {}".format(*pair),
             f"{line.p:.3g}",
             f"{line.p_holm:.3g}" if line.valid else "not valid",
         )
-        for line, pairing in zip(table.itertuples(), pairings, strict=True)
+        for line, pair in zip(table.itertuples(), pairs, strict=True)
     ]
     title = f"success on {first.task}, the same {len(first.nominal.episodes)} episodes at every condition"
     print_table(("condition", "first", "second", "only one solved", "p", "p (Holm)"), rows, title)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from datetime import date
 from os import cpu_count
 from typing import Annotated, Literal, Self
 
 from pydantic import (
-    AfterValidator,
     Field,
     JsonValue,
     NonNegativeFloat,
@@ -161,11 +159,6 @@ class Validation(Record):
     episodes: Episodes
 
 
-def _is_day(text: str) -> str:
-    require(date.fromisoformat(text).isoformat() == text, "date must be a day, YYYY-MM-DD")
-    return text
-
-
 class BenchmarkResult(Record):
     """One policy on one task, beside the expert and the open-loop baseline on the same episodes.
 
@@ -200,7 +193,7 @@ class BenchmarkResult(Record):
     options: dict[str, str | int]
     batch_size: PositiveInt
     versions: dict[str, str]
-    date: Annotated[str, AfterValidator(_is_day)]
+    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     validation: tuple[Validation, ...]
     episodes: ProvedEpisodes
     expert: Episodes

@@ -3,18 +3,16 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import lcm, sqrt
+from math import lcm
 from pathlib import Path
-from statistics import fmean, stdev
+
+import numpy as np
+import pandas as pd
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
-from lerobot_bimanual.results.statistics import (
-    Pairing,
-    SuccessRate,
-    sign_flip_p_value,
-)
+from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 type Results = Mapping[Path, BenchmarkResult]
@@ -46,38 +44,41 @@ class Comparison:
             raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
 
     @cached_property
+    def solved(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Success of the first and of the second: a line per seed that all were tested on, a column per training."""
+        table = pd.concat(
+            [
+                pd.Series({episode.seed: int(episode.success) for episode in result.episodes})
+                for result in (*self.first, *self.second)
+            ],
+            axis=1,
+            join="inner",
+        ).sort_index()
+        return table.iloc[:, : len(self.first)], table.iloc[:, len(self.first) :]
+
+    @property
     def seeds(self) -> tuple[int, ...]:
         """Seeds of the episodes that all trainings were tested on."""
-        played = [{episode.seed for episode in result.episodes} for result in (*self.first, *self.second)]
-        return tuple(sorted(set.intersection(*played)))
+        return tuple(self.solved[0].index)
 
     @property
     def rates(self) -> tuple[list[SuccessRate], list[SuccessRate]]:
         """Success of every training on those seeds."""
-        first, second = self._outcomes
-        return [*map(_rate, first)], [*map(_rate, second)]
-
-    @property
-    def pairing(self) -> Pairing | None:
-        """Outcomes on the same episodes; None if either was trained several times, so that one has several."""
-        (first, *_), (second, *_) = self._outcomes
-        return None if self.trained_often else Pairing.of(first, second)
+        first, second = (
+            [SuccessRate(int(successes), len(table)) for successes in table.sum()] for table in self.solved
+        )
+        return first, second
 
     @property
     def better(self) -> tuple[int, int]:
         """Number of episodes that the first solves more often than the second, in shares of its trainings, and the reverse."""
-        differences = self._differences
-        return sum(value > 0 for value in differences), sum(value < 0 for value in differences)
-
-    @property
-    def trained_often(self) -> bool:
-        """Whether either was trained several times."""
-        return max(len(self.first), len(self.second)) > 1
+        return int((self._differences > 0).sum()), int((self._differences < 0).sum())
 
     @property
     def test(self) -> str:
         """Name of the test that gives the p-value."""
-        return "the exact sign-flip permutation test" if self.trained_often else "McNemar's exact test"
+        trained_once = len(self.first) == len(self.second) == 1
+        return "McNemar's exact test" if trained_once else "the exact sign-flip permutation test"
 
     @property
     def p_value(self) -> float:
@@ -86,58 +87,32 @@ class Comparison:
         Trainings are tested on the same episodes, and what is hard for one is hard for the others. So an episode counts
         once, with the mean over its trainings; for one training of each that is McNemar's test.
         """
-        return sign_flip_p_value(self._differences)
+        unit = lcm(len(self.first), len(self.second))  # in parts of so many, every difference is an integer
+        return sign_flip_p_value((self._differences * unit).round().astype(int).tolist())
 
     @property
     def difference(self) -> float:
         """Mean success of the first less that of the second."""
-        first, second = self.rates
-        return fmean([rate.rate for rate in first]) - fmean([rate.rate for rate in second])
+        return float(self._differences.mean())
 
     @property
     def episode_error(self) -> float:
-        """Standard error of the difference from the draw of the episodes, for these trainings."""
-        return _deviation(self._differences) / self._unit / sqrt(len(self.seeds))
+        """Standard error of the difference from the draw of the episodes, for these trainings; 0 for one episode."""
+        return float(np.nan_to_num(self._differences.sem()))
 
     @property
     def training_error(self) -> float | None:
         """Standard error of the difference from the draw of the trainings; None if either has only one."""
-        first, second = ([rate.rate for rate in rates] for rates in self.rates)
-        if len(first) < 2 or len(second) < 2:
+        if min(len(self.first), len(self.second)) < 2:
             return None
-        return sqrt(_deviation(first) ** 2 / len(first) + _deviation(second) ** 2 / len(second))
-
-    @property
-    def _unit(self) -> int:
-        """Number of parts of a success for which the mean over either's trainings is an integer."""
-        return lcm(len(self.first), len(self.second))
+        first, second = (pd.Series(table.mean()).sem() for table in self.solved)
+        return float(np.hypot(first, second))
 
     @cached_property
-    def _differences(self) -> list[int]:
-        """By episode, mean success of the first less that of the second, in those parts."""
-        first, second = (
-            [sum(solved) * self._unit // len(solved) for solved in zip(*outcomes, strict=True)]
-            for outcomes in self._outcomes
-        )
-        return [one - other for one, other in zip(first, second, strict=True)]
-
-    @cached_property
-    def _outcomes(self) -> tuple[list[list[bool]], list[list[bool]]]:
-        """Of each training, success on every shared seed."""
-        return [*map(self._solved, self.first)], [*map(self._solved, self.second)]
-
-    def _solved(self, result: BenchmarkResult) -> list[bool]:
-        success = {episode.seed: episode.success for episode in result.episodes}
-        return [success[seed] for seed in self.seeds]
-
-
-def _rate(solved: Sequence[bool]) -> SuccessRate:
-    return SuccessRate(sum(solved), len(solved))
-
-
-def _deviation(values: Sequence[float]) -> float:
-    """Standard deviation of a sample; 0 for a single value."""
-    return stdev(values) if len(values) > 1 else 0.0
+    def _differences(self) -> pd.Series:
+        """By episode, mean success of the first less that of the second."""
+        first, second = self.solved
+        return first.mean(axis=1) - second.mean(axis=1)
 
 
 def check_comparable(results: Results) -> None:

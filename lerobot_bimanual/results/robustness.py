@@ -302,11 +302,6 @@ def perturb_text(axis: str, level: int) -> str:
     return levels_text({axis: level} if axis else {})
 
 
-def short_name(name: str, result: RobustnessResult) -> str:
-    """The name of a result without its task, if it begins with that."""
-    return name.removeprefix(f"{result.task}_")
-
-
 def is_robustness_result(path: Path) -> bool:
     """Whether a file looks like a robustness result, be it a damaged one."""
     try:

@@ -51,12 +51,7 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
 
     Returns:
         Lower and upper bound in [0, 1]; (0, 1) without trials.
-
-    Raises:
-        ValueError: a count is out of range.
     """
-    if not 0 <= successes <= trials:
-        raise ValueError(f"need 0 <= successes <= trials, got {successes} of {trials}")
     if trials == 0:
         return 0.0, 1.0
     z = NormalDist().inv_cdf(0.975)
@@ -115,34 +110,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return corrected
 
 
-@dataclass(frozen=True)
-class Pairing:
-    """Outcomes of two policies on the same episodes.
-
-    Attributes:
-        both: episodes that both solved.
-        only_first: episodes that only the first solved.
-        only_second: episodes that only the second solved.
-        neither: episodes that neither solved.
-    """
-
-    both: int
-    only_first: int
-    only_second: int
-    neither: int
-
-    @classmethod
-    def of(cls, first: Sequence[bool], second: Sequence[bool]) -> Pairing:
-        """The pairing of two lists of success, one entry per episode."""
-        outcomes = list(zip(first, second, strict=True))
-        return cls(
-            both=outcomes.count((True, True)),
-            only_first=outcomes.count((True, False)),
-            only_second=outcomes.count((False, True)),
-            neither=outcomes.count((False, False)),
-        )
-
-    @property
-    def p_value(self) -> float:
-        """Of McNemar's exact test, two-sided."""
-        return mcnemar_p_value(self.only_first, self.only_second)
+def only_one_solved(first: Sequence[bool], second: Sequence[bool]) -> tuple[int, int]:
+    """Number of episodes that only the first solved, and that only the second solved, from success by episode."""
+    outcomes = list(zip(first, second, strict=True))
+    return outcomes.count((True, False)), outcomes.count((False, True))

@@ -1,8 +1,10 @@
-"""A sample result of a benchmark, and variants of it."""
+"""Sample results of a benchmark, and a sample provenance of a dataset."""
 
 from pathlib import Path
 from typing import Any
 
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.results.action_text import actions_to_text
 from lerobot_bimanual.results.benchmark import (
     BenchmarkResult,
@@ -18,10 +20,13 @@ VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
 WORLD = "0123456789ab"
 
 
-def episodes(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
-    """One episode per letter, `x` solved and `.` not."""
+def episodes(
+    outcomes: str, first_seed: int = 0, failure: str | None = None, **fields: Any
+) -> tuple[Episode, ...]:
+    """One episode per letter, `x` solved and `.` not; all with the same further fields."""
     return tuple(
-        Episode(seed=first_seed + index, success=letter == "x") for index, letter in enumerate(outcomes)
+        Episode(seed=seed, success=letter == "x", failure=None if letter == "x" else failure, **fields)
+        for seed, letter in enumerate(outcomes, first_seed)
     )
 
 
@@ -34,33 +39,27 @@ def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
         links="00000",
         end="0b" * 32,
     )
-    return tuple(
-        Episode(
-            seed=first_seed + index,
-            variation=0,
-            success=letter == "x",
-            failure=None if letter == "x" else "out of time",
-            ticks=12,
-            keyposes=1,
-            first_met_tick=3 if letter == "x" else None,
-            proof=proof,
-        )
-        for index, letter in enumerate(outcomes)
-    )
+    return episodes(outcomes, first_seed, "out of time", variation=0, ticks=12, keyposes=1, proof=proof)
 
 
 def reported(outcomes: str, variation: int = 0, first_seed: int = 0) -> tuple[Episode, ...]:
     """The same as the expert or a baseline is reported."""
-    return tuple(
-        Episode(
-            seed=first_seed + index,
-            variation=variation,
-            success=letter == "x",
-            failure=None if letter == "x" else "fell",
-            state_hash=f"{index:016x}",
-        )
-        for index, letter in enumerate(outcomes)
-    )
+    return episodes(outcomes, first_seed, "fell", variation=variation, state_hash="0" * 16)
+
+
+def provenance(view: schema.View = "frames", **fields: Any) -> Provenance:
+    """Of a dataset of two episodes, of three seeds that were tried."""
+    key = {"task": "lift_ball", "variation": 0, "split": "train"}
+    usual = {
+        "schema_version": schema.SCHEMA_VERSION,
+        "versions": {"mujoco": "3"},
+        "worlds": {"lift_ball": WORLD},
+        "settings": {"episodes": 2, "intermediate": [0.5]},
+        "command": "lerobot-bimanual dataset generate --task=lift_ball",
+        "episodes": (EpisodeKey(seed=0, **key), EpisodeKey(seed=2, **key)),
+        "skipped": (SkippedSeed(seed=1, reason="left arm: unreachable", **key),),
+    }
+    return Provenance.of(view=view, **usual | fields)
 
 
 RESULT = BenchmarkResult(

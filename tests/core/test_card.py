@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from huggingface_hub import DatasetCard
 from PIL import Image
+from sample_results import provenance
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import PICTURE_FILE, write_card
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey, Provenance, SkippedSeed
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.errors import DatasetError
 
 
@@ -20,21 +21,7 @@ def root(request, datasets, tmp_path: Path) -> Path:
     """A dataset of two episodes, of three seeds that were tried."""
     root = tmp_path / request.param
     shutil.copytree(datasets[request.param], root)
-    Provenance(
-        schema_version=schema.SCHEMA_VERSION,
-        view=request.param,
-        versions={"mujoco": "3"},
-        worlds={"lift_ball": "0123456789ab"},
-        settings={"episodes": 2, "intermediate": [0.5]},
-        command="lerobot-bimanual dataset generate --task=lift_ball",
-        episodes=(
-            EpisodeKey(task="lift_ball", variation=0, split="train", seed=0),
-            EpisodeKey(task="lift_ball", variation=0, split="train", seed=2),
-        ),
-        skipped=(
-            SkippedSeed(task="lift_ball", variation=0, split="train", seed=1, reason="left arm: unreachable"),
-        ),
-    ).write(root / PROVENANCE_FILE)
+    provenance(request.param).write(root / PROVENANCE_FILE)
     return root
 
 

@@ -1,17 +1,15 @@
 """Charts show the numbers of the results, say them in words, and can be read without colours."""
 
-from itertools import combinations
 from pathlib import Path
 
 import pytest
-from matplotlib.colors import to_rgb
 from PIL import Image
 from sample_results import trained
 from sample_robustness import ROBUSTNESS, condition, result
 
 from lerobot_bimanual.reports.charts import INK, Chart
 from lerobot_bimanual.reports.robustness_figures import heat_map, sweep_figure
-from lerobot_bimanual.reports.success_figure import STYLES, success_figure
+from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.statistics import wilson_interval
 
 
@@ -30,12 +28,6 @@ def test_the_line_of_a_policy_is_the_interval_of_its_episodes_and_its_marker_the
 def test_single_trainings_are_drawn_beside_their_mean():
     chart = success_figure([trained("xxxx", policy="mine", seed=1), trained("....", policy="mine", seed=2)])
     assert points(chart)[:2] == [[0.5], [1.0, 0.0]]
-
-
-def test_policies_differ_in_their_markers_or_in_brightness():
-    brightness = {color: sum(map(float.__mul__, to_rgb(color), (0.299, 0.587, 0.114))) for _, color in STYLES}
-    for (marker, color), (other_marker, other) in combinations(STYLES, 2):
-        assert marker != other_marker or abs(brightness[color] - brightness[other]) > 0.15
 
 
 def test_a_heat_map_shows_the_mean_of_trainings_and_hatches_what_is_not_valid():

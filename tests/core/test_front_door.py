@@ -1,6 +1,5 @@
 """The package's own names, which come from its modules when they are asked for."""
 
-import importlib
 import json
 import subprocess
 import sys
@@ -15,12 +14,6 @@ def test_every_public_name_is_there_and_none_besides():
         assert getattr(lerobot_bimanual, name) is not None
     with pytest.raises(AttributeError, match="Keypoze"):
         _ = lerobot_bimanual.Keypoze
-
-
-def test_a_name_is_that_of_its_module():
-    for name, module in lerobot_bimanual._MODULES.items():
-        home = importlib.import_module(f"lerobot_bimanual.{module}")
-        assert getattr(lerobot_bimanual, name) is getattr(home, name)
 
 
 def test_neither_the_package_nor_its_list_of_verbs_loads_numpy():

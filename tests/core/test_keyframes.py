@@ -1,6 +1,7 @@
 """Keyframe discovery on hand-made recordings."""
 
 import numpy as np
+import pytest
 
 from lerobot_bimanual.keyframes import discover_keyframes
 
@@ -15,41 +16,28 @@ def recording(moving: list[bool], gripper_open: list[bool] | None = None) -> np.
     return actions
 
 
-def test_setting_off_after_a_rest_and_the_last_frame_are_keyframes():
-    moving = [False] + [True] * 10 + [False] * 4 + [True] * 10 + [False] * 6
-    assert discover_keyframes(recording(moving)) == [15, 30]
-
-
-def test_one_moving_arm_prevents_a_keyframe():
-    assert discover_keyframes(recording([False] + [True] * 19)) == [19]
-
-
-def test_a_gripper_that_closes_at_rest_ends_the_keypose_when_the_rest_ends():
-    moving = [False] + [True] * 5 + [False] * 12 + [True] * 5 + [False] * 3
-    gripper_open = [True] * 8 + [False] * 18
-    assert discover_keyframes(recording(moving, gripper_open)) == [18, 25]
-
-
-def test_a_gripper_change_while_moving_is_a_keyframe():
-    gripper_open = [True] * 8 + [False] * 12
-    assert discover_keyframes(recording([False] + [True] * 19, gripper_open)) == [8, 19]
-
-
-def test_a_gripper_event_before_the_first_motion_is_a_keypose_of_its_own():
-    moving = [False] * 12 + [True] * 6 + [False] * 3
-    gripper_open = [True] * 2 + [False] * 19
-    assert discover_keyframes(recording(moving, gripper_open)) == [12, 20]
-
-
-def test_grippers_that_change_one_after_the_other_at_rest_are_keyposes_of_their_own():
-    moving = [False] + [True] * 5 + [False] * 40
-    gripper_open = [True] * 10 + [False] * 20 + [True] * 16
-    assert discover_keyframes(recording(moving, gripper_open)) == [20, 45]
-
-
-def test_resting_at_the_start_alone_is_no_keyframe():
-    assert discover_keyframes(recording([False] * 10 + [True] * 5)) == [14]
-
-
-def test_an_episode_of_one_frame_has_no_keyframe():
-    assert discover_keyframes(recording([False])) == []
+@pytest.mark.parametrize(
+    ("moving", "gripper_open", "keyframes"),
+    [
+        ([False] + [True] * 10 + [False] * 4 + [True] * 10 + [False] * 6, None, [15, 30]),
+        ([False] + [True] * 19, None, [19]),
+        ([False] + [True] * 5 + [False] * 12 + [True] * 5 + [False] * 3, [True] * 8 + [False] * 18, [18, 25]),
+        ([False] + [True] * 19, [True] * 8 + [False] * 12, [8, 19]),
+        ([False] * 12 + [True] * 6 + [False] * 3, [True] * 2 + [False] * 19, [12, 20]),
+        ([False] + [True] * 5 + [False] * 40, [True] * 10 + [False] * 20 + [True] * 16, [20, 45]),
+        ([False] * 10 + [True] * 5, None, [14]),
+        ([False], None, []),
+    ],
+    ids=[
+        "setting off after a rest, and the last frame",
+        "one moving arm prevents a keyframe",
+        "a gripper that closes at rest ends the keypose when the rest ends",
+        "a gripper change while moving",
+        "a gripper event before the first motion",
+        "grippers that change one after the other at rest",
+        "resting at the start alone is no keyframe",
+        "one frame",
+    ],
+)
+def test_keyframes_are_found(moving, gripper_open, keyframes):
+    assert discover_keyframes(recording(moving, gripper_open)) == keyframes

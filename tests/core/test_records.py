@@ -3,17 +3,16 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mutations import check_clear, mutated_json
-from sample_results import RESULT, VERSIONS, WORLD, proved, reported, variant
+from sample_results import RESULT, VERSIONS, WORLD, proved, provenance, reported, variant
 from sample_robustness import EXPERT_REPORT as EXPERT_ROBUSTNESS
 from sample_robustness import ROBUSTNESS
 
 from lerobot_bimanual.benchmark.pipeline import Marker
-from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.expert_report import (
     EpisodeOutcome,
@@ -39,16 +38,7 @@ EXAMPLES: Sequence[Record] = [
     RESULT,
     RESULT.evaluation,
     Marker(command="true", inputs={"a": "0"}, done=True, seconds=1.5),
-    Provenance(
-        schema_version=2,
-        view="keyframes",
-        versions={"mujoco": "3.17.0"},
-        worlds={"lift_ball": WORLD},
-        settings={"tasks": ["lift_ball"], "depth": True, "intermediate": [0.5]},
-        command="lerobot-bimanual dataset generate",
-        episodes=(EpisodeKey(task="lift_ball", variation=0, split="train", seed=1),),
-        skipped=(SkippedSeed(task="lift_ball", variation=0, split="train", seed=0, reason="it fell"),),
-    ),
+    provenance(),
     ROBUSTNESS,
     EXPERT_ROBUSTNESS,
     ExpertReport(
@@ -82,6 +72,41 @@ def test_a_record_survives_its_file(record: Record, tmp_path: Path):
     assert again.to_json() == record.to_json()
 
 
+JSON_VALUES: st.SearchStrategy[Any] = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=20)
+    | st.sampled_from([10**400, -(10**30), 2**63, 1e308, "9" * 5000, "../..", "a\nb", "\ud800", "f" * 64]),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=8,
+)
+"""What JSON can say, and a little that it cannot: NaN, infinities, half characters."""
+
+
+@st.composite
+def mutated_json(draw: st.DrawFn, container: Any) -> bytes:
+    """The text of a JSON value in which one place holds something else, lies twice, or is gone; or a cut text."""
+    content = container
+    while True:
+        key = draw(st.sampled_from([*container] if isinstance(container, dict) else range(len(container))))
+        inner = container[key]
+        if not isinstance(inner, dict | list) or not inner or draw(st.integers(0, 3)) == 0:
+            break
+        container = inner
+    match draw(st.sampled_from(["replace", "remove", "repeat"])):
+        case "remove":
+            del container[key]
+        case "repeat" if isinstance(container, list):
+            container.append(container[key])
+        case _:
+            container[key] = draw(JSON_VALUES)
+    text = json.dumps(content).encode()
+    at = draw(st.just(len(text)) | st.integers(0, len(text)))
+    return text[:at] + draw(st.sampled_from([b"", b"\x00", b"\xff", b"NaN", b"1e999", b"[" * 5000]))
+
+
 @pytest.mark.fuzz
 @pytest.mark.parametrize("record", EXAMPLES, ids=lambda record: type(record).__name__)
 @given(data=st.data())
@@ -91,17 +116,12 @@ def test_a_mutated_file_is_refused_with_its_name_or_reads_as_what_it_says(record
     try:
         read = type(record).read(path)
     except BadRecord as error:
-        check_clear(error, "mutated.json: ")
+        message = str(error)
     else:
         assert type(record).from_json(read.to_json()) == read
-
-
-@pytest.mark.parametrize("name", BenchmarkResult.model_fields)
-def test_a_missing_or_wrong_field_is_named(name: str):
-    content = json.loads(RESULT.to_json())
-    for changed in (content | {name: [[]]}, {key: content[key] for key in content if key != name}):
-        with pytest.raises(BadRecord, match=f"^{name}"):
-            BenchmarkResult.from_json(json.dumps(changed))
+        message = f"{path}: none"
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
 
 
 @pytest.mark.parametrize(
@@ -117,7 +137,6 @@ def test_a_missing_or_wrong_field_is_named(name: str):
         ({}, {"checkpoint_step": 3}, "checkpoint_step must be one of the checkpoints"),
         ({}, {"options": {"split": "val"}}, "options must hold the split 'test'"),
         ({}, {"versions": VERSIONS | {"mujoco": "4"}}, "mujoco must be the same in demonstrations and test"),
-        ({}, {"date": "2026-02-30"}, "^date: "),
         ({"seed": -1}, {}, "^seed: "),
     ],
 )

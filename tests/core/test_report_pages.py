@@ -76,7 +76,6 @@ def test_trainings_that_cannot_share_a_cell_are_refused(config, fields, message,
             {"demos_perturb": "mass:1"},
             "`--demos=2 --val_episodes=2 --test_episodes=4 --demos_perturb=mass:1`",
         ),
-        ({"perturb": "light:2"}, "`--demos=2 --val_episodes=2 --test_episodes=4 --perturb=light:2`"),
         (
             {"training": RESULT.config.training | {"policy.more": "a b", "policy.depth": 3.0}},
             "--train_flags=\"'--policy.more=a b'\"`",
@@ -110,12 +109,6 @@ def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
         "push_box_mine": result({"task": "push_box"}),
     }
     assert robustness_page(results, "map.png") == snapshot
-
-
-def test_a_page_of_one_robustness_result_has_no_tables_of_several():
-    page = robustness_page({"lift_ball_mine": ROBUSTNESS})
-    assert "## All tasks" not in page
-    assert "## Trainings" not in page
 
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):

@@ -75,10 +75,6 @@ def test_axis_angle_and_rotation_vector_agree():
     np.testing.assert_allclose(vector, axis / 5 * angle, atol=1e-12)
 
 
-def test_the_rotation_vector_of_no_turn_is_zero():
-    np.testing.assert_allclose(rotations.quat_wxyz_to_rotation_vector([1.0, 0.0, 0.0, 0.0]), 0.0)
-
-
 @pytest.mark.parametrize(
     "name", ["quat_wxyz_canonical", "quat_wxyz_conjugate", "quat_wxyz_to_matrix", "quat_wxyz_to_euler_xyz"]
 )

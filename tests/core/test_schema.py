@@ -1,7 +1,5 @@
 """The feature table, and which rows of an episode each view stores."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -42,17 +40,19 @@ def test_a_state_hash_fits_into_a_signed_integer() -> None:
     assert np.int64(schema.state_hash_column("8" + "0" * 63)) == np.iinfo(np.int64).min
 
 
-def test_the_view_frames_has_the_row_before_every_tick(make_episode) -> None:
-    assert rows_of_view(make_episode(0), "frames", (0.5,)) == list(range(TICKS))
-
-
-def test_the_view_keyframes_has_start_stages_and_end(make_episode) -> None:
-    assert rows_of_view(make_episode(0), "keyframes") == [0, FIRST_STAGE, TICKS]
-
-
-def test_intermediate_rows_lie_within_the_motion_and_not_in_the_waiting(make_episode) -> None:
-    assert rows_of_view(make_episode(0), "keyframes", (0.5,)) == [0, 4, 12, 14, 21]
-    assert rows_of_view(make_episode(0), "keyframes", (0.99,)) == [0, 8, 12, 17, 21]
+@pytest.mark.parametrize(
+    ("view", "intermediate", "rows"),
+    [
+        ("frames", (0.5,), [*range(TICKS)]),
+        ("keyframes", (), [0, FIRST_STAGE, TICKS]),
+        ("keyframes", (0.5,), [0, 4, 12, 14, 21]),
+        ("keyframes", (0.99,), [0, 8, 12, 17, 21]),
+    ],
+)
+def test_rows_of_a_view_are_every_tick_or_stages_and_parts_of_their_motion(
+    make_episode, view, intermediate, rows
+) -> None:
+    assert rows_of_view(make_episode(0), view, intermediate) == rows
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
@@ -92,9 +92,3 @@ def test_the_last_row_shows_the_last_observation_and_repeats_action_and_hash(mak
     for key in (schema.ACTION, schema.STATE_HASH):
         assert np.array_equal(before[key], last[key])
     assert [int(row[schema.TICK][0]) for row in (before, last)] == [TICKS - 1, TICKS]
-
-
-def test_stages_start_where_the_stage_changes(make_episode) -> None:
-    starts = make_episode(0).stage_starts()
-    stages = [step.stage for step in make_episode(0).steps]
-    assert starts == [0, *(row for row, (a, b) in enumerate(pairwise(stages), start=1) if a != b)]

@@ -15,10 +15,3 @@ def test_a_table_is_as_wide_as_the_terminal_allows(columns, capsys, monkeypatch,
     printed = capsys.readouterr().out
     assert {word for row in ROWS for cell in row for word in str(cell).split()} <= set(printed.split())
     assert printed == snapshot
-
-
-def test_a_file_has_no_width(capsys, monkeypatch):
-    monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.setattr("sys.__stdout__", None)
-    print_table(HEADINGS, [("x" * 300, "y" * 300, "z" * 300)])
-    assert len(capsys.readouterr().out.splitlines()) == 2

@@ -125,21 +125,14 @@ def test_the_last_step_leaves_a_checkpoint_too(steps: int, save_freq: int, check
     ("flags", "message"),
     [
         ({"task": "../../lift_ball"}, "is '../../lift_ball', but a benchmark is of one task"),
-        ({"task": "lift_ball,push_box"}, "is 'lift_ball,push_box', but a benchmark is of one task"),
         ({"variation": "../1"}, "variation is '../1', but must be an index of up to four digits, or any"),
-        ({"policy": "../act"}, "policy is '../act', but must be one of: act, peract2"),
-        ({"trained_on": "../all"}, "trained_on is '../all', but must be tasks and suites"),
         ({"trained_on": "all", "variation": "0"}, "--trained_on=all has demonstrations of any"),
         ({"trained_on": "all", "val_episodes": 20}, "val_episodes is 20, but of a network for several tasks"),
         ({"recipe": "tiny"}, "recipe is 'tiny', but must be one of: small, paper"),
         ({"save_freq": 0}, "save_freq: Input should be greater than or equal to 1, but is 0"),
-        ({"steps": 10**9}, "steps: Input should be less than or equal to 999999999"),
         ({"steps": 10**8, "save_freq": 1}, "save_freq must leave at most 10000 checkpoints"),
-        ({"seed": -1}, "seed: Input should be greater than or equal to 0, but is -1"),
-        ({"first_seed": 2**32}, "first_seed: Input should be less than or equal to 4294967295"),
         ({"steps": 4, "save_freq": 2, "val_episodes": 0}, "val_episodes is 0.* after 2, 4 steps"),
         ({"train_flags": "--steps=3"}, "sets --steps, which the benchmark sets itself"),
-        ({"train_flags": "--policy.depth 3"}, "holds '--policy.depth', but must hold flags of the form"),
         ({"eval_flags": "--policy.depth='3"}, "a shell could not read"),
     ],
 )
@@ -164,14 +157,9 @@ def test_benchmarks_of_several_tasks_share_one_network_and_nothing_else():
 
 
 def test_results_of_different_benchmarks_have_folders_and_files_of_their_own():
-    variants = [
-        {},
-        {"policy": "act"},
-        {"task": "push_box"},
-        {"variation": "0"},
-        {"recipe": "paper"},
-        {"seed": 1},
+    plans = [
+        Plan.of(BenchmarkConfig(**{name: value}))
+        for name, value in (("policy", "act"), ("task", "push_box"), ("variation", "0"), ("seed", 1))
     ]
-    plans = [Plan.of(BenchmarkConfig(**variant)) for variant in variants]
     assert len({plan.result for plan in plans}) == len({plan.run_folder for plan in plans}) == len(plans)
     assert Plan.of(BenchmarkConfig(variation="00")) == Plan.of(BenchmarkConfig(variation="0"))

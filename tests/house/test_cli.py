@@ -1,6 +1,5 @@
 """The command line: groups of commands, their help, exit codes, flags, and one line for every mistake."""
 
-import dataclasses
 import json
 import re
 import signal
@@ -11,12 +10,10 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.flag_help import describe_flags, field_comments
-from lerobot_bimanual.cli.flags import CONFIG_FLAG, BadCommandLine, flags_of, parse_flags
+from lerobot_bimanual.cli.flags import BadCommandLine, flags_of, parse_flags
 
 COMMAND = '''
 from dataclasses import dataclass
@@ -88,7 +85,6 @@ def test_help_of_a_command_shows_its_text_flags_and_examples(words, greeting, ca
     ("words", "code", "message"),
     [
         (["greed"], 2, "unknown command 'greed'. Did you mean 'greet'? Commands: dataset, "),
-        (["generate"], 2, "unknown command 'generate'. Did you mean 'dataset generate'? Commands: "),
         (["dataset", "verfy"], 2, "unknown command 'dataset verfy'. Did you mean 'dataset verify'? "),
         (["greet", "--nam=x"], 2, "unknown flag --nam. Did you mean '--name'? Valid flags: --name, --fail."),
         (["greet", "--fail=clearly"], 1, "there is no one to greet"),
@@ -191,7 +187,6 @@ def test_texts_arrive_as_they_were_typed(text):
         (["--cameras="], Config(cameras=())),
         (["--fractions=[0.35, 1]"], Config(fractions=(0.35, 1.0))),
         (["--size=64", "--workers", "-3"], Config(size=64, workers=-3)),
-        (["--size=480x640"], Config(size="480x640")),
         (["--force", "--workers=2"], Config(force=True, workers=2)),
         (["--force", "false"], Config(force=False)),
     ],
@@ -206,8 +201,6 @@ def test_flags_fill_the_dataclass(words, expected):
         (["frames"], "'frames' is not a flag"),
         (["--workers"], "flag --workers needs a value"),
         (["--workers=two"], "--workers is 'two', but must be an integer"),
-        (["--fractions=1,null"], "--fractions is ['1', 'null'], but must be a number"),
-        (["--force", ""], "--force is '', but must be true or false"),
         (["--view=keyframe"], "--view is 'keyframe', but must be one of: frames, keyframes. Did you mean"),
         (["--no\nflag=1"], "unknown flag '--no\\nflag'"),
         (["--config_path=absent.yaml"], "--config_path: 'absent.yaml' cannot be read: No such file"),
@@ -231,7 +224,6 @@ def test_flags_override_values_of_a_file_whose_mistakes_are_named_too(tmp_path):
         "worker: 3\n": "unknown flag --worker. Did you mean '--workers'?",
         "workers: [1]\n": "but must be a single value",
         "- 1": "must hold `name: value` lines",
-        "a: [": "cannot be read",
     }.items():
         path.write_text(content)
         with pytest.raises(BadCommandLine, match=re.escape(message)):
@@ -248,24 +240,3 @@ def test_help_comes_from_comments_beside_and_above_the_fields():
     ):
         assert f"{line}\n" in text
     assert "--output=path             where to (required)" in describe_flags(Needy)
-
-
-ODD = ["", "null", "[", "[1,2]", "{a: 1}", '"', "1e400", "9" * 5000, "!!python/object/apply:os.system [true]", "*a",
-       "\x00", "\udc80", "a\nb", "%", "--", "include /dev/zero", "[" * 3000, "\t", "/"]  # fmt: skip
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("command", CONFIGS)
-@given(data=st.data())
-def test_odd_words_give_a_config_or_one_line(command, data):
-    flags, values = list(flags_of(CONFIGS[command])), st.sampled_from(ODD) | st.text(max_size=20)
-    words = [f"--{flag.name}=x" for flag in flags if flag.default is dataclasses.MISSING]
-    name = data.draw(st.sampled_from([*(flag.name for flag in flags), CONFIG_FLAG, "", "nested.name"]))
-    value = data.draw(values)
-    words += data.draw(st.sampled_from([[f"--{name}={value}"], [f"--{name}", value], [value], [f"-{name}"]]))
-    message = ""
-    try:
-        assert isinstance(parse_flags(CONFIGS[command], words), CONFIGS[command])
-    except BadCommandLine as error:
-        message = str(error)
-    assert message.isprintable()

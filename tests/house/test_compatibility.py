@@ -1,4 +1,4 @@
-"""Versions that are refused by name, and flags that LeRobot is about to rename."""
+"""Versions that are refused by name, and ranges that the documents state."""
 
 import re
 import tomllib
@@ -6,13 +6,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from lerobot_bimanual.benchmark.config import BenchmarkConfig
-from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.recipes import GROUP
-from lerobot_bimanual.distributions import entries
-
 ROOT = Path(__file__).parents[2]
-TRACKERS = ("wandb", "trackio", "tracker")
 PYPROJECTS = (ROOT / "pyproject.toml", *ROOT.glob("*/pyproject.toml"))
 PROJECTS = [tomllib.loads(path.read_text())["project"] for path in PYPROJECTS]
 REQUIREMENTS = [
@@ -37,9 +31,3 @@ def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
         for name in ("lerobot", "mujoco", "gymnasium", "torch", "transformers", "numpy", "av")
     }
     assert {name: {range_} for name, range_ in stated.items()} == declared
-
-
-def test_a_benchmark_passes_no_flag_of_an_experiment_tracker() -> None:
-    for policy in entries(GROUP):
-        plan = Plan.of(BenchmarkConfig(policy=policy))
-        assert not [flag for flag in plan.settings.training if flag.partition(".")[0] in TRACKERS]

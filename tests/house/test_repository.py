@@ -38,7 +38,7 @@ def files_of_the_repository() -> list[Path]:
     return [path for line in listing.stdout.splitlines() if (path := ROOT / line).is_file()]
 
 
-def test_the_four_distributions_have_their_names_and_one_version() -> None:
+def test_the_four_distributions_have_one_version_and_require_each_other_in_it() -> None:
     projects = {name: project(folder) for name, folder in DISTRIBUTIONS.items()}
     assert {name: declared["name"] for name, declared in projects.items()} == {
         name: name for name in projects
@@ -48,12 +48,8 @@ def test_the_four_distributions_have_their_names_and_one_version() -> None:
     assert f'__version__ = "{version}"' in init
     assert f"## [{version}]" in (ROOT / "CHANGELOG.md").read_text()
     assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
-
-
-def test_the_distributions_require_each_other_in_exactly_their_version() -> None:
-    version = project(ROOT)["version"]
     for plugin in [*DISTRIBUTIONS][1:]:
-        assert f"lerobot_bimanual=={version}" in project(DISTRIBUTIONS[plugin])["dependencies"]
+        assert f"lerobot_bimanual=={version}" in projects[plugin]["dependencies"]
         assert f"{plugin}=={version}" in project(ROOT)["optional-dependencies"]["all"]
 
 
