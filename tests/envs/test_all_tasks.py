@@ -97,12 +97,6 @@ def test_conditions_are_told_as_they_are_after_a_tick(env):
     assert info["conditions"] == {condition.name: condition(env.scene) for condition in conditions}
 
 
-def test_props_are_at_rest_after_a_reset(env):
-    env.reset(seed=SEEDS[0])
-    for prop in env.task_definition.spec.props:
-        assert env.scene.speed(prop.name) < 0.01
-
-
 def test_the_same_seed_gives_the_same_state_after_any_history(name, env):
     env.reset(seed=SEEDS[0])
     fresh = env.state_hash()

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.target import Target
@@ -51,14 +50,6 @@ def test_the_same_episode_has_the_same_hash_after_every_tick(scene):
     assert len(set(first)) == len(first)
 
 
-def test_an_episode_does_not_remember_what_came_before(scene):
-    start_episode(scene, 3)
-    after_history = wiggle(scene, 10, 4)
-    fresh = make_scene()
-    start_episode(fresh, 3)
-    assert wiggle(fresh, 10, 4) == after_history
-
-
 def test_an_unstable_episode_leaves_no_trace(scene):
     start_episode(scene, 3)
     expected = wiggle(scene, 5, 4)
@@ -83,32 +74,6 @@ def test_a_restored_state_goes_on_exactly_as_the_original(scene):
     assert scene.ticks == 7
     assert np.array_equal(scene.pose("item").matrix, poses)
     assert wiggle(scene, 12, 7) == original
-
-
-def test_a_state_can_be_restored_in_another_scene_of_the_same_kind(scene):
-    start_episode(scene, 5)
-    wiggle(scene, 4, 6)
-    state = scene.save_state()
-    original = wiggle(scene, 8, 7)
-    other = make_scene()
-    other.restore_state(state)
-    assert wiggle(other, 8, 7) == original
-
-
-def test_positions_and_velocities_alone_would_not_be_enough(scene):
-    """Why the whole integration state is saved: solver warm starts change the last bits."""
-    start_episode(scene, 5)
-    wiggle(scene, 4, 6)
-    kind = mujoco.mjtState.mjSTATE_PHYSICS
-    physics = np.empty(mujoco.mj_stateSize(scene.model, kind))
-    mujoco.mj_getState(scene.model, scene.data, physics, kind)
-    state = scene.save_state()
-    original = wiggle(scene, 8, 7)
-    scene.restore_state(state)
-    mujoco.mj_resetData(scene.model, scene.data)
-    mujoco.mj_setState(scene.model, scene.data, physics, kind)
-    mujoco.mj_step1(scene.model, scene.data)
-    assert wiggle(scene, 8, 7) != original
 
 
 @pytest.mark.parametrize(

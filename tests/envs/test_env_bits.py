@@ -63,10 +63,3 @@ def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     episodes = unseeded_episodes()
     assert len(set(episodes)) == 2
     assert unseeded_episodes() == episodes
-
-
-def test_a_closed_environment_can_be_reset_again(state_env):
-    first = hash_sequence(state_env, seed=6)
-    state_env.close()
-    state_env.close()
-    assert hash_sequence(state_env, seed=6) == first

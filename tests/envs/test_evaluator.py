@@ -1,11 +1,8 @@
 """`expert evaluate`, its evaluator and its log: what is refused, kept and written, and that nothing is played twice."""
 
-import json
-
 import pytest
 from made_up_sweep import outcome, outcomes
 
-from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
 from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
@@ -13,7 +10,6 @@ from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.sweep import evaluator
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator, play
 from lerobot_env_bimanual.tasks.registry import TASKS
-from lerobot_env_bimanual.workers import Failure, WorkFailed
 
 FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed in (0, 1))
 
@@ -113,30 +109,6 @@ def test_an_accident_is_an_error_that_names_the_episode_after_all_others_are_pla
         assert len(running.play([specs[0], specs[2]], "playing")) == 2
 
 
-def test_an_accident_writes_no_report_and_keeps_what_was_played(tmp_path, monkeypatch):
-    output = tmp_path / "noop.json"
-    words = ["expert", "evaluate", "--task=lift_ball", "--player=noop", "--episodes=2", "--workers=1"]
-    words.append(f"--output={output}")
-    with monkeypatch.context() as patched:
-        patched.setattr(Evaluator, "_answers", _with_an_accident(Evaluator._answers))
-        assert main(words) == 1
-    assert not output.exists()
-    (kept,) = tmp_path.iterdir()
-    assert len(kept.read_text().splitlines()) == 2, "its head, and the other episode"
-    assert main(words) == 0
-    assert [*tmp_path.iterdir()] == [output]
-
-
-def _with_an_accident(answers):
-    """The process that plays the first item dies."""
-
-    def changed(*arguments):
-        for index, answer in answers(*arguments):
-            yield index, Failure(WorkFailed("killed")) if index == 0 else answer
-
-    return changed
-
-
 def test_the_log_forgets_episodes_of_other_versions_and_a_cut_line(tmp_path):
     path = tmp_path / "some" / "log.jsonl"
     log = EpisodeLog(path)
@@ -178,17 +150,3 @@ def test_a_log_with_damage_before_its_end_is_named_and_left_as_it_is(damage, tmp
     with pytest.raises(BimanualError, match=r"log\.jsonl, line 2: .*remove it to play them again"):
         EpisodeLog(path)
     assert path.read_bytes() == damaged
-
-
-def test_a_log_that_was_cut_at_any_byte_gives_what_was_whole(tmp_path):
-    path = tmp_path / "log.jsonl"
-    EpisodeLog(path).add(FIRST, outcome())
-    content = path.read_bytes()
-    header = content.index(b"\n")
-    for size in (0, 1, header, header + 1, header + 2, len(content) - 1):
-        path.write_bytes(content[:size])
-        assert EpisodeLog(path).get(FIRST) is None
-        assert path.read_bytes() == content[: header + 1]
-    path.write_bytes(content)
-    assert EpisodeLog(path).get(FIRST) == outcome()
-    assert json.loads(path.read_text().splitlines()[1])["outcome"]["task"] == "lift_ball"

@@ -18,7 +18,6 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 SEEDS = (0, 1)
 TASK_NAMES = list_tasks()
-NEED_BOTH_ARMS = [name for name in TASK_NAMES if get_task(name).spec.needs_both_arms]
 
 
 @pytest.fixture(scope="module")
@@ -88,16 +87,6 @@ def test_holding_still_ends_with_the_time(env_of):
     outcome = run_episode(env, SEEDS[0], make_player("noop", seed=0))
     assert outcome.failure == "out of time"
     assert outcome.ticks == env.task_definition.spec.horizon_ticks
-
-
-def test_the_paper_names_five_tasks_that_need_both_arms():
-    assert NEED_BOTH_ARMS == [
-        "dual_push_buttons",
-        "lift_ball",
-        "lift_tray",
-        "push_box",
-        "put_bottle_in_fridge",
-    ]
 
 
 @pytest.mark.sim

@@ -16,7 +16,6 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_expert
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.axis import Moment, Start
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.perturbations.words import colour_name, named_colours, paraphrases
@@ -268,15 +267,6 @@ def test_things_whose_colour_is_named_keep_it_and_no_other_thing_gets_it(task):
     env.close()
 
 
-def test_what_colours_are_called_is_what_tasks_call_them():
-    for task in ("dual_push_buttons", "handover_item"):
-        module = sys.modules[type(get_task(task)).__module__]
-        for word, rgba in module.COLORS.items():
-            assert colour_name(rgba[:3]) == word
-    assert named_colours(get_task("push_box").spec) == {"red"}
-    assert not named_colours(get_task("straighten_rope").spec)
-
-
 def test_all_surfaces_of_the_room_are_others_and_nothing_else_is():
     env = make("surfaces:3")
     env.reset(seed=SEED)
@@ -289,13 +279,6 @@ def test_all_surfaces_of_the_room_are_others_and_nothing_else_is():
 
 
 # -- words ------------------------------------------------------------------------------------------------
-
-
-def test_a_task_with_other_words_has_two_instructions_at_each_level():
-    assert set(paraphrases()) <= set(list_tasks())
-    for templates in paraphrases().values():
-        assert list(templates) == ["1", "2", "3"]
-        assert {len(sentences) for sentences in templates.values()} == {2}
 
 
 def test_paraphrases_are_distinct_and_none_is_a_nominal_instruction():
@@ -324,9 +307,3 @@ def test_words_of_the_variation_that_are_in_every_instruction_are_in_these(task)
         }
         for template in itertools.chain(*paraphrases()[task].values()):
             assert all(word in template.format(**variation.words) for word in needed)
-
-
-def test_tasks_of_others_have_no_other_words():
-    axis: Any = get_axis("instruction")
-    assert axis.applies_to(get_task(TASK).spec, mujoco.MjSpec())
-    assert not axis.applies_to(SimpleNamespace(name="somebody_elses_task"), mujoco.MjSpec())

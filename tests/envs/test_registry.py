@@ -9,20 +9,11 @@ from lerobot_env_bimanual.task import Prehension
 from lerobot_env_bimanual.tasks.registry import (
     TASKS,
     get_task,
-    gym_id,
     list_suites,
     list_tasks,
     register,
     resolve_tasks,
 )
-
-
-def test_tasks_are_listed_sorted_and_named_after_their_modules():
-    names = list_tasks()
-    assert list(names) == sorted(names)
-    for name in names:
-        assert type(get_task(name)).__module__ == f"lerobot_env_bimanual.tasks.{name}"
-        assert gym_id(name) == f"bimanual/{type(get_task(name)).__name__}-v0"
 
 
 def test_no_two_tasks_share_an_id():

@@ -9,12 +9,10 @@ from lerobot_env_bimanual.perturbations.registry import list_axes
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.rendering.layout import (
-    CAPTION_HEIGHT,
     GAP,
     GREEN,
     PANEL_WIDTH,
     Panel,
-    contact_sheet,
     gallery,
 )
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
@@ -22,28 +20,10 @@ from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.scene import Scene
 
 RED_RGB = (200, 10, 10)
-PITCH = np.array([300 + CAPTION_HEIGHT, PANEL_WIDTH]) + GAP
-"""Rows and columns from one panel of 3:4 to the next."""
 
 
 def red(**options) -> Panel:
     return Panel(np.full((30, 40, 3), RED_RGB, dtype=np.uint8), "caption", **options)
-
-
-def first_red(image) -> tuple[int, int]:
-    is_red = (np.asarray(image) == RED_RGB).all(axis=-1)
-    return int(np.nonzero(is_red.any(axis=1))[0][0]), int(np.nonzero(is_red.any(axis=0))[0][0])
-
-
-def test_a_gallery_centres_its_last_row_and_a_contact_sheet_has_room_for_its_title() -> None:
-    panels = [red() for _ in range(4)]
-    image = gallery(panels, columns=3)
-    assert (image.height, image.width) == tuple(PITCH * (2, 3) + GAP)
-    assert first_red(image.crop((0, PITCH[0], *image.size)))[1] == GAP + PITCH[1]
-    sheet = contact_sheet("title", ["line", "line"], panels, columns=3)
-    header = sheet.height - image.height
-    assert first_red(sheet) == (header + GAP, GAP)
-    assert first_red(sheet.crop((0, header + PITCH[0], *sheet.size)))[1] == GAP
 
 
 def test_a_colour_frames_its_picture() -> None:

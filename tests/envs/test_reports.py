@@ -8,16 +8,8 @@ import pytest
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.expert_report import ExpertReportConfig, expert_report
 from lerobot_env_bimanual.reports.expert_tables import ExpertReports, movable_items, success_table
-from lerobot_env_bimanual.reports.paper import ORIGINAL_ORACLE, PAPER
-from lerobot_env_bimanual.tasks.registry import list_tasks
 
 ROOT = Path(__file__).parents[2]
-
-
-def test_the_paper_s_figures_are_of_tasks_that_are_here():
-    assert set(PAPER) <= set(list_tasks())
-    assert len(PAPER) == 13
-    assert set(ORIGINAL_ORACLE) <= set(PAPER)
 
 
 def test_movable_items_are_free_objects_doors_drawers_and_buttons():

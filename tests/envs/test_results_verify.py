@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from planted_failures import expert_keyposes, played, reproved
 
-from lerobot_bimanual import cli
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
 from lerobot_bimanual.results.episode import Episode
@@ -139,12 +138,6 @@ def test_records_are_equal_bytes_in_any_number_of_processes_and_any_order(tmp_pa
     printed = capsys.readouterr().out
     assert "seed 3: ticks is 9, but 2 in the replay" in printed
     assert "world of lift_ball is 000000000000" in printed
-
-
-@pytest.mark.parametrize("leaf", ["diagnose", "verify"])
-def test_a_negative_seed_of_the_sample_is_refused(leaf, capsys):
-    assert cli.main(["results", leaf, "--results=.", "--sample_seed=-1"]) == 1
-    assert capsys.readouterr().err.endswith("sample_seed is -1, but must be at least 0\n")
 
 
 def test_fifty_keypose_episodes_take_less_than_500_kb(episode):

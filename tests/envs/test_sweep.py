@@ -17,7 +17,6 @@ from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConf
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.perturbations.registry import AXES, get_axis, list_axes
 from lerobot_env_bimanual.sweep import expert_robustness, robustness
-from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.sweep.conditions import conditions_of, solved_seeds
 from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -210,15 +209,6 @@ def test_expert_reports_list_failures_grow_and_play_again_what_has_changed(tmp_p
     assert MadeUpEvaluator.n_means == n_means  # if nothing is missing, no training episodes are played
     with pytest.raises(BimanualError, match="has expert_episodes"):
         expert_evaluate(replace(chosen, episodes=30))
-
-
-def test_a_checkpoint_says_which_images_it_reads():
-    checkpoint = Checkpoint.read(TRAINED)
-    assert checkpoint.policy == "peract2"
-    assert checkpoint.options == {
-        "cameras": "front,left_shoulder,right_shoulder,left_wrist,right_wrist",
-        "image_size": "128x128",
-    }
 
 
 @pytest.mark.parametrize(

@@ -73,8 +73,9 @@ def test_arrows_take_other_seeds_and_variations_in_the_middle_of_an_episode():
         Screen(
             ("0.3 s", (Key.RIGHT,)),
             ("seed 1, ", (Key.LEFT,)),
-            ("seed 0, ", (Key.LEFT,)),  # there is none before the first
+            ("seed 0, ", (Key.LEFT, ord("H"))),  # there is none before the first, and nothing to hide
             ("seed 0, ", (Key.UP, Key.UP)),
+            ("variation 2", (Key.DOWN, Key.DOWN, Key.DOWN)),  # variations go round
             ("0.1 s", (Key.BACKSPACE,)),
             ("0.0 s", ()),
         ),
@@ -88,23 +89,9 @@ def test_arrows_take_other_seeds_and_variations_in_the_middle_of_an_episode():
             "seed 1, variation 0",
             "seed 0, variation 1",
             "seed 0, variation 2",
+            "seed 0, variation 4",
         )
     }
-
-
-@pytest.mark.parametrize(
-    ("key", "episode"),
-    [
-        (Key.DOWN, ShownEpisode(3, 4)),
-        (Key.UP, ShownEpisode(3, 1)),
-        (Key.RIGHT, ShownEpisode(4)),
-        (Key.LEFT, ShownEpisode(2)),
-        (Key.BACKSPACE, ShownEpisode(3)),
-        (ord("H"), None),
-    ],
-)
-def test_keys_ask_for_episodes_and_variations_go_round(key, episode):
-    assert ShownEpisode(3).after(key, shown=0, variations=5) == episode
 
 
 def test_a_window_needs_a_display_that_opens(monkeypatch):

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.errors import InvalidChoice, UnknownTask
+from lerobot_bimanual.errors import UnknownTask
 from lerobot_env_bimanual.tasks.registry import get_task
-from lerobot_env_bimanual.workers import WorkerDied, WorkerPool, WorkFailed
+from lerobot_env_bimanual.workers import WorkerPool, WorkFailed
 
 FOREVER_S = 100_000
 
@@ -23,15 +23,6 @@ with WorkerPool(2) as pool:
     for _ in pool.map(time.sleep, [0, {FOREVER_S}, {FOREVER_S}], "sleeping", "night"):
         print("running", flush=True)
 """
-
-
-def test_results_come_in_order_from_workers_of_one_thread_each(capsys) -> None:
-    with WorkerPool(2) as pool:
-        assert list(pool.map(int, ["3", "1", "2"], "reading", "number")) == [3, 1, 2]
-        assert list(pool.map(os.getenv, ["OMP_NUM_THREADS"], "reading", "number", done=3)) == ["1"]
-    bar = capsys.readouterr().err
-    assert "reading: 100%" in bar
-    assert "4/4" in bar
 
 
 def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(jobs, tmp_path) -> None:
@@ -48,14 +39,6 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(jobs, tmp_pa
 def test_an_error_comes_home_as_it_was_raised() -> None:
     with pytest.raises(UnknownTask, match="unknown task 'wash_dishes'"), WorkerPool(1) as pool:
         list(pool.map(get_task, ["wash_dishes"], "looking", "task"))
-
-
-def test_the_death_of_a_worker_is_one_clear_error() -> None:
-    with (
-        pytest.raises(WorkerDied, match=r"1: its worker process died.*perhaps with fewer --workers"),
-        WorkerPool(1) as pool,
-    ):
-        list(pool.map(os._exit, [1], "dying", "worker"))
 
 
 @pytest.fixture
@@ -95,30 +78,11 @@ def test_whatever_goes_wrong_in_a_worker_comes_home_in_words(jobs):
             list(pool.map(function, [7], "trying", "number"))
 
 
-def test_a_worker_that_cannot_be_prepared_is_no_fault_of_an_item(jobs):
-    with (
-        pytest.raises(WorkFailed, match="unexpected FileNotFoundError: no such dataset"),
-        WorkerPool(2, jobs.fail_to_prepare) as pool,
-    ):
-        list(pool.map(int, ["1", "2"], "reading", "number", failed=lambda *_: 0))
-
-
-def test_a_pool_needs_a_number_of_workers():
-    with pytest.raises(InvalidChoice, match="workers is -3"):
-        WorkerPool(-3)
-
-
 def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
     with WorkerPool(2) as pool:
         for _ in pool.map(time.sleep, [0, FOREVER_S, FOREVER_S], "sleeping", "night"):
             break
         assert list(pool.map(int, ["3", "1"], "reading", "number")) == [3, 1]
-
-
-def test_an_interrupted_pool_does_not_wait_for_its_workers() -> None:
-    with pytest.raises(KeyboardInterrupt), WorkerPool(2) as pool:  # noqa: PT012
-        for _ in pool.map(time.sleep, [0, FOREVER_S], "sleeping", "night"):
-            raise KeyboardInterrupt
 
 
 @pytest.mark.slow

@@ -32,7 +32,3 @@ def raise_unportable(_: int) -> None:
 
 def result_without_a_pickle(_: int) -> object:
     return lambda: None
-
-
-def fail_to_prepare() -> None:
-    raise FileNotFoundError("no such dataset")

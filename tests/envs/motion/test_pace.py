@@ -9,7 +9,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_expert
-from lerobot_env_bimanual.motion.pace import BESIDE_M, CONTACT, FREE, HEAVY_KG, is_beside_heavy
+from lerobot_env_bimanual.motion.pace import BESIDE_M, FREE, HEAVY_KG, is_beside_heavy
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
@@ -37,12 +37,6 @@ def test_no_experts_arm_is_sent_faster_than_the_pace_of_free_motions(name):
     ):
         rates = np.abs(np.diff(joints, n=order, axis=0)) * CONTROL_HZ ** min(order, 2)
         assert (rates <= 1.01 * most).all()
-
-
-def test_contact_is_gentler_than_free_motion_and_both_leave_the_arm_a_reserve():
-    assert 1 > FREE.velocity_share > CONTACT.velocity_share
-    assert 1 > FREE.acceleration_share > CONTACT.acceleration_share
-    assert FREE.tip_m_s > CONTACT.tip_m_s
 
 
 BOX = Box("box", mass_kg=HEAVY_KG)
