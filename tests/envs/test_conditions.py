@@ -5,16 +5,8 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.conditions import (
-    Above,
-    AtRest,
-    CentredOn,
-    Held,
-    Inside,
-    Pressed,
-    Touched,
-    Untouched,
-)
+from lerobot_env_bimanual import conditions
+from lerobot_env_bimanual.conditions import Above, AtRest, Held, Pressed, Touched, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.target import Target
@@ -46,24 +38,31 @@ def close(scene, arm):
     scene.model.opt.gravity[:] = gravity
 
 
-def put_into_hand(scene, arm):
-    tcp = scene.tcp(arm)
-    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
-
-
 def test_above_compares_the_height_of_the_origin(scene):
     assert Above("item", 1.199)(scene)
     assert not Above("item", 1.201)(scene)
 
 
+CENTRED = conditions.CentredOn("item", "target", 0.05)
+INSIDE = conditions.Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05))
+
+
 @pytest.mark.parametrize(
-    ("offset", "met"), [((0.049, -0.049), True), ((0.051, 0), False), ((0, -0.051), False)]
+    ("condition", "offset", "met"),
+    [
+        (CENTRED, (0.049, -0.049, 0.1), True),
+        (CENTRED, (0.051, 0, 0.1), False),
+        (CENTRED, (0, -0.051, 0.1), False),
+        (INSIDE, (0.09, 0, 0.01), True),
+        (INSIDE, (0.11, 0, 0.01), False),
+        (INSIDE, (0, 0, -0.01), False),
+    ],
 )
-def test_centred_on_measures_in_the_axes_of_the_target(scene, offset, met):
+def test_places_are_measured_in_the_axes_of_the_target(scene, condition, offset, met):
     target = Pose.upright((0.3, 0.1, 0.75), np.deg2rad(30))
     scene.place("target", target)
-    scene.place("item", Pose.upright(target.apply((*offset, 0.1)), 1.0))
-    assert CentredOn("item", "target", 0.05)(scene) == met
+    scene.place("item", Pose.upright(target.apply(offset), 1.0))
+    assert condition(scene) == met
 
 
 def test_at_rest_is_about_speed(scene):
@@ -77,7 +76,8 @@ def test_at_rest_is_about_speed(scene):
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_a_closed_hand_holds_and_touches_what_is_between_its_fingers(scene, arm):
-    put_into_hand(scene, arm)
+    tcp = scene.tcp(arm)
+    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
     close(scene, arm)
     assert Held("item", arm)(scene)
     assert Touched("item", arm)(scene)
@@ -100,16 +100,6 @@ def test_a_forearm_is_part_of_the_arm_but_not_of_the_hand(scene):
     scene.place("item", Pose.upright(scene.data.geom_xpos[geom]))
     assert not Untouched("item", Arm.LEFT)(scene)
     assert not Touched("item", Arm.LEFT)(scene)
-
-
-@pytest.mark.parametrize(
-    ("offset", "met"), [((0.09, 0, 0.01), True), ((0.11, 0, 0.01), False), ((0, 0, -0.01), False)]
-)
-def test_inside_measures_in_the_axes_of_the_container(scene, offset, met):
-    target = Pose.upright((0.3, 0.1, 0.75), np.deg2rad(30))
-    scene.place("target", target)
-    scene.place("item", Pose.upright(target.apply(offset)))
-    assert Inside("item", "target", (-0.1, -0.05, 0.0), (0.1, 0.05, 0.05))(scene) == met
 
 
 def test_a_button_is_pressed_while_its_cap_is_down_and_springs_back():
