@@ -70,14 +70,11 @@ def test_observation_has_the_names_and_shapes_of_the_dataset(rgbd_env):
             continue
         value = names.pop(key)
         if feature["dtype"] == "float32":
-            assert value.dtype == np.float32
-            assert value.shape == feature["shape"]
+            assert (value.dtype, value.shape) == (np.float32, feature["shape"])
         elif feature.get("info"):
-            assert value.dtype == np.float32
-            assert value.shape == (1, 24, 32)
+            assert (value.dtype, value.shape) == (np.float32, (1, 24, 32))
         else:
-            assert value.dtype == np.uint8
-            assert value.shape == (24, 32, 3)
+            assert (value.dtype, value.shape) == (np.uint8, (24, 32, 3))
     assert not names
 
 
@@ -110,15 +107,11 @@ def with_entry(length: int, value: float) -> np.ndarray:
     ("control_mode", "action", "complaint"),
     [
         ("auto", np.zeros(17), "16 or 18"),
-        ("auto", np.zeros((1, 16)), "16 or 18"),
         ("auto", with_entry(16, np.nan), "left_joint4"),
         ("auto", with_entry(18, np.inf), "left_qw"),
-        ("auto", np.full(16, 1e300), "left_joint1"),
         ("auto", ["0"] * 16, "got str"),
         ("auto", np.zeros(16, complex), "got complex128"),
-        ("auto", np.zeros(16, bool), "got bool"),
         ("auto", [[0.0], *[0.0] * 15], "what NumPy cannot read"),
-        ("auto", None, "got shape"),
         ("joint", np.zeros(18), "16 numbers"),
         ("joint", with_entry(16, -9.0), "left_joint4"),
         ("keypose", np.zeros(16), "18 numbers"),
@@ -140,7 +133,6 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
     [
         ({"task": "lift_bal"}, UnknownTask, "lift_ball"),
         ({"variation": 99}, UnknownVariation, "any"),
-        ({"variation": 0.7}, UnknownVariation, "any"),
         ({"variation": True}, UnknownVariation, "any"),
         ({"variation": "red"}, UnknownVariation, "any"),
         ({"split": "dev"}, InvalidChoice, "train, val, test"),
@@ -149,9 +141,7 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
         ({"cameras": ("front", "top")}, UnknownCamera, "left_shoulder"),
         ({"cameras": ()}, InvalidChoice, "non-empty"),
         ({"image_size": 20_000}, InvalidChoice, "8 to 4096 pixels"),
-        ({"image_size": "64x64x64"}, InvalidChoice, "pixels"),
         ({"variation": np.zeros(2)}, InvalidChoice, "an index"),
-        ({"video_dir": 7}, InvalidChoice, "the path of a folder"),
         ({"video_dir": "/dev/null/films"}, InvalidChoice, "that can be written or made"),
         ({"max_keyposes": 0}, InvalidChoice, "at least 1"),
         ({"render_quality": "ultra"}, InvalidChoice, "observation, high"),
@@ -163,35 +153,19 @@ def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
         BimanualEnv(**({"task": TASK} | options))
 
 
-def test_fixing_the_variation_changes_nothing_else():
-    task = "handover_item"  # with several: of a single one nothing is drawn
-    drawn = BimanualEnv(task, obs="state")
-    drawn.reset(seed=3)
-    fixed = BimanualEnv(task, obs="state", variation=drawn.variation)
-    fixed.reset(seed=3)
-    assert fixed.state_hash() == drawn.state_hash()
-    assert fixed.task_description == drawn.task_description
-    drawn.close()
-    fixed.close()
+def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothing_else():
+    def episode(variation: str | int, **options) -> tuple:
+        env = BimanualEnv("handover_item", obs="state", variation=variation)
+        env.reset(seed=3, options=options)
+        env.close()
+        return env.variation, env.task_description, env.state_hash()
 
-
-def test_a_reset_can_choose_the_variation_of_its_episode():
-    env, fixed = (
-        BimanualEnv("handover_item", obs="state"),
-        BimanualEnv("handover_item", obs="state", variation=4),
-    )
-    env.reset(seed=3)
-    drawn = env.variation
-    env.reset(seed=3, options={"variation": 4})
-    fixed.reset(seed=3)
-    assert (env.variation, env.state_hash()) == (4, fixed.state_hash())
-    env.reset(seed=3, options={"somebody_elses": 1})
-    assert env.variation == drawn
+    drawn, *_ = episode("any")
+    assert episode("any") == episode(drawn) == episode("any", of_another_library=1)
+    assert drawn != 4
+    assert episode("any", variation=4) == episode(4)
     with pytest.raises(UnknownVariation, match="'handover_item' has no variation 5"):
-        env.reset(seed=3, options={"variation": 5})
-    assert env.variation == drawn
-    env.close()
-    fixed.close()
+        episode("any", variation=5)
 
 
 def test_options_may_be_given_together_and_single_ones_win():

@@ -90,7 +90,6 @@ CLASSES = {
     "the item of another colour": ("handover_item", another_item, FailureClass.WRONG_OBJECT),
     "a button of another colour": ("dual_push_buttons", another_button, FailureClass.WRONG_OBJECT),
     "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), FailureClass.DROPPED),
-    "a left grasp beside the item": (EASY, shifted(1, LEFT_X, 0.06), FailureClass.MISSED_GRASP),
     "a right grasp beside the rim": (TRAY, shifted(1, RIGHT_X, 0.06), FailureClass.MISSED_GRASP),
     "a hand that does not take over": (EASY, from_on(4, RIGHT_X, 0.15), FailureClass.MISSED_GRASP),
     "one hand after the other": ("dual_push_buttons", one_hand_after_the_other, FailureClass.OUT_OF_STEP),

@@ -23,20 +23,14 @@ make_lift_ball = partial(BimanualEnv, "lift_ball", image_size=16, cameras=("fron
 class CountingEnv(gym.Env):
     """Ends after three steps; counts what is asked of it."""
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
-    render_mode = "rgb_array"
     observation_space = gym.spaces.Box(0, 100, (1,), np.float32)
     action_space = gym.spaces.Box(0, 1, (16,), np.float32)
 
     def __init__(self):
-        self.resets = self.steps = self.tick = self.frames = 0
+        self.resets = self.steps = self.tick = 0
 
     def observe(self):
         return np.array([self.tick], dtype=np.float32)
-
-    def render(self):
-        self.frames += 1
-        return self.observe()
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
