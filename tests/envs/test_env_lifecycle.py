@@ -18,12 +18,8 @@ TASK = "lift_ball"
     [
         ({"seed": 0.5}, "seed is 0.5"),
         ({"seed": -1}, "seed is -1"),
-        ({"seed": 2**63}, "seed is 9223372036854775808"),
-        ({"seed": True}, "seed is True"),
-        ({"seed": "3"}, "seed is '3'"),
         ({"options": [("variation", 1)]}, "a mapping such as"),
         ({"options": {"variaton": 1}}, "an option of reset is 'variaton', but must be one of: variation"),
-        ({"options": {"variation": np.zeros(2)}}, "an index"),
     ],
 )
 def test_bad_arguments_of_reset_leave_the_episode_as_it_is(arguments, complaint, state_env):

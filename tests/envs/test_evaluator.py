@@ -4,10 +4,9 @@ import pytest
 from made_up_sweep import outcome, outcomes
 
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
-from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport
+from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.episode.reset import EpisodeReset
-from lerobot_env_bimanual.sweep import evaluator
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator, play
 from lerobot_env_bimanual.tasks.registry import TASKS
 
@@ -27,18 +26,6 @@ FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed i
 def test_evaluate_refuses_impossible_flags_before_it_starts_anything(changes, error, message):
     with pytest.raises(error, match=message):
         expert_evaluate(ExpertEvaluateConfig(**{"task": "lift_ball"} | changes))
-
-
-@pytest.mark.parametrize("player", PLAYERS)
-def test_evaluate_refuses_roundings_and_replays_that_would_change_nothing(player, monkeypatch):
-    def started(*_):
-        raise BimanualError("it starts")
-
-    monkeypatch.setattr(evaluator, "Evaluator", started)
-    for option, value in (("discretise", 100), ("replay", "joint")):
-        words = "it starts" if player in EXPERTS else f"^{option} of the player '{player}'"
-        with pytest.raises(BimanualError, match=words):
-            expert_evaluate(ExpertEvaluateConfig(player=player, **{option: value}))
 
 
 @pytest.mark.sim

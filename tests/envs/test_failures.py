@@ -17,7 +17,6 @@ from planted_failures import (
     shifted,
 )
 
-from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.errors import BimanualError, InvalidAction, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
@@ -114,30 +113,6 @@ def test_an_expert_that_stops_half_way_touches_nothing_wrong(task):
     expert = observed(task, keyposes)
     found, event = classify(task, observed(task, keyposes[: len(keyposes) // 2]), expert)
     assert found in (FailureClass.OUT_OF_TIME, FailureClass.OUT_OF_STEP), event
-
-
-def test_the_first_class_that_applies_is_taken():
-    nothing = {"failure": "", "unstable": False, "contact_force_n": 0.0, "gripped": frozenset(), "closed": {}}
-    nothing |= {"touched": frozenset(), "lost": {}, "met_together": False, "others_met": frozenset()}
-    expert = EpisodeEvents(
-        **nothing | {"gripped": frozenset({(Arm.LEFT, "item")}), "touched": frozenset({"item"}), "unmet": ()}
-    )
-    happened = nothing | {"failure": f"{INVALID_ACTION}NaN", "unstable": True, "closed": {Arm.LEFT: 8}}
-    happened |= {"gripped": frozenset({(Arm.RIGHT, "other")}), "lost": {"item": 7}, "unmet": ()}
-    undone = {
-        FailureClass.INVALID_ACTION: {"failure": "left arm: out of reach"},
-        FailureClass.UNREACHABLE: {"failure": ""},
-        FailureClass.COLLISION: {"unstable": False},
-        FailureClass.WRONG_OBJECT: {"gripped": frozenset()},
-        FailureClass.DROPPED: {"lost": {}},
-        FailureClass.MISSED_GRASP: {"closed": {}},
-        FailureClass.OUT_OF_STEP: {"unmet": ("a",)},
-        FailureClass.OUT_OF_TIME: {},
-    }
-    assert [*undone] == [*FailureClass]
-    for kind, change in undone.items():
-        assert classify("lift_ball", EpisodeEvents(**happened), expert)[0] == kind
-        happened |= change
 
 
 PLANTED = {

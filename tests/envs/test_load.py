@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from made_up_sweep import LIGHT
 
-from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.results.expert_report import LoadMetrics
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import load as load_module
@@ -67,14 +66,6 @@ def test_an_experts_loads_are_within_the_limits_of_the_real_arm(task):
     env.close()
     assert found.load is not None
     assert list(excesses(task, found.load)) == []
-
-
-def test_the_motors_of_the_model_are_as_strong_as_the_real_ones():
-    model = Scene().model
-    joints = [model.joint(name) for arm in ARMS for name in PANDA_PAIR.joint_names(arm)]
-    for joint, torque_nm in zip(joints, np.tile(LIMITS.torque_nm, 2), strict=True):
-        assert model.jnt_actgravcomp[joint.id]  # or the weight of the arm would not count
-        assert model.jnt_actfrcrange[joint.id] == pytest.approx([-torque_nm, torque_nm])
 
 
 def test_arms_that_hold_still_touch_nothing_and_carry_their_own_weight():

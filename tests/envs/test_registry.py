@@ -16,11 +16,6 @@ from lerobot_env_bimanual.tasks.registry import (
 )
 
 
-def test_no_two_tasks_share_an_id():
-    ids = [get_task(name).spec.id for name in list_tasks()]
-    assert len(set(ids)) == len(ids)
-
-
 @pytest.mark.parametrize("changes", [{"name": "new_name"}, {"id": 99}])
 def test_a_second_task_with_the_same_name_or_id_is_refused(changes):
     original = type(get_task("push_box"))

@@ -11,33 +11,18 @@ from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.scene import Scene
 
-ARMS_COUNT = 2
-
 
 def sleepers(scene: Scene) -> int:
     return int((scene.data.tree_asleep >= 0).sum())
 
 
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return Scene([Block()])
-
-
-def lay_down(scene: Scene) -> None:
-    scene.reset()
+def test_a_thing_at_rest_sleeps_until_a_reset_and_the_arms_never_do():
+    scene = Scene([Block()])
     scene.place("item", Pose.upright((0.25, 0.1, 0.79)))
     scene.settle(20)
-
-
-def test_a_thing_at_rest_sleeps_and_the_arms_never_do(scene):
-    lay_down(scene)
     assert sleepers(scene) == 1
     assert scene.speed("item") == 0
-    assert list(scene.data.tree_asleep[:ARMS_COUNT] < 0) == [True, True]
-
-
-def test_a_reset_wakes_everything_and_places_it_anew(scene):
-    lay_down(scene)
+    assert list(scene.data.tree_asleep[:2] < 0) == [True, True]
     scene.reset()
     assert sleepers(scene) == 0
     scene.place("item", Pose.upright((0.1, -0.2, 0.9)))

@@ -11,32 +11,22 @@ def read_frames(path) -> np.ndarray:
         return np.stack([frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)])
 
 
-def test_a_video_holds_every_frame_in_order(tmp_path):
+def test_a_video_holds_every_frame_in_order_in_a_format_that_browsers_play(tmp_path):
     shades = np.linspace(20, 230, 12).astype(np.uint8)
-    writer = VideoWriter(tmp_path, "shades")
+    writer = VideoWriter(tmp_path / "new", "shades", fps=20)
     for shade in shades:
         writer.add(np.full((48, 64, 3), shade, dtype=np.uint8))
-    frames = read_frames(writer.close("success"))
+    assert not list(tmp_path.rglob("*.mp4"))  # before it is complete
+    path = writer.close("success")
+    assert [*(tmp_path / "new").iterdir()] == [path]
+    assert path.name == "shades_success.mp4"
+    frames = read_frames(path)
     assert frames.shape == (12, 48, 64, 3)
     assert np.abs(frames.mean((1, 2, 3)) - shades).max() < 4
-
-
-def test_a_video_is_h264_that_browsers_play(tmp_path):
-    writer = VideoWriter(tmp_path, "clip", fps=20)
-    writer.add(np.zeros((48, 64, 3), dtype=np.uint8))
-    with av.open(str(writer.close("success"))) as container:
-        stream = container.streams.video[0]
-        assert stream.codec_context.name == "h264"
-        assert stream.codec_context.pix_fmt == "yuv420p"
-        assert stream.average_rate == 20
-
-
-def test_a_video_has_its_name_only_when_it_is_complete(tmp_path):
-    writer = VideoWriter(tmp_path / "new", "clip")
-    writer.add(np.zeros((48, 64, 3), dtype=np.uint8))
-    assert not list(tmp_path.rglob("*.mp4"))
-    writer.close("failure")
-    assert [path.name for path in (tmp_path / "new").iterdir()] == ["clip_failure.mp4"]
+    with av.open(str(path)) as container:
+        (stream,) = container.streams.video
+        context = stream.codec_context
+        assert (context.name, context.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 20)
 
 
 @pytest.fixture

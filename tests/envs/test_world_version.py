@@ -37,27 +37,26 @@ def test_every_task_has_its_own_and_several_have_one_together():
 SPEC = LiftBall.spec
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda patch: patch.setattr(
-            LiftBall, "spec", replace(SPEC, props=(replace(lift_ball.BALL, friction=0.31),))
-        ),
-        lambda patch: patch.setattr(
-            LiftBall, "spec", replace(SPEC, props=(replace(lift_ball.BALL, mass_kg=1.01),))
-        ),
-        lambda patch: patch.setattr(LiftBall, "spec", replace(SPEC, success=SPEC.success[:1])),
-        lambda patch: patch.setattr(LiftBall, "spec", replace(SPEC, instructions=("lift it",))),
-        lambda patch: patch.setattr(lift_ball, "AREA", replace(lift_ball.AREA, half_size_m=(0.17, 0.18))),
-        lambda patch: patch.setattr(lift_ball, "APPROACH_GAP_M", 0.08),
-        lambda patch: patch.setattr(planner, "REST_TICKS", 3),
-        lambda patch: patch.setattr(Scene, "settle", lambda self: None),
-    ],
-    ids=["friction", "mass", "success", "instruction", "placement", "expert", "motion", "settling"],
-)
+def ball(**changes):
+    return replace(SPEC, props=(replace(lift_ball.BALL, **changes),))
+
+
+CHANGES = {
+    "friction": (LiftBall, "spec", ball(friction=0.31)),
+    "mass": (LiftBall, "spec", ball(mass_kg=1.01)),
+    "success": (LiftBall, "spec", replace(SPEC, success=SPEC.success[:1])),
+    "instruction": (LiftBall, "spec", replace(SPEC, instructions=("lift it",))),
+    "placement": (lift_ball, "AREA", replace(lift_ball.AREA, half_size_m=(0.17, 0.18))),
+    "expert": (lift_ball, "APPROACH_GAP_M", 0.08),
+    "motion": (planner, "REST_TICKS", 3),
+    "settling": (Scene, "settle", lambda self: None),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
 def test_a_change_of_what_happens_changes_it(monkeypatch, change):
     before = world_version(TASK)
-    change(monkeypatch)
+    monkeypatch.setattr(*change)
     assert version_now() != before
 
 

@@ -76,9 +76,3 @@ def test_a_corner_without_any_room_stays():
         return bool(posture[1] < 1e-9 or posture[0] > 1 - 1e-9)
 
     assert np.linalg.norm(rounded(CORNER, is_free) - CORNER[1], axis=1).min() < STEP_RAD
-
-
-def test_a_straight_way_stays_one_with_knots_at_equal_steps():
-    knots = rounded(CORNER[:2], lambda posture: True)
-    assert np.abs(_bends(knots)).max() < 1e-12
-    assert np.abs(np.diff(knots, axis=0)).max() <= STEP_RAD
