@@ -43,6 +43,7 @@ def env(name, environments):
 
 def test_the_specification_is_consistent(name, task):
     spec = task.spec
+    assert type(task).__module__ == f"lerobot_env_bimanual.tasks.{name}"
     assert spec.name == name
     assert [variation.index for variation in spec.variations] == list(range(len(spec.variations)))
     assert spec.horizon_ticks > 0
@@ -50,20 +51,16 @@ def test_the_specification_is_consistent(name, task):
     assert len(set(props)) == len(props) > 0
 
 
-def test_every_variation_has_distinct_non_empty_instructions(task):
+def test_every_variation_has_distinct_conditions_and_instructions(task):
     for variation in task.spec.variations:
+        names = [condition.name for condition in task.conditions(variation)]
+        assert len(set(names)) == len(names) > 0
         instructions = task.spec.instructions_for(variation)
         assert all(instruction.strip() == instruction != "" for instruction in instructions)
         assert not any("{" in instruction for instruction in instructions)
         assert len(set(instructions)) == len(instructions) > 0
     canonical = [task.spec.instructions_for(variation)[0] for variation in task.spec.variations]
     assert len(set(canonical)) == len(canonical), "a policy could not tell the variations apart"
-
-
-def test_conditions_have_distinct_names_in_every_variation(task):
-    for variation in task.spec.variations:
-        names = [condition.name for condition in task.conditions(variation)]
-        assert len(set(names)) == len(names) > 0
 
 
 def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(task):

@@ -16,9 +16,7 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 FOLDER = Path(__file__).parents[2] / "results" / "expert_reports"
 REPORTS = {path.stem: ExpertReport.read(path) for path in sorted(FOLDER.glob("*.json"))}
-VARIATIONS = [
-    (name, variation.index) for name in list_tasks() for variation in get_task(name).spec.variations
-]
+VARIATIONS = [(name, each.index) for name in list_tasks() for each in get_task(name).spec.variations]
 
 
 @pytest.mark.parametrize(
@@ -39,7 +37,7 @@ def test_experts_must_succeed_in_99_percent_and_97_percent_rounded(player, discr
         ({"keyframes_found": False}, "keyframe discovery is right in 0 of 1"),
         (
             {"load": LIGHT.model_copy(update={"contact_force_n": 554.0})},
-            "contact_force_n is 554, but must be at most 100",
+            "contact_force_n is 554, but must be",
         ),
     ],
 )
@@ -73,7 +71,8 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
     assert ExpertReport.read(tmp_path / "report.json") == report
     assert report.worlds == {"lift_ball": world_version("lift_ball")}
     assert report.violations == ("lift_ball, variation 0: 4/5 is less than 99%",)
-    assert [(each.task, each.variation, each.load.torque) for each in report.loads] == [("lift_ball", 0, 0.9)]
+    (load,) = report.loads
+    assert (load.task, load.variation, load.load.torque) == ("lift_ball", 0, 0.9)  # the greatest
     assert {(each.commands, each.load, len(each.state_hash)) for each in report.episodes} == {((), None, 16)}
 
 
@@ -84,6 +83,9 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_committed_report_is_of_the_present_worlds_and_has_no_violation(name):
     report = REPORTS[name]
+    if name == "expert":
+        assert report.replay == "joint"
+        assert all(episode.replayed for episode in report.episodes if episode.success)
     assert report.worlds == {task: world_version(task) for task in report.tasks}
     assert report.violations == ()
     assert name.removesuffix("_discretised") == report.player
@@ -100,20 +102,12 @@ def test_the_experts_of_all_variations_are_evaluated_on_a_hundred_seeds(name, mi
         assert rate.successes >= minimum * rate.trials
 
 
-def test_every_solved_episode_of_the_exact_experts_replays_from_its_joint_actions():
-    report = REPORTS["expert"]
-    assert report.replay == "joint"
-    assert all(episode.replayed for episode in report.episodes if episode.success)
-
-
 def test_baselines_are_tried_on_every_task_or_variation():
     for name in ("noop", "random"):
         assert all(len(REPORTS[name].of_task(task)) >= 50 for task in list_tasks())
     assert sorted(REPORTS["open_loop"].by_variation) == sorted(VARIATIONS)
-    varied = [name for name in list_tasks() if len(get_task(name).spec.variations) > 1]
-    assert sorted(REPORTS["language_ablated"].by_variation) == [
-        key for key in sorted(VARIATIONS) if key[0] in varied
-    ]
+    varied = [key for key in VARIATIONS if len(get_task(key[0]).spec.variations) > 1]
+    assert sorted(REPORTS["language_ablated"].by_variation) == sorted(varied)
 
 
 def again(name: str, task: str, variation: int, index: int):
