@@ -203,11 +203,3 @@ def test_instructions_are_drawn_from_those_of_the_variation():
         drawn.add(env.task_description)
     env.close()
     assert drawn == set(spec.instructions_for(spec.variations[0]))
-
-
-def test_rendering_shows_the_front_camera(rgbd_env):
-    rgbd_env.reset(seed=0)
-    frame = rgbd_env.render()
-    assert (frame.dtype, frame.shape) == (np.uint8, (480, 640, 3))
-    small = rgbd_env.observe()["pixels"]["front"]
-    assert np.abs(frame.mean((0, 1)) - small.mean((0, 1))).max() < 10

@@ -26,7 +26,6 @@ from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.tasks import dual_push_buttons, handover_item
 from lerobot_env_bimanual.tasks._handover import hand_over
-from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
 
 pytestmark = pytest.mark.sim
@@ -104,15 +103,6 @@ def test_a_planted_failure_gets_its_class(task, change, kind):
     assert not expert.unmet
     found, event = classify(task, observed(task, change(keyposes)), expert)
     assert (found, bool(event)) == (kind, True), event
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("task", list_tasks())
-def test_an_expert_that_stops_half_way_touches_nothing_wrong(task):
-    keyposes = expert_keyposes(task)
-    expert = observed(task, keyposes)
-    found, event = classify(task, observed(task, keyposes[: len(keyposes) // 2]), expert)
-    assert found in (FailureClass.OUT_OF_TIME, FailureClass.OUT_OF_STEP), event
 
 
 PLANTED = {

@@ -10,7 +10,6 @@ from lerobot_env_bimanual.experts import load as load_module
 from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, felt, keyframes_found, run_measured
 from lerobot_env_bimanual.experts.runner import expert, run_expert
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
@@ -55,17 +54,6 @@ def test_keyframes_at_other_ticks_are_reported(env):
         ticks = [move.ticks for move in run_expert(env, SEED).moves]
     assert keyframes_found(np.array(actions), ticks)
     assert not keyframes_found(np.array(actions), [ticks[0] + 5, ticks[1] - 5, *ticks[2:]])
-
-
-@pytest.mark.slow
-@pytest.mark.sim
-@pytest.mark.parametrize("task", list_tasks())
-def test_an_experts_loads_are_within_the_limits_of_the_real_arm(task):
-    env = BimanualEnv(task, split="val", obs="state")
-    found = run_measured(env, SEED, expert())
-    env.close()
-    assert found.load is not None
-    assert list(excesses(task, found.load)) == []
 
 
 def test_arms_that_hold_still_touch_nothing_and_carry_their_own_weight():

@@ -52,17 +52,6 @@ def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(m
         assert away.max() < MAX_DISTANCE_M, f"{model.body(body).name} looks larger than it is"
 
 
-def test_what_an_arm_collides_with_is_not_drawn_but_for_its_finger_pads(model_and_data):
-    model, _ = model_and_data
-    of_arm = np.isin(
-        model.body_rootid[model.geom_bodyid], [model.body(f"{arm}_base").id for arm in ("left", "right")]
-    )
-    drawn = np.flatnonzero(of_arm & (model.geom_contype != 0) & (model.geom_group < 3))
-    assert {model.geom(geom).name for geom in drawn} == {
-        f"{arm}_pad{side}" for arm in ("left", "right") for side in (1, 2)
-    }
-
-
 def test_textures_are_the_same_pixels_on_every_machine():
     wood = boards((0.8, 0.7, 0.6), (40, 64), count=4, joints=2, seed=5)
     wall = plaster((0.6, 0.7, 0.7), (32, 48), skirting=3, seed=5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,7 +21,6 @@ from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
-from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.world.arena import build_spec
 
 AXES = [name for name in list_axes() if not get_axis(name).changes_only_observations]
@@ -129,24 +128,6 @@ def test_an_episode_is_the_same_wherever_and_after_whatever_it_is_played(axis, s
     env.restore_state(half)
     assert env.state_hash() == before[-1]
     assert hashes(env, moves[7:], start) == after
-
-
-@pytest.mark.parametrize("asynchronous", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_vector_environments_play_perturbed_episodes_alike(asynchronous):
-    axes = ",".join(f"{axis}:2" for axis in AXES if applies(axis, TASKS_OF_AXES[0]))
-    one = partial(BimanualEnv, TASKS_OF_AXES[0], obs="state", split="val", perturb=axes)
-    alone = one()
-    alone.reset(seed=7)
-    moves = alone.scene.commanded + wiggle(4)[:12]
-    for action in moves:
-        alone.step(action)
-    envs = LazyVectorEnv([one] * 2, asynchronous=asynchronous)
-    envs.reset(seed=[8, 7])
-    for action in moves:
-        envs.step(np.stack([action, action]))
-    assert envs.call("state_hash")[1] == alone.state_hash()
-    envs.close()
-    alone.close()
 
 
 def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():

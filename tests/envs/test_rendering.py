@@ -8,28 +8,9 @@ from lerobot_env_bimanual.commands.task_perturbations import TaskPerturbationsCo
 from lerobot_env_bimanual.perturbations.registry import list_axes
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
-from lerobot_env_bimanual.rendering.layout import (
-    GAP,
-    GREEN,
-    PANEL_WIDTH,
-    Panel,
-    gallery,
-)
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.scene import Scene
-
-RED_RGB = (200, 10, 10)
-
-
-def red(**options) -> Panel:
-    return Panel(np.full((30, 40, 3), RED_RGB, dtype=np.uint8), "caption", **options)
-
-
-def test_a_colour_frames_its_picture() -> None:
-    framed = np.asarray(gallery([red(color=GREEN)]))
-    assert tuple(framed[GAP, GAP]) == GREEN
-    assert tuple(framed[GAP + 150, GAP + PANEL_WIDTH // 2]) == RED_RGB
 
 
 @pytest.fixture(scope="module")

@@ -33,10 +33,3 @@ def test_what_was_not_played_is_marked(tmp_path):
 def test_a_folder_without_reports_is_refused_with_the_command_that_writes_them(tmp_path):
     with pytest.raises(BimanualError, match="expert evaluate --variation=each"):
         expert_report(ExpertReportConfig(expert_reports=tmp_path))
-
-
-def test_a_report_under_another_players_name_is_refused(tmp_path):
-    shutil.copy(ROOT / "results" / "expert_reports" / "expert.json", tmp_path)
-    shutil.copy(tmp_path / "expert.json", tmp_path / "noop.json")
-    with pytest.raises(BimanualError, match=r"noop\.json: player is 'expert', but must be 'noop'"):
-        ExpertReports.read(tmp_path)

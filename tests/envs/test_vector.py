@@ -23,6 +23,7 @@ make_lift_ball = partial(BimanualEnv, "lift_ball", image_size=16, cameras=("fron
 class CountingEnv(gym.Env):
     """Ends after three steps; counts what is asked of it."""
 
+    metadata = {"render_fps": 20}  # noqa: RUF012
     observation_space = gym.spaces.Box(0, 100, (1,), np.float32)
     action_space = gym.spaces.Box(0, 1, (16,), np.float32)
 

@@ -146,18 +146,6 @@ def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
     assert moved["front"] == pytest.approx(extrinsics["front"])
 
 
-def test_calibration_is_flat_float32_and_scales_with_the_image(scene):
-    extrinsics, intrinsics = calibration(scene, 128, 256)
-    assert (extrinsics.shape, extrinsics.dtype) == ((80,), np.float32)
-    assert (intrinsics.shape, intrinsics.dtype) == ((45,), np.float32)
-    fx, _, cx, _, fy, cy, *_ = intrinsics[:9]
-    assert fx == fy
-    assert (cx, cy) == (128, 64)
-    for matrix in extrinsics.reshape(5, 4, 4):
-        assert matrix[:3, :3] @ matrix[:3, :3].T == pytest.approx(np.eye(3), abs=1e-6)
-        assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     "cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))]
 )

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
@@ -65,10 +64,3 @@ def test_a_pose_out_of_reach_has_no_solution(kinematics):
     far = kinematics.fk(np.array([0.0, 0.5, 0.0, -1.5, 0.0, 1.8, 0.0]))
     far[:3, 3] += (0.0, 1.5, 0.0)
     assert kinematics.ik(far).shape == (0, 7)
-
-
-def test_margins_are_zero_at_the_limits_and_one_half_in_the_middle(kinematics):
-    middle = (kinematics.lower + kinematics.upper) / 2
-    assert kinematics.margins(kinematics.lower) == pytest.approx(np.zeros(7))
-    assert kinematics.margins(middle) == pytest.approx(np.full(7, 0.5))
-    assert kinematics.limit_closeness(kinematics.lower[None]) > kinematics.limit_closeness(middle[None])
