@@ -42,17 +42,10 @@ def scene() -> Scene:
     return make_scene()
 
 
-def test_the_same_episode_has_the_same_hash_after_every_tick(scene):
-    start_episode(scene, 0)
-    first = wiggle(scene, 15, 1)
-    start_episode(scene, 0)
-    assert wiggle(scene, 15, 1) == first
-    assert len(set(first)) == len(first)
-
-
 def test_an_unstable_episode_leaves_no_trace(scene):
     start_episode(scene, 3)
     expected = wiggle(scene, 5, 4)
+    assert len(set(expected)) == len(expected)
     scene.data.qvel[:] = np.nan
     scene.tick(scene.commanded)
     assert scene.unstable

@@ -154,22 +154,6 @@ def commands_of_every_step(scene: Scene, actions: np.ndarray, monkeypatch) -> np
     return np.array(seen)
 
 
-def test_who_watches_every_step_changes_nothing(scene):
-    watched = Scene([Block(), Target()])
-    actions = np.tile(scene.commanded, (16, 1))
-    actions[2:4, 3] += 0.02
-    actions[6:, 7] = 0.0  # a hand closes, and then both arms stand still
-    steps = []
-    for world in (scene, watched):
-        world.place("item", ON_TABLE)
-        world.settle()
-    for action in actions:
-        scene.tick(action)
-        watched.tick(action, [lambda: steps.append(watched.data.time)])
-        assert watched.state_hash() == scene.state_hash()
-    assert len(steps) == len(set(steps)) == len(actions) * STEPS_PER_TICK
-
-
 @pytest.mark.parametrize("task", list_tasks())
 def test_shells_that_are_only_seen_change_no_contact(task, monkeypatch):
     props = get_task(task).spec.props
