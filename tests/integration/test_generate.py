@@ -3,7 +3,6 @@
 import re
 import shlex
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,9 +113,9 @@ def test_any_process_with_any_history_writes_the_same_bytes(
 def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_path, capsys) -> None:
     config = small_generation(tmp_path / "one", view="keyframes", episodes=1, discretise=100)
     dataset_generate(config)
-    said = capsys.readouterr().out
-    assert re.match(r"1 episodes, 1 at a time: [\d.]+ minutes .* about \d+ MB\n", said)
-    assert f"next: lerobot-bimanual dataset verify --root={config.root}" in said
+    said = capsys.readouterr()
+    assert re.match(r"1 episodes, 1 at a time: [\d.]+ minutes .* about \d+ MB\n", said.out)
+    assert f"next: lerobot-bimanual dataset verify --root={config.root}" in said.err
     one, small = RecordedDataset(config.root).episode(0), RecordedDataset(generated / "keyframes").episode(0)
     assert one.meta == small.meta
     positions = one.columns[schema.NEXT_KEYPOSE][:, :3]
@@ -198,7 +197,7 @@ def test_skipped_seeds_are_listed_with_their_reason(
         outcome, episode = record(recorder, seed, variation)
         if seed % 2 == 0:
             return outcome, episode
-        return replace(outcome, failure="out of time", unmet=("lifted",)), None
+        return outcome.model_copy(update={"failure": "out of time", "unmet": ("lifted",)}), None
 
     monkeypatch.setattr(Recorder, "record", fail_on_odd_seeds)
     config = small_generation(tmp_path / "x", view="keyframes", episodes=1, first_seed=1)
