@@ -166,6 +166,7 @@ def check_video(path: Path, rows: int) -> None:
     Raises:
         DatasetError: a frame is missing or too many, or the file is damaged.
     """
+    frames = 0
     try:
         with av.open(str(path)) as container:
             frames = sum(1 for packet in container.demux(video=0) if packet.size)

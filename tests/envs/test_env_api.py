@@ -154,11 +154,12 @@ def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
 
 
 def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothing_else():
-    def episode(variation: str | int, **options) -> tuple:
+    def episode(variation: str | int, /, **options) -> tuple:
         env = BimanualEnv("handover_item", obs="state", variation=variation)
         env.reset(seed=3, options=options)
+        found = env.variation, env.task_description, env.state_hash()
         env.close()
-        return env.variation, env.task_description, env.state_hash()
+        return found
 
     drawn, *_ = episode("any")
     assert episode("any") == episode(drawn) == episode("any", of_another_library=1)

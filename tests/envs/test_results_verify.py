@@ -15,9 +15,9 @@ from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.vector import LazyVectorEnv
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
+from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.verification.episodes import EpisodeVerifier
 
 pytestmark = pytest.mark.sim
