@@ -91,7 +91,14 @@ def checkpoint_config(folder: Path) -> dict:
 def room(tmp_path_factory) -> Path:
     """A folder with a dataset of two demonstrations in both views."""
     folder = tmp_path_factory.mktemp("room")
-    flags = ("--task=push_box", "--episodes=2", f"--image_size={SIZE}", "--workers=1", "--root=data")
+    flags = (
+        "--task=push_box",
+        "--episodes=2",
+        f"--image_size={SIZE}",
+        "--workers=1",
+        "--view=both",
+        "--root=data",
+    )
     run("lerobot-bimanual", "dataset", "generate", *flags, folder=folder)
     return folder
 
