@@ -135,8 +135,8 @@ def test_a_checkpoint_elsewhere_warns_and_without_depth_stops_with_the_flag(room
         "--eval.batch_size=1",
     )
     said = run("lerobot-eval", *flags, "--output_dir=away/eval", folder=room)
-    assert said.count("never trained to 'lift the ball'") == 1
-    assert said.count("--env.image_size=32") == 1
+    assert said.count("never trained with 'lift the ball'") == 1
+    assert said.count("--env.image_size=32x32") == 1
     said = run("lerobot-eval", *flags, "--env.obs=rgb", "--output_dir=away/rgb", folder=room, fails=True)
     (line,) = [line for line in said.splitlines() if "BadObservation: " in line]
     assert "--env.obs=rgbd" in line
