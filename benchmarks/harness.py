@@ -57,19 +57,21 @@ def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> fl
     program = Path(sys.executable).with_name(str(words[0]))
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become our children, whose time is counted
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
+    started = subprocess.Popen(
         [program, *map(str, words[1:])],
         cwd=folder,
         env=os.environ | {"HF_HUB_OFFLINE": "1"},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=False,
+        start_new_session=True,
     )
-    if done.returncode != 0:
-        sys.exit(f"{shlex.join(map(str, words))}\n{done.stdout[-1000:]}\n{done.stderr[-3000:]}")
+    printed, errors = started.communicate()
+    if started.returncode != 0:
+        sys.exit(f"{shlex.join(map(str, words))}\n{printed[-1000:]}\n{errors[-3000:]}")
     with contextlib.suppress(ChildProcessError):
         while True:  # a server of worker processes ends after its parent
-            os.wait()
+            os.waitpid(-started.pid, 0)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
