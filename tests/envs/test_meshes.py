@@ -5,8 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from lerobot_env_bimanual.props.lathe import lathe
-from lerobot_env_bimanual.props.slab import slab
+from lerobot_env_bimanual.props.meshes import lathe, slab
 
 CYLINDER = [(0, -0.1), (0.2, -0.1), (0.2, 0.1), (0, 0.1)]
 RING_FOOT = [(0, 0.01), (0.1, 0.01), (0.1, 0), (0.2, 0), (0.2, 0.1), (0, 0.1)]

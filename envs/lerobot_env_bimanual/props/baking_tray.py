@@ -5,8 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
-from lerobot_env_bimanual.props.tray_board import add_board
+from lerobot_env_bimanual.props.prop import (
+    VISUAL_ONLY,
+    add_box,
+    add_cylinder,
+    add_free_body,
+    draw_box,
+    graspable,
+)
 
 ALUMINIUM = (0.86, 0.87, 0.90, 1.0)
 RIM = (0.74, 0.75, 0.79, 1.0)
@@ -43,49 +49,36 @@ class BakingTray:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handle and rim, and paper and biscuits for the eye."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
         x, y, z = np.array(self.size_m) / 2
         handle_x, handle_y = np.array(self.handle_size_m) / 2
         board_x, board_half_x = handle_x, x - handle_x
         metal_kg = self.mass_kg * (1 - RIM_MASS_SHARE)
         handle_share = handle_x * handle_y / (handle_x * handle_y + board_half_x * y)
-        board = (board_half_x, y, z)
-        add_board(
-            body,
-            (board_x, 0, 0),
-            board,
-            ALUMINIUM,
-            metal_kg * (1 - handle_share),
-            self.friction,
-            name=self.name,
-        )
-        handle = (handle_x, handle_y, z)
-        add_board(body, (handle_x - x, 0, 0), handle, ALUMINIUM, metal_kg * handle_share, self.friction)
+        board, metal = (board_half_x, y, z), {"rgba": ALUMINIUM, **graspable(self.friction)}
+        add_box(body, (board_x, 0, 0), board, name=self.name, mass=metal_kg * (1 - handle_share), **metal)
+        add_box(body, (handle_x - x, 0, 0), (handle_x, handle_y, z), mass=metal_kg * handle_share, **metal)
         self._add_rim(body, board_x, board)
         self._add_biscuits(body, board_x, board)
 
     def _add_rim(self, body, board_x: float, board) -> None:
         x, y, z = board
         width, height = RIM_HALF_M
+        rim = {"rgba": RIM, "mass": self.mass_kg * RIM_MASS_SHARE / 4, **graspable(self.friction)}
         for side in (-1, 1):
             for position, size in (
                 ((board_x + side * (x - width), 0, z + height), (width, y, height)),
                 ((board_x, side * (y - width), z + height), (x, width, height)),
             ):
-                add_board(body, position, size, RIM, self.mass_kg * RIM_MASS_SHARE / 4, self.friction)
+                add_box(body, position, size, **rim)
 
     def _add_biscuits(self, body, board_x: float, board) -> None:
         x, y, z = board
         paper = (x - PAPER_INSET_M, y - PAPER_INSET_M, PAPER_HALF_THICKNESS_M)
-        add_box(body, (board_x, 0, z), paper, rgba=PAPER, **VISUAL_ONLY)
+        draw_box(body, (board_x, 0, z), paper, rgba=PAPER)
         for column in np.linspace(-1, 1, 2) * 0.45 * x:
             for row in np.linspace(-1, 1, 4) * 0.66 * y:
+                place = (board_x + column, row, z + BISCUIT_HALF_HEIGHT_M)
                 add_cylinder(
-                    body,
-                    (board_x + column, row, z + BISCUIT_HALF_HEIGHT_M),
-                    BISCUIT_RADIUS_M,
-                    BISCUIT_HALF_HEIGHT_M,
-                    rgba=BISCUIT,
-                    **VISUAL_ONLY,
+                    body, place, BISCUIT_RADIUS_M, BISCUIT_HALF_HEIGHT_M, rgba=BISCUIT, **VISUAL_ONLY
                 )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.props.prop import add_free_body, add_sphere
 
 GORE_COLORS = np.array(
     [(232, 64, 60), (250, 250, 250), (255, 196, 46), (250, 250, 250), (48, 112, 210), (250, 250, 250)],
@@ -46,12 +47,11 @@ class Ball:
         texture.data = beach_ball_texture().tobytes()
         material = spec.add_material(name=self.name, specular=0.3, shininess=0.4)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = self.name
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
-        body.add_geom(
+        add_sphere(
+            add_free_body(spec, self.name),
+            (0, 0, 0),
+            self.radius_m,
             name=self.name,
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=(self.radius_m, 0, 0),
             mass=self.mass_kg,
             material=self.name,
             friction=(self.friction, 0.01, 0.001),

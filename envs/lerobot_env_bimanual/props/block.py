@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
+from lerobot_env_bimanual.props.prop import add_box, add_free_body, draw_box, graspable
 
 RED = (1.0, 0.0, 0.0, 1.0)
+PAPER = (0.97, 0.96, 0.92, 1)
 LABEL_THICKNESS_M = 0.0003
 
 
@@ -30,23 +31,7 @@ class Block:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the block and a paper label around its waist."""
         half = np.array(self.size_m) / 2
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
-        add_box(
-            body,
-            (0, 0, 0),
-            half,
-            name=self.name,
-            mass=self.mass_kg,
-            rgba=self.rgba,
-            friction=(0.8, 0.005, 0.0001),
-            condim=4,
-            solref=(0.006, 1),
-        )
-        add_box(
-            body,
-            (0, 0, 0),
-            (half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2]),
-            rgba=(0.97, 0.96, 0.92, 1),
-            **VISUAL_ONLY,
-        )
+        body = add_free_body(spec, self.name)
+        add_box(body, (0, 0, 0), half, name=self.name, mass=self.mass_kg, rgba=self.rgba, **graspable(0.8))
+        label = (half[0] + LABEL_THICKNESS_M, half[1] + LABEL_THICKNESS_M, 0.12 * half[2])
+        draw_box(body, (0, 0, 0), label, rgba=PAPER)

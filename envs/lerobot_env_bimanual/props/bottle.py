@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.lathe import add_lathe
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_cylinder
+from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
+from lerobot_env_bimanual.props.prop import UNSEEN, add_cylinder, add_free_body, graspable
 
 GLASS = (0.13, 0.45, 0.24, 1.0)
 PAPER = (0.96, 0.94, 0.86, 1.0)
@@ -19,9 +19,6 @@ LABEL_M = (0.030, 0.068)
 """Lower and upper edge of the paper around the body."""
 LABEL_PROUD_M = 0.0003
 BODY_MASS_SHARE, SHOULDER_MASS_SHARE, NECK_MASS_SHARE = 0.86, 0.07, 0.07
-
-HIDDEN_GROUP = 3
-MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
@@ -40,24 +37,14 @@ class Bottle:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write what is felt, then glass, label and cap."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
         for radius, bottom, top, share in (
             (BODY_RADIUS_M, 0, BODY_HEIGHT_M, BODY_MASS_SHARE),
             (SHOULDER_RADIUS_M, BODY_HEIGHT_M, NECK_BOTTOM_M, SHOULDER_MASS_SHARE),
             (CAP_RADIUS_M, NECK_BOTTOM_M, HEIGHT_M, NECK_MASS_SHARE),
         ):
-            add_cylinder(
-                body,
-                (0, 0, (bottom + top) / 2),
-                radius,
-                (top - bottom) / 2,
-                mass=share * self.mass_kg,
-                friction=(self.friction, 0.005, 0.0001),
-                condim=4,
-                solref=(0.006, 1),
-                group=HIDDEN_GROUP,
-            )
+            felt = {"mass": share * self.mass_kg, **graspable(self.friction), **UNSEEN}
+            add_cylinder(body, (0, 0, (bottom + top) / 2), radius, (top - bottom) / 2, **felt)
         paper = BODY_RADIUS_M + LABEL_PROUD_M
         low, high = LABEL_M
         glass = [
@@ -75,5 +62,5 @@ class Bottle:
         cap = [(0, CAP_BOTTOM_M), (CAP_RADIUS_M, CAP_BOTTOM_M), (CAP_RADIUS_M, HEIGHT_M), (0, HEIGHT_M)]
         for part, profile, rgba in (("glass", glass, GLASS), ("label", label, PAPER), ("cap", cap, CAP)):
             mesh = f"{self.name}_{part}"
-            add_lathe(spec, mesh, profile)
-            body.add_geom(type=MESH, meshname=mesh, rgba=rgba, **VISUAL_ONLY)
+            add_mesh(spec, mesh, lathe(profile))
+            draw_mesh(body, mesh, rgba=rgba)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
+from lerobot_env_bimanual.props.prop import add_box, add_free_body, draw_box
 
 CARDBOARD = (0.76, 0.58, 0.38, 1.0)
 TAPE = (0.66, 0.62, 0.86, 1.0)
@@ -34,8 +34,7 @@ class Box:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the parcel, its tape and label, and its contact with the table."""
         half = np.array(self.size_m) / 2
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
         add_box(
             body,
             (0, 0, 0),
@@ -71,4 +70,4 @@ class Box:
         for side in (-1, 1):
             sheets.append(((side * x, 0, z - tape_end), (paper, tape_half_width, tape_end), TAPE))
         for position, size, rgba in sheets:
-            add_box(body, position, size, rgba=rgba, **VISUAL_ONLY)
+            draw_box(body, position, size, rgba=rgba)

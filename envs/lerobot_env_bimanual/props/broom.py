@@ -1,11 +1,22 @@
-"""A hand broom."""
+"""A hand broom, and a stand with a fork in which its stick leans upright."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY, add_box, add_cylinder
+from lerobot_env_bimanual.props.prop import (
+    DIRT_ONLY,
+    TABLE_ONLY,
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_capsule,
+    add_cylinder,
+    add_free_body,
+    add_sphere,
+    draw_box,
+)
 
 WOOD = (0.80, 0.62, 0.38, 1.0)
 PAINT = (0.78, 0.20, 0.16, 1.0)
@@ -25,9 +36,18 @@ TUFTS = 15
 
 STICK_MASS_KG, HEAD_MASS_KG, BRISTLE_MASS_KG, WING_MASS_KG, FOOT_MASS_KG = 0.06, 0.10, 0.02, 0.005, 0.01
 
-HIDDEN_GROUP = 3
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
+STEEL = (0.36, 0.38, 0.42, 1.0)
+RUBBER = (0.16, 0.16, 0.17, 1.0)
+POLE_Y_M = 0.085
+POLE_RADIUS_M = 0.012
+STAND_RADIUS_M = 0.055
+STAND_HALF_HEIGHT_M = 0.006
+PRONG_HALF_M = (0.004, 0.045, 0.012)
+PRONG_Y_M = 0.030
+BAR_HALF_M = (0.022, 0.008, 0.012)
+BAR_Y_M = 0.073
+TIP_HALF_LENGTH_M = 0.006
+"""The stand's pole and foot, the prongs of its fork, the bar that joins them, and their rubber tips."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +67,7 @@ class Broom:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write stick and head, the bristles and feet as they are felt, and the tufts as they are seen."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
         self._add_stick(body)
         add_box(body, (0, 0, HEAD_Z_M), HEAD_HALF_M, mass=HEAD_MASS_KG, rgba=PAINT)
         self._add_bristles(body)
@@ -59,57 +78,40 @@ class Broom:
         """Felt as a square bar, whose sides a gripper holds firmly; seen as a round one."""
         half, bottom = STICK_HALF_WIDTH_M, HEAD_Z_M
         middle, half_length = (self.height_m + bottom) / 2, (self.height_m - bottom) / 2
-        add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, group=HIDDEN_GROUP)
+        add_box(body, (0, 0, middle), (half, half, half_length), mass=STICK_MASS_KG, **UNSEEN)
         add_cylinder(body, (0, 0, middle), half, half_length, rgba=WOOD, **VISUAL_ONLY)
-        body.add_geom(type=SPHERE, pos=(0, 0, self.height_m), size=(half, 0, 0), rgba=PAINT, **VISUAL_ONLY)
+        add_sphere(body, (0, 0, self.height_m), half, rgba=PAINT, **VISUAL_ONLY)
         socket = 1.6 * half
-        add_cylinder(
-            body,
-            (0, 0, HEAD_Z_M + HEAD_HALF_M[2] + socket / 2),
-            socket,
-            socket / 2,
-            rgba=PAINT,
-            **VISUAL_ONLY,
-        )
+        socket_z = HEAD_Z_M + HEAD_HALF_M[2] + socket / 2
+        add_cylinder(body, (0, 0, socket_z), socket, socket / 2, rgba=PAINT, **VISUAL_ONLY)
 
     def _add_bristles(self, body) -> None:
         half_x, _, head_half_z = HEAD_HALF_M
         top = HEAD_Z_M - head_half_z
         z, half_z = (top - BRISTLE_REACH_M) / 2, (top + BRISTLE_REACH_M) / 2
+        sweeping = {"solref": (0.004, 1), "contype": DIRT_ONLY, "conaffinity": 0, **UNSEEN}
         block = (half_x, BRISTLE_HALF_DEPTH_M, half_z)
-        self._add_sweeping(body, (0, 0, z), block, BRISTLE_MASS_KG)
+        add_box(body, (0, 0, z), block, mass=BRISTLE_MASS_KG, **sweeping)
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, z)
-            self._add_sweeping(body, place, (wing_x, wing_y, half_z), WING_MASS_KG)
-
-    def _add_sweeping(self, body, position, size, mass: float) -> None:
-        add_box(
-            body,
-            position,
-            size,
-            mass=mass,
-            solref=(0.004, 1),
-            contype=DIRT_ONLY,
-            conaffinity=0,
-            group=HIDDEN_GROUP,
-        )
+            add_box(body, place, (wing_x, wing_y, half_z), mass=WING_MASS_KG, **sweeping)
 
     def _add_feet(self, body) -> None:
         half_x, half_y, _ = HEAD_HALF_M
         for side in (-1, 1):
             x, y, z = side * (half_x - FOOT_RADIUS_M), half_y - FOOT_RADIUS_M, FOOT_RADIUS_M
-            body.add_geom(
-                type=CAPSULE,
-                size=(FOOT_RADIUS_M, 0, 0),
-                fromto=(x, -y, z, x, y, z),
+            add_capsule(
+                body,
+                (x, -y, z, x, y, z),
+                FOOT_RADIUS_M,
                 mass=FOOT_MASS_KG,
                 condim=1,  # without friction; with the table's the broom trails behind the hand
                 priority=2,
                 solref=(-FOOT_STIFFNESS, -FOOT_DAMPING),
                 contype=TABLE_ONLY,
                 conaffinity=0,
-                group=HIDDEN_GROUP,
+                **UNSEEN,
             )
 
     def _add_tufts(self, body) -> None:
@@ -120,15 +122,40 @@ class Broom:
         for tuft in range(TUFTS):
             share = (tuft - (TUFTS - 1) / 2) / (TUFTS / 2)
             angle = -0.12 * share
-            add_box(
-                body,
-                (share * half_x, 0, half_z),
-                (0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z),
-                quat=(np.cos(angle / 2), 0, np.sin(angle / 2), 0),
-                rgba=STRAW[tuft % 2],
-                **VISUAL_ONLY,
-            )
+            straw = (0.52 * spacing, BRISTLE_HALF_DEPTH_M, half_z)
+            turned = (np.cos(angle / 2), 0, np.sin(angle / 2), 0)
+            draw_box(body, (share * half_x, 0, half_z), straw, quat=turned, rgba=STRAW[tuft % 2])
         wing_x, wing_y = WING_HALF_M
         for side in (-1, 1):
             place = (side * (half_x - wing_x), -BRISTLE_HALF_DEPTH_M - wing_y, half_z)
-            add_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1], **VISUAL_ONLY)
+            draw_box(body, place, (wing_x, wing_y, half_z), rgba=STRAW[1])
+
+
+@dataclass(frozen=True)
+class BroomStand:
+    """A static pole with a fork that is open towards -y; its frame lies under the fork, where the broom stands.
+
+    Attributes:
+        name: body.
+        fork_height_m: of the fork's middle above the table.
+        gap_m: between the prongs.
+    """
+
+    name: str = "stand"
+    fork_height_m: float = 0.235
+    gap_m: float = 0.028
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write foot, pole and fork, and rubber tips for the eye."""
+        body = spec.worldbody.add_body(name=self.name)
+        z, half_height = self.fork_height_m, (self.fork_height_m + PRONG_HALF_M[2]) / 2
+        foot_z = STAND_HALF_HEIGHT_M
+        add_cylinder(body, (0, POLE_Y_M, foot_z), STAND_RADIUS_M, STAND_HALF_HEIGHT_M, rgba=RUBBER)
+        add_cylinder(body, (0, POLE_Y_M, half_height), POLE_RADIUS_M, half_height, rgba=STEEL)
+        add_box(body, (0, BAR_Y_M, z), BAR_HALF_M, rgba=STEEL)
+        half_x, half_y, half_z = PRONG_HALF_M
+        for side in (-1, 1):
+            x = side * (self.gap_m / 2 + half_x)
+            add_box(body, (x, PRONG_Y_M, z), PRONG_HALF_M, rgba=STEEL)
+            tip = (half_x + 0.0008, TIP_HALF_LENGTH_M, half_z + 0.0008)
+            draw_box(body, (x, PRONG_Y_M - half_y + TIP_HALF_LENGTH_M, z), tip, rgba=RUBBER)

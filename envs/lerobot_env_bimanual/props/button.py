@@ -1,6 +1,7 @@
 """A push button with a spring under its cap."""
 
 from dataclasses import dataclass
+from itertools import product
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
@@ -26,8 +27,6 @@ COLLAR_MARGIN_M = 0.004
 COLLAR_HALF_HEIGHT_M = 0.0015
 SCREW_OFFSET_M = 0.041
 SCREW_RADIUS_M = 0.0035
-
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
 @dataclass(frozen=True)
@@ -62,16 +61,14 @@ class Button:
         add_cylinder(
             cap, (0, 0, CAP_HEIGHT_M / 2), CAP_RADIUS_M, CAP_HEIGHT_M / 2, mass=CAP_MASS_KG, rgba=RED
         )
-        top = (0.75 * CAP_RADIUS_M, COLLAR_HALF_HEIGHT_M / 3, 0)
-        cap.add_geom(type=CYLINDER, pos=(0, 0, CAP_HEIGHT_M), size=top, rgba=HIGHLIGHT, **VISUAL_ONLY)
+        top = (0.75 * CAP_RADIUS_M, COLLAR_HALF_HEIGHT_M / 3)
+        add_cylinder(cap, (0, 0, CAP_HEIGHT_M), *top, rgba=HIGHLIGHT, **VISUAL_ONLY)
         spec.add_exclude(bodyname1=self.name, bodyname2=cap.name)  # the cap sinks into the base
 
     def _add_trimmings(self, base) -> None:
         """A collar around the cap and a screw in each corner."""
-        size = (CAP_RADIUS_M + COLLAR_MARGIN_M, COLLAR_HALF_HEIGHT_M, 0)
-        base.add_geom(type=CYLINDER, pos=(0, 0, BASE_HEIGHT_M), size=size, rgba=COLLAR, **VISUAL_ONLY)
-        screw = (SCREW_RADIUS_M, COLLAR_HALF_HEIGHT_M / 2, 0)
-        for x in (-SCREW_OFFSET_M, SCREW_OFFSET_M):
-            for y in (-SCREW_OFFSET_M, SCREW_OFFSET_M):
-                place = (x, y, BASE_HEIGHT_M)
-                base.add_geom(type=CYLINDER, pos=place, size=screw, rgba=STEEL, **VISUAL_ONLY)
+        collar = (CAP_RADIUS_M + COLLAR_MARGIN_M, COLLAR_HALF_HEIGHT_M)
+        add_cylinder(base, (0, 0, BASE_HEIGHT_M), *collar, rgba=COLLAR, **VISUAL_ONLY)
+        screw = (SCREW_RADIUS_M, COLLAR_HALF_HEIGHT_M / 2)
+        for x, y in product((-SCREW_OFFSET_M, SCREW_OFFSET_M), repeat=2):
+            add_cylinder(base, (x, y, BASE_HEIGHT_M), *screw, rgba=STEEL, **VISUAL_ONLY)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import COMMON_LAYER, DIRT_ONLY
+from lerobot_env_bimanual.props.prop import COMMON_LAYER, DIRT_ONLY, add_free_body, add_sphere
 
 EARTH = (0.26, 0.16, 0.08, 1.0)
 
@@ -28,11 +28,10 @@ class Crumb:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the ball."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=(self.radius_m, 0, 0),
+        add_sphere(
+            add_free_body(spec, self.name),
+            (0, 0, 0),
+            self.radius_m,
             mass=self.mass_kg,
             rgba=EARTH,
             friction=(SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M),

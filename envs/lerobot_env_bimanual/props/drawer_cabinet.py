@@ -1,13 +1,14 @@
 """A cabinet with three drawers, one above the other."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.lathe import add_lathe
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule, add_cylinder
+from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
+from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_capsule, add_cylinder, draw_box
 
 CASE = (0.72, 0.624, 0.48, 1.0)
 FRONT = (0.80, 0.71, 0.57, 1.0)
@@ -50,9 +51,6 @@ POST_RADIUS_M = 0.005
 FIRM = (0.004, 1.0)
 """Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
 PART_MASSES_KG = {"front": 0.12, "floor": 0.08, "wall": 0.04, "bar": 0.03, "post": 0.01}
-
-HIDDEN_GROUP = 3
-MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
@@ -106,17 +104,15 @@ class DrawerCabinet:
         add_box(body, (0, wall - half, middle), (inner, wall, inner), rgba=CASE)
         # What is seen through the gaps between the fronts.
         for height in (0.225, 0.345):
-            add_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP, **VISUAL_ONLY)
+            draw_box(body, (0, half - 0.004, height), (inner, 0.003, 0.006), rgba=GAP)
 
     def _add_legs(self, spec, body) -> None:
         top, foot = LEG_RADIUS_M
         mesh = f"{self.name}_leg"
-        add_lathe(spec, mesh, [(0, 0), (foot, 0), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)])
-        for x in (-1, 1):
-            for y in (-1, 1):
-                place = (x * (SIDE_M / 2 - LEG_INSET_M), y * (SIDE_M / 2 - LEG_INSET_M), 0)
-                body.add_geom(type=MESH, meshname=mesh, pos=place, rgba=LEG, **VISUAL_ONLY)
-                add_cylinder(body, (*place[:2], LEG_HEIGHT_M / 2), top, LEG_HEIGHT_M / 2, group=HIDDEN_GROUP)
+        add_mesh(spec, mesh, lathe([(0, 0), (foot, 0), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)]))
+        for x, y in product((-(SIDE_M / 2 - LEG_INSET_M), SIDE_M / 2 - LEG_INSET_M), repeat=2):
+            draw_mesh(body, mesh, pos=(x, y, 0), rgba=LEG)
+            add_cylinder(body, (x, y, LEG_HEIGHT_M / 2), top, LEG_HEIGHT_M / 2, **UNSEEN)
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))
@@ -139,13 +135,8 @@ class DrawerCabinet:
             place = (side * (x - BOARD_HALF_M), middle, TRAY_WALL_Z_M)
             self._add_board(drawer, "wall", place, (BOARD_HALF_M, y, z), TRAY)
         self._add_handle(drawer)
-        add_box(
-            drawer,
-            (0, front_y + FRONT_HALF_M[1], 0),
-            (FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018),
-            rgba=PANEL,
-            **VISUAL_ONLY,
-        )
+        panel = (FRONT_HALF_M[0] - 0.022, 0.0008, FRONT_HALF_M[2] - 0.018)
+        draw_box(drawer, (0, front_y + FRONT_HALF_M[1], 0), panel, rgba=PANEL)
 
     def _add_board(self, body, part: str, position, half, rgba) -> None:
         add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
@@ -154,13 +145,8 @@ class DrawerCabinet:
         y, x = _handle_y(), HANDLE_HALF_LENGTH_M
         add_capsule(drawer, (-x, y, 0, x, y, 0), HANDLE_RADIUS_M, mass=PART_MASSES_KG["bar"], rgba=METAL)
         for side in (-x, x):
-            add_capsule(
-                drawer,
-                (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0),
-                POST_RADIUS_M,
-                mass=PART_MASSES_KG["post"],
-                rgba=METAL,
-            )
+            post = (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0)
+            add_capsule(drawer, post, POST_RADIUS_M, mass=PART_MASSES_KG["post"], rgba=METAL)
 
 
 def _handle_y() -> float:

@@ -1,11 +1,22 @@
 """A light dustpan with an upright handle, which glides."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import DIRT_ONLY, TABLE_ONLY, VISUAL_ONLY, add_box
+from lerobot_env_bimanual.props.prop import (
+    DIRT_ONLY,
+    TABLE_ONLY,
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_cylinder,
+    add_free_body,
+    add_sphere,
+    draw_box,
+)
 
 BLUE = (0.20, 0.45, 0.75, 1.0)
 DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
@@ -35,10 +46,6 @@ GLIDER_FRICTION = 0.1
 FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.008
 HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
 
-HIDDEN_GROUP = 3
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
-SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
-
 
 @dataclass(frozen=True)
 class Dustpan:
@@ -56,22 +63,20 @@ class Dustpan:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write floor, lip, walls and handle, and ribs and grip for the eye."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
-        self._add_box(body, (0, FLOOR_Y_M, GAP_M + FLOOR_HALF_M[2]), FLOOR_HALF_M, FLOOR_MASS_KG)
+        body = add_free_body(spec, self.name)
+        floor = (0, FLOOR_Y_M, GAP_M + FLOOR_HALF_M[2])
+        add_box(body, floor, FLOOR_HALF_M, mass=FLOOR_MASS_KG, rgba=BLUE)
         self._add_gliders(body)
         self._add_lip(body)
         for side in (-1, 1):
             place = (side * (FLOOR_HALF_M[0] + 0.001), 0, GAP_M + SIDE_HALF_M[2])
-            self._add_box(body, place, SIDE_HALF_M, SIDE_MASS_KG)
-        self._add_box(body, (0, BACK_Y_M, GAP_M + BACK_HALF_M[2]), BACK_HALF_M, BACK_MASS_KG)
+            add_box(body, place, SIDE_HALF_M, mass=SIDE_MASS_KG, rgba=BLUE)
+        back = (0, BACK_Y_M, GAP_M + BACK_HALF_M[2])
+        add_box(body, back, BACK_HALF_M, mass=BACK_MASS_KG, rgba=BLUE)
         socket = (0, self.handle_y_m + 0.005, 0.018)
-        self._add_box(body, socket, SOCKET_HALF_M, SOCKET_MASS_KG)
+        add_box(body, socket, SOCKET_HALF_M, mass=SOCKET_MASS_KG, rgba=BLUE)
         self._add_handle(body)
         self._add_ribs(body)
-
-    def _add_box(self, body, position, size, mass: float) -> None:
-        add_box(body, position, size, mass=mass, rgba=BLUE)
 
     def _add_lip(self, body) -> None:
         """A ramp from the table up to a crest at the floor's edge, which only dirt notices."""
@@ -91,32 +96,29 @@ class Dustpan:
 
     def _add_gliders(self, body) -> None:
         """Add round feet under the floor: four points of contact, which are computed quickly."""
-        for side_x in (-1, 1):
-            for side_y in (-1, 1):
-                x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
-                body.add_geom(
-                    type=SPHERE,
-                    pos=(x, y, GLIDER_RADIUS_M),
-                    size=(GLIDER_RADIUS_M, 0, 0),
-                    mass=GLIDER_MASS_KG,
-                    friction=(GLIDER_FRICTION, 0.005, 0.0001),
-                    priority=1,
-                    contype=TABLE_ONLY,
-                    conaffinity=0,
-                    group=HIDDEN_GROUP,
-                )
+        for side_x, side_y in product((-1, 1), repeat=2):
+            x, y = side_x * 0.9 * FLOOR_HALF_M[0], FLOOR_Y_M + side_y * 0.9 * FLOOR_HALF_M[1]
+            add_sphere(
+                body,
+                (x, y, GLIDER_RADIUS_M),
+                GLIDER_RADIUS_M,
+                mass=GLIDER_MASS_KG,
+                friction=(GLIDER_FRICTION, 0.005, 0.0001),
+                priority=1,
+                contype=TABLE_ONLY,
+                conaffinity=0,
+                **UNSEEN,
+            )
 
     def _add_handle(self, body) -> None:
         half = (self.height_m - HANDLE_BOTTOM_M) / 2
         middle, top = (0, self.handle_y_m, HANDLE_BOTTOM_M + half), (0, self.handle_y_m, self.height_m)
-        size = (HANDLE_RADIUS_M, half, 0)
-        body.add_geom(type=CYLINDER, pos=middle, size=size, mass=HANDLE_MASS_KG, rgba=WOOD)
-        body.add_geom(type=SPHERE, pos=top, size=(HANDLE_RADIUS_M, 0, 0), rgba=RUBBER, **VISUAL_ONLY)
+        add_cylinder(body, middle, HANDLE_RADIUS_M, half, mass=HANDLE_MASS_KG, rgba=WOOD)
+        add_sphere(body, top, HANDLE_RADIUS_M, rgba=RUBBER, **VISUAL_ONLY)
 
     def _add_ribs(self, body) -> None:
         """Grooves along the floor."""
         half_x, half_y, half_z = FLOOR_HALF_M
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
             place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
-            rib = (0.003, 0.9 * half_y, 0.0003)
-            add_box(body, place, rib, rgba=DARK_BLUE, **VISUAL_ONLY)
+            draw_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)

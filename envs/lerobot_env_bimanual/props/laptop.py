@@ -1,12 +1,19 @@
-"""A closed laptop computer."""
+"""A closed laptop computer, and the low wooden block that it lies on."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
-from lerobot_env_bimanual.props.slab import add_slab
+from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
+from lerobot_env_bimanual.props.prop import (
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_cylinder,
+    add_free_body,
+    draw_box,
+)
 
 ALUMINIUM = (0.72, 0.74, 0.77, 1.0)
 LID_ALUMINIUM = (0.80, 0.82, 0.85, 1.0)
@@ -22,8 +29,13 @@ SEAM_M = 0.0006
 CORNER_RADIUS_M = 0.016
 SHEET_HALF_THICKNESS_M = 0.0003
 
-HIDDEN_GROUP = 3
-MESH = mujoco.mjtGeom.mjGEOM_MESH
+WALNUT = (0.36, 0.23, 0.16, 1.0)
+OAK = (0.72, 0.56, 0.38, 1.0)
+SHADOW = (0.16, 0.10, 0.08, 1.0)
+TOP_BOARD_HALF_HEIGHT_M = 0.008
+PLINTH_HALF_HEIGHT_M = 0.006
+PROUD_M = 0.0006
+"""How far the block's top board and plinth stand out of it."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +62,10 @@ class Laptop:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write base, hinge and lid."""
         base_half, lid_half = np.array(self.base_size_m) / 2, np.array(self.lid_size_m) / 2
-        base = spec.worldbody.add_body(name=self.name)
-        base.add_freejoint()
+        base = add_free_body(spec, self.name)
         self._add_solid(base, (0, 0, 0), base_half, self.base_mass_kg)
-        add_slab(spec, self.name, base_half, CORNER_RADIUS_M)
-        base.add_geom(type=MESH, meshname=self.name, rgba=ALUMINIUM, **VISUAL_ONLY)
+        add_mesh(spec, self.name, slab(base_half, CORNER_RADIUS_M))
+        draw_mesh(base, self.name, rgba=ALUMINIUM)
         self._decorate_base(base, base_half)
         hinge = (0, base_half[1] - HINGE_INSET_M, base_half[2] + SEAM_M + lid_half[2])
         lid = base.add_body(name=f"{self.name}_lid", pos=hinge)
@@ -70,8 +81,8 @@ class Laptop:
         )
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)
-        add_slab(spec, lid.name, lid_half, CORNER_RADIUS_M)
-        lid.add_geom(type=MESH, meshname=lid.name, pos=middle, rgba=LID_ALUMINIUM, **VISUAL_ONLY)
+        add_mesh(spec, lid.name, slab(lid_half, CORNER_RADIUS_M))
+        draw_mesh(lid, lid.name, pos=middle, rgba=LID_ALUMINIUM)
         self._decorate_lid(lid, middle, lid_half)
 
     def _add_solid(self, body, position, half, mass: float) -> None:
@@ -84,7 +95,7 @@ class Laptop:
             friction=(self.friction, 0.005, 0.0001),
             condim=4,
             solref=(0.005, 1),
-            group=HIDDEN_GROUP,
+            **UNSEEN,
         )
 
     def _decorate_base(self, body, half) -> None:
@@ -99,14 +110,49 @@ class Laptop:
             for socket_y in (0.035, 0.060, 0.090):
                 boxes.append(((side * x, socket_y, 0), (sheet, 0.007, 0.002)))
         for position, size in boxes:
-            add_box(body, position, size, rgba=DARK, **VISUAL_ONLY)
+            draw_box(body, position, size, rgba=DARK)
         inset = 2 * CORNER_RADIUS_M
-        add_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK, **VISUAL_ONLY)
+        draw_box(body, (0, 0, z + SEAM_M / 2), (x - inset, y - 0.004, SEAM_M / 2), rgba=DARK)
 
     def _decorate_lid(self, body, middle, half) -> None:
         """A round badge outside, the screen inside."""
         x, y, z = half
         add_cylinder(body, (*middle[:2], z), 0.022, SHEET_HALF_THICKNESS_M, rgba=BADGE, **VISUAL_ONLY)
+        draw_box(body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN)
+
+
+@dataclass(frozen=True)
+class Riser:
+    """A free, heavy block, its frame in the middle.
+
+    Attributes:
+        name: body and geom.
+        size_m: full sizes (PerAct2 code).
+        mass_kg: enough to stay where it is while something is pushed over it (PerAct2 code).
+        friction: low, so that what is pushed over it slides by its own; against the table, the table's counts.
+    """
+
+    name: str = "holder"
+    size_m: tuple[float, float, float] = (0.40, 0.30, 0.10)
+    mass_kg: float = 12.0
+    friction: float = 0.3
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the block, and a light board around its top and a dark joint above its foot for the eye."""
+        x, y, z = np.array(self.size_m) / 2
+        body = add_free_body(spec, self.name)
         add_box(
-            body, (*middle[:2], -z), (0.94 * x, 0.90 * y, SHEET_HALF_THICKNESS_M), rgba=SCREEN, **VISUAL_ONLY
+            body,
+            (0, 0, 0),
+            (x, y, z),
+            name=self.name,
+            mass=self.mass_kg,
+            rgba=WALNUT,
+            friction=(self.friction, 0.005, 0.0001),
+            solref=(0.005, 1),
         )
+        for middle_z, half_z, rgba in (
+            (z - TOP_BOARD_HALF_HEIGHT_M + PROUD_M / 10, TOP_BOARD_HALF_HEIGHT_M, OAK),
+            (-z + PLINTH_HALF_HEIGHT_M, PLINTH_HALF_HEIGHT_M, SHADOW),
+        ):
+            draw_box(body, (0, 0, middle_z), (x + PROUD_M, y + PROUD_M, half_z), rgba=rgba)

@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_capsule, add_cylinder
+from lerobot_env_bimanual.props.prop import (
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_capsule,
+    add_cylinder,
+    draw_box,
+)
 
 STEEL = (0.80, 0.81, 0.83, 1.0)
 DARK = (0.17, 0.17, 0.19, 1.0)
@@ -56,8 +63,6 @@ RACK_DAMPING_N_S_M = 2.0
 RACK_WIRES = 12
 RAIL_HALF_M = (0.162, 0.008, 0.004)
 
-HIDDEN_GROUP = 3
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 FACING_FRONT = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
 """Turns the axis of a cylinder to x."""
 
@@ -144,14 +149,8 @@ class Oven:
             ((centre_x, -y, middle), (x - centre_x, sheet, half)),
             ((centre_x, y, middle), (x - centre_x, sheet, half)),
         ):
-            add_box(body, position, size, material=liner, **VISUAL_ONLY)
-        add_box(
-            body,
-            (0.03, 0, CEILING_M - 0.006),
-            (0.035, 0.06, 0.006),
-            material=f"{self.name}_lamp",
-            **VISUAL_ONLY,
-        )
+            draw_box(body, position, size, material=liner)
+        draw_box(body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp")
         rail_z = RACK_M - RACK_HALF_M[2] - RAIL_HALF_M[2]
         for side in (-1, 1):
             add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
@@ -159,21 +158,12 @@ class Oven:
     def _add_panel(self, body) -> None:
         """Dark panel with four knobs and a clock, above the door."""
         height = (CEILING_M + HEIGHT_M) / 2
-        add_box(
-            body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK, **VISUAL_ONLY
-        )
-        add_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY, **VISUAL_ONLY)
+        draw_box(body, (self.front_m, 0, height), (0.001, HALF_WIDTH_M - 0.012, 0.055), rgba=DARK)
+        draw_box(body, (self.front_m, 0, height), (0.0016, 0.045, 0.02), rgba=DISPLAY)
         for y in (-0.20, -0.12, 0.12, 0.20):
             for depth, radius, rgba in ((0.008, 0.021, STEEL), (0.018, 0.015, METAL)):
-                add_cylinder(
-                    body,
-                    (self.front_m - depth / 2, y, height),
-                    radius,
-                    depth / 2,
-                    quat=FACING_FRONT,
-                    rgba=rgba,
-                    **VISUAL_ONLY,
-                )
+                looks = {"quat": FACING_FRONT, "rgba": rgba, **VISUAL_ONLY}
+                add_cylinder(body, (self.front_m - depth / 2, y, height), radius, depth / 2, **looks)
 
     def _add_door(self, oven) -> None:
         door = oven.add_body(name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M))
@@ -188,30 +178,22 @@ class Oven:
         x, y, z = DOOR_HALF_M
         middle = z + DOOR_LIFT_M
         add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
-        for proud, half_y, half_z, rgba in (
-            (0.0008, y - 0.010, z - 0.010, DARK),
-            (0.0014, y - 0.055, z - 0.070, GLASS),
-        ):
-            add_box(
-                door,
-                (0, 0, middle - 0.02 * (rgba is GLASS)),
-                (x + proud, half_y, half_z),
-                rgba=rgba,
-                **VISUAL_ONLY,
-            )
+        draw_box(door, (0, 0, middle), (x + 0.0008, y - 0.010, z - 0.010), rgba=DARK)
+        draw_box(door, (0, 0, middle - 0.02), (x + 0.0014, y - 0.055, z - 0.070), rgba=GLASS)
         self._add_handle(door)
 
     def _add_handle(self, door) -> None:
         right, left = self.handle_y_m
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
-        bar = {"size": (HANDLE_RADIUS_M, 0, 0), "mass": 0.05, "friction": (1.0, 0.01, 0.0001)}
-        door.add_geom(type=CAPSULE, fromto=(x, right, z, x, left, z), rgba=METAL, **bar)
+        bar = {"mass": 0.05, "friction": (1.0, 0.01, 0.0001), "rgba": METAL}
+        add_capsule(door, (x, right, z, x, left, z), HANDLE_RADIUS_M, **bar)
         for y in self.handle_y_m:
             add_capsule(door, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, rgba=METAL)
 
     def _add_rack(self, oven) -> None:
         """A plate in physics, a grid of wires for the eye."""
-        rack = oven.add_body(name=f"{self.name}_rack", pos=(self._rack_x_m, 0, RACK_M))
+        rack_x = self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]
+        rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, RACK_M))
         rack.add_joint(
             name=f"{self.name}_slide",
             type=mujoco.mjtJoint.mjJNT_SLIDE,
@@ -220,22 +202,11 @@ class Oven:
             frictionloss=RACK_FRICTION_N,
             damping=RACK_DAMPING_N_S_M,
         )
-        add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, group=HIDDEN_GROUP)
+        add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **UNSEEN)
         x, y, radius = RACK_HALF_M
         for side in (-1, 1):
-            frame = ((side * (x - radius), 0, 0), (radius, y, radius))
-            ends = ((0, side * (y - radius), 0), (x, radius, radius))
-            for position, size in (frame, ends):
-                add_box(rack, position, size, rgba=WIRE, **VISUAL_ONLY)
+            draw_box(rack, (side * (x - radius), 0, 0), (radius, y, radius), rgba=WIRE)
+            draw_box(rack, (0, side * (y - radius), 0), (x, radius, radius), rgba=WIRE)
         for wire_y in np.linspace(-y, y, RACK_WIRES + 2)[1:-1]:
-            add_capsule(
-                rack,
-                (-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2),
-                radius / 2,
-                rgba=WIRE,
-                **VISUAL_ONLY,
-            )
-
-    @property
-    def _rack_x_m(self) -> float:
-        return self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]
+            ends = (-x + radius, wire_y, radius / 2, x - radius, wire_y, radius / 2)
+            add_capsule(rack, ends, radius / 2, rgba=WIRE, **VISUAL_ONLY)

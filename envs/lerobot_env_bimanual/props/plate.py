@@ -1,13 +1,14 @@
 """A small dinner plate with a flared rim."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lerobot_bimanual.geometry.rotations import euler_xyz_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.lathe import add_lathe
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY
+from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
+from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_cylinder, add_free_body, graspable
 
 PORCELAIN = (0.97, 0.97, 0.95, 1.0)
 GLAZE = (0.17, 0.38, 0.63, 1.0)
@@ -25,11 +26,6 @@ RIM_PARTS = 16
 GLAZE_BANDS = ((0.06, 0.14), (0.78, 1.0))
 """Painted rings, as shares of the way up the rim."""
 GLAZE_PROUD_M = 0.0005
-
-HIDDEN_GROUP = 3
-BOX = mujoco.mjtGeom.mjGEOM_BOX
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
-MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True)
@@ -65,48 +61,32 @@ class Plate:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the shapes that are felt and the meshes that are seen."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
+        # Its friction wins over the fingertips'.
+        felt = {"priority": 2, **graspable(self.friction), **UNSEEN}
         for radius, middle, height, share in (
             (FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, FOOT_HEIGHT_M, FOOT_MASS_SHARE),
             (WELL_RADIUS_M, WELL_Z_M, THICKNESS_M, WELL_MASS_SHARE),
         ):
-            self._add_solid(body, CYLINDER, (radius, height / 2, 0), share, pos=(0, 0, middle))
-        self._add_rim(body)
-        add_lathe(spec, self.name, self._profile())
-        body.add_geom(type=MESH, meshname=self.name, rgba=PORCELAIN, **VISUAL_ONLY)
+            add_cylinder(body, (0, 0, middle), radius, height / 2, mass=share * self.mass_kg, **felt)
+        self._add_rim(body, felt)
+        add_mesh(spec, self.name, lathe(self._profile()))
+        draw_mesh(body, self.name, rgba=PORCELAIN)
         for number, band in enumerate(GLAZE_BANDS):
             mesh = f"{self.name}_band{number}"
-            add_lathe(spec, mesh, self._band_profile(*band))
-            body.add_geom(type=MESH, meshname=mesh, rgba=GLAZE, **VISUAL_ONLY)
+            add_mesh(spec, mesh, lathe(self._band_profile(*band)))
+            draw_mesh(body, mesh, rgba=GLAZE)
 
-    def _add_rim(self, body) -> None:
+    def _add_rim(self, body, felt: dict[str, Any]) -> None:
         """Boxes side by side around the well, sloping up to the edge."""
         run, rise = self.radius_m - WELL_RADIUS_M, self.height_m - WELL_Z_M
         half = (np.hypot(run, rise) / 2, self.radius_m * np.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
         middle_radius, middle_z = WELL_RADIUS_M + run / 2, WELL_Z_M + rise / 2
         for angle in np.arange(RIM_PARTS) * 2 * np.pi / RIM_PARTS:
-            self._add_solid(
-                body,
-                BOX,
-                half,
-                RIM_MASS_SHARE / RIM_PARTS,
-                pos=(middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z),
-                quat=euler_xyz_to_quat_wxyz((0, -self.rim_slope_rad, angle)),
-            )
-
-    def _add_solid(self, body, shape, size, mass_share: float, **place) -> None:
-        body.add_geom(
-            type=shape,
-            size=size,
-            mass=mass_share * self.mass_kg,
-            friction=(self.friction, 0.005, 0.0001),
-            condim=4,
-            priority=2,  # its friction wins over the fingertips'
-            solref=(0.006, 1),
-            group=HIDDEN_GROUP,
-            **place,
-        )
+            place = (middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z)
+            turned = euler_xyz_to_quat_wxyz((0, -self.rim_slope_rad, angle))
+            mass = RIM_MASS_SHARE / RIM_PARTS * self.mass_kg
+            add_box(body, place, half, quat=turned, mass=mass, **felt)
 
     def _on_rim(self, share: float, height_m: float) -> tuple[float, float]:
         """Radius and z at a share of the way up the rim, `height_m` from the middle of its thickness."""

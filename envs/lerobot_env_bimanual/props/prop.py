@@ -24,6 +24,8 @@ VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "grou
 UNSEEN = MappingProxyType({"group": 3})
 """Settings of a geom that touches but is not drawn."""
 
+type Vector = Sequence[float] | NDArray[np.float64]
+
 
 class Prop(Protocol):
     """A thing in the scene: a small frozen dataclass of sizes that can write itself into a model."""
@@ -42,26 +44,41 @@ class Prop(Protocol):
         ...
 
 
-def add_box(
-    body: mujoco.MjsBody,
-    position: Sequence[float],
-    half_size: Sequence[float] | NDArray[np.float64],
-    **settings: Any,
-) -> mujoco.MjsGeom:
+def add_free_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    """Add a body that moves freely, at the origin."""
+    body = spec.worldbody.add_body(name=name)
+    body.add_freejoint()
+    return body
+
+
+def graspable(friction: float) -> dict[str, Any]:
+    """Settings of a geom whose contacts resist turning and are firm enough for a thin edge in a grip."""
+    return {"friction": (friction, 0.005, 0.0001), "condim": 4, "solref": (0.006, 1)}
+
+
+def add_box(body: mujoco.MjsBody, position: Vector, half_size: Vector, **settings: Any) -> mujoco.MjsGeom:
     """Add a box to a body, by its centre and half sizes in m; `settings` are those of MuJoCo's geoms."""
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=position, size=half_size, **settings)
 
 
+def draw_box(body: mujoco.MjsBody, position: Vector, half_size: Vector, **settings: Any) -> None:
+    """Add a box that is seen but neither touches nor weighs anything, as in `add_box`."""
+    add_box(body, position, half_size, **settings, **VISUAL_ONLY)
+
+
 def add_cylinder(
-    body: mujoco.MjsBody, position: Sequence[float], radius: float, half_height: float, **settings: Any
+    body: mujoco.MjsBody, position: Vector, radius: float, half_height: float, **settings: Any
 ) -> mujoco.MjsGeom:
     """Add a cylinder to a body, by its centre, radius and half height in m."""
     size = (radius, half_height, 0)
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=position, size=size, **settings)
 
 
-def add_capsule(
-    body: mujoco.MjsBody, ends: Sequence[float], radius: float, **settings: Any
-) -> mujoco.MjsGeom:
+def add_sphere(body: mujoco.MjsBody, position: Vector, radius: float, **settings: Any) -> mujoco.MjsGeom:
+    """Add a ball to a body, by its centre and radius in m."""
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=position, size=(radius, 0, 0), **settings)
+
+
+def add_capsule(body: mujoco.MjsBody, ends: Vector, radius: float, **settings: Any) -> mujoco.MjsGeom:
     """Add a capsule to a body, by the middles of its two caps (6,) and its radius in m."""
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=(radius, 0, 0), **settings)

@@ -1,13 +1,22 @@
-"""A wooden serving tray with a handle at each end."""
+"""A wooden serving tray with a handle at each end, and a stand of four pegs that holds it off the table."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box
-from lerobot_env_bimanual.props.slab import add_slab
-from lerobot_env_bimanual.props.tray_board import add_board
+from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
+from lerobot_env_bimanual.props.prop import (
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_capsule,
+    add_cylinder,
+    add_free_body,
+    draw_box,
+    graspable,
+)
 
 WOOD = (0.70, 0.50, 0.30, 1.0)
 RIM_WOOD = (0.52, 0.34, 0.19, 1.0)
@@ -23,8 +32,15 @@ SHEET_HALF_THICKNESS_M = 0.0004
 INLAY_INSET_M = 0.015
 CORNER_RADIUS_M = 0.012
 
-HIDDEN_GROUP = 3
-MESH = mujoco.mjtGeom.mjGEOM_MESH
+PLATE = (0.30, 0.31, 0.34, 1.0)
+STEEL = (0.62, 0.64, 0.68, 1.0)
+RUBBER = (0.16, 0.16, 0.17, 1.0)
+PLATE_HALF_THICKNESS_M = 0.004
+PLATE_MARGIN_M = 0.015
+PEG_RADIUS_M = 0.007
+FOOT = (0.013, 0.008, 0.007)
+COLLAR = (0.009, 0.095, 0.010)
+"""Rubber rings of the pegs, for the eye: radius, height of the underside and height, in metres."""
 
 
 @dataclass(frozen=True)
@@ -50,56 +66,72 @@ class ServingTray:
     mass_kg: float = 0.45
     friction: float = 0.6
 
-    @property
-    def _handle_mesh(self) -> str:
-        return f"{self.name}_handle"
-
-    @property
-    def _inlay_mesh(self) -> str:
-        return f"{self.name}_inlay"
-
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write board, handles and rim, and a mat and inlays for the eye."""
-        body = spec.worldbody.add_body(name=self.name)
-        body.add_freejoint()
+        body = add_free_body(spec, self.name)
+        felt = graspable(self.friction)
         x, y, z = np.array(self.size_m) / 2
         handle_area = 2 * self.handle_size_m[0] * self.handle_size_m[1]
         wood_density = self.mass_kg * (1 - RIM_MASS_SHARE) / (4 * x * y + handle_area)
-        add_board(body, (0, 0, 0), (x, y, z), WOOD, 4 * x * y * wood_density, self.friction, name=self.name)
+        board_kg = 4 * x * y * wood_density
+        add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **felt)
+        # The handles are felt as boxes, and seen as slabs with rounded corners and an inlay.
         handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, z)
-        add_slab(spec, self._handle_mesh, handle_half, radius_m=CORNER_RADIUS_M)
         inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
-        add_slab(spec, self._inlay_mesh, inlay_half, radius_m=inlay_half[1])
+        handle_mesh, inlay_mesh = f"{self.name}_handle", f"{self.name}_inlay"
+        add_mesh(spec, handle_mesh, slab(handle_half, CORNER_RADIUS_M))
+        add_mesh(spec, inlay_mesh, slab(inlay_half, inlay_half[1]))
+        handle_kg = wood_density * handle_area / 2
         for side in (-1, 1):
-            self._add_handle(body, side * (y + self.handle_size_m[1] / 2), wood_density * handle_area / 2)
+            middle = (0, side * (y + self.handle_size_m[1] / 2), 0)
+            add_box(body, middle, handle_half, mass=handle_kg, rgba=WOOD, **felt, **UNSEEN)
+            draw_mesh(body, handle_mesh, pos=middle, rgba=WOOD)
+            draw_mesh(body, inlay_mesh, pos=middle, rgba=INLAY)
         self._add_rim(body, x, y, z)
         self._add_mat(body, x, y, z)
 
-    def _add_handle(self, body, y: float, mass: float) -> None:
-        """Felt as a box, seen as a slab with rounded corners and an inlay."""
-        half = (*np.array(self.handle_size_m) / 2, self.size_m[2] / 2)
-        add_board(body, (0, y, 0), half, WOOD, mass, self.friction, group=HIDDEN_GROUP)
-        for mesh, rgba in ((self._handle_mesh, WOOD), (self._inlay_mesh, INLAY)):
-            body.add_geom(type=MESH, meshname=mesh, pos=(0, y, 0), rgba=rgba, **VISUAL_ONLY)
-
     def _add_rim(self, body, x: float, y: float, z: float) -> None:
         bar, height = RIM_WIDTH_M / 2, self.rim_height_m / 2
-        mass = self.mass_kg * RIM_MASS_SHARE / 4
+        rim = {"mass": self.mass_kg * RIM_MASS_SHARE / 4, "rgba": RIM_WOOD, **graspable(self.friction)}
         for side in (-1, 1):
-            along, across = (side * (x - bar), 0, z + height), (0, side * (y - bar), z + height)
-            add_board(body, along, (bar, y, height), RIM_WOOD, mass, self.friction)
-            add_board(body, across, (x - 2 * bar, bar, height), RIM_WOOD, mass, self.friction)
+            add_box(body, (side * (x - bar), 0, z + height), (bar, y, height), **rim)
+            add_box(body, (0, side * (y - bar), z + height), (x - 2 * bar, bar, height), **rim)
 
     def _add_mat(self, body, x: float, y: float, z: float) -> None:
         """A linen mat with a stripe along either long side."""
         half_x, half_y = x - RIM_WIDTH_M - MAT_INSET_M, y - RIM_WIDTH_M - MAT_INSET_M
         sheet = SHEET_HALF_THICKNESS_M
-        add_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN, **VISUAL_ONLY)
+        draw_box(body, (0, 0, z), (half_x, half_y, sheet), rgba=LINEN)
         for side in (-1, 1):
-            add_box(
-                body,
-                (side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet),
-                (STRIPE_HALF_WIDTH_M, half_y, sheet),
-                rgba=STRIPE,
-                **VISUAL_ONLY,
-            )
+            place = (side * (half_x - 4 * STRIPE_HALF_WIDTH_M), 0, z + sheet)
+            draw_box(body, place, (STRIPE_HALF_WIDTH_M, half_y, sheet), rgba=STRIPE)
+
+
+@dataclass(frozen=True)
+class PegStand:
+    """A static base plate with four pegs. Its frame lies in the middle of the underside.
+
+    Attributes:
+        name: body.
+        height_m: from the table to the pegs' tops.
+        peg_offset_m: x and y of a peg from the middle.
+    """
+
+    name: str = "stand"
+    height_m: float = 0.122
+    peg_offset_m: tuple[float, float] = (0.07, 0.10)
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the plate, the pegs, and their rubber rings."""
+        body = spec.worldbody.add_body(name=self.name)
+        peg_x, peg_y = self.peg_offset_m
+        half_z = PLATE_HALF_THICKNESS_M
+        plate = (peg_x + PLATE_MARGIN_M, peg_y + PLATE_MARGIN_M, half_z)
+        add_box(body, (0, 0, half_z), plate, rgba=PLATE)
+        # Round tops touch what they carry in one point each, which is stable and cheap.
+        top = self.height_m - PEG_RADIUS_M
+        for x, y in product((-peg_x, peg_x), (-peg_y, peg_y)):
+            add_capsule(body, (x, y, 0.01, x, y, top), PEG_RADIUS_M, rgba=STEEL)
+            for radius, bottom, height in (FOOT, COLLAR):
+                middle = (x, y, bottom + height / 2)
+                add_cylinder(body, middle, radius, height / 2, rgba=RUBBER, **VISUAL_ONLY)

@@ -22,8 +22,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held
 from lerobot_env_bimanual.props.block import Block
-from lerobot_env_bimanual.props.peg_stand import PegStand
-from lerobot_env_bimanual.props.serving_tray import ServingTray
+from lerobot_env_bimanual.props.serving_tray import PegStand, ServingTray
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register

@@ -21,8 +21,7 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Grasped
-from lerobot_env_bimanual.props.laptop import Laptop
-from lerobot_env_bimanual.props.riser import Riser
+from lerobot_env_bimanual.props.laptop import Laptop, Riser
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register

@@ -22,8 +22,7 @@ import numpy as np
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Inside
-from lerobot_env_bimanual.props.broom import Broom
-from lerobot_env_bimanual.props.broom_stand import BroomStand
+from lerobot_env_bimanual.props.broom import Broom, BroomStand
 from lerobot_env_bimanual.props.crumb import Crumb
 from lerobot_env_bimanual.props.dustpan import Dustpan
 from lerobot_env_bimanual.stage import Stage
