@@ -4,8 +4,7 @@ LeRobot's plugin discovery imports this package by its name's prefix; then the r
 teleoperator types `bimanual_keyboard` and `bimanual_gamepad` are registered. MuJoCo is loaded with the first robot.
 """
 
-from lerobot_robot_bimanual.config_bimanual_gamepad import BimanualGamepadConfig
-from lerobot_robot_bimanual.config_bimanual_keyboard import BimanualKeyboardConfig
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
+from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig
 
 __all__ = ["BimanualGamepadConfig", "BimanualKeyboardConfig", "BimanualSimConfig"]

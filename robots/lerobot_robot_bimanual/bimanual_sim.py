@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import time
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -13,15 +15,18 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
+from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.viewer import mujoco_window, no_window
+from lerobot_env_bimanual.world.appearance import applied
+from lerobot_env_bimanual.world.scene import Scene
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.viewer import Viewer
 
 logger = logging.getLogger(__name__)
 
@@ -73,6 +78,44 @@ class UntimedEnv(BimanualEnv):
         """Name of the episode: task, perturbation, variation, split and seed."""
         world = f"{self.task} with {self.options.perturb}" if self.options.perturb else self.task
         return f"{world}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"
+
+
+class Viewer:
+    """A window that shows a copy of the scene, so that a mouse in it changes nothing in the simulation.
+
+    Args:
+        scene: the scene.
+
+    Raises:
+        BimanualError: no window can be opened.
+    """
+
+    def __init__(self, scene: Scene):
+        if reason := no_window():
+            raise BimanualError(
+                f"--robot.viewer=true opens a window, but {reason}: leave it out and record videos with "
+                "--robot.video_dir=FOLDER, or use a session with DISPLAY or WAYLAND_DISPLAY set"
+            )
+        self._scene = scene
+        self._shown = mujoco.MjData(scene.model)
+        self._closing = ExitStack()
+        self._window = self._closing.enter_context(mujoco_window(scene.model, self._shown))
+        atexit.register(self.close)
+        self.show()
+
+    def show(self) -> None:
+        """Show the scene's present state; nothing happens after the window was closed."""
+        if self._window.is_running():
+            scene = self._scene
+            with self._window.lock():
+                mujoco.mj_copyData(self._shown, scene.model, scene.data)
+            with applied(scene.model, self._shown, scene.appearance.fields):
+                self._window.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        atexit.unregister(self.close)
+        self._closing.close()
 
 
 class BimanualSim(Robot):
@@ -154,8 +197,7 @@ class BimanualSim(Robot):
 
         Raises:
             DeviceAlreadyConnectedError: there is a world already.
-            NoDisplay: a window was asked for, and there is no display.
-            InvalidChoice: a perturbation finds nothing to change in the task.
+            BimanualError: a window cannot be opened, or a perturbation finds nothing to change in the task.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         env = UntimedEnv(self.config.task, options=self._options)

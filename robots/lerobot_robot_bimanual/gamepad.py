@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -43,19 +42,6 @@ class HalfState:
     stick: bool = False
 
 
-@dataclass(frozen=True)
-class GamepadState:
-    """State of a gamepad at one moment.
-
-    Attributes:
-        halves: its halves, by hand.
-        start: whether the start button is pressed.
-    """
-
-    halves: Mapping[Arm, HalfState]
-    start: bool = False
-
-
 class Gamepad:
     """The first gamepad that SDL knows, read through pygame; SDL's names of sticks and buttons are the same for all makes.
 
@@ -90,8 +76,8 @@ class Gamepad:
         """Name of the make."""
         return self._pad.name
 
-    def read(self) -> GamepadState:
-        """Read the present state.
+    def read(self) -> tuple[dict[Arm, HalfState], bool]:
+        """Present state of both halves, by hand, and whether the start button is pressed.
 
         Raises:
             NoGamepad: the gamepad has been disconnected.
@@ -99,7 +85,7 @@ class Gamepad:
         self._sdl.update()
         if not self._pad.attached():
             raise NoGamepad("the gamepad has been disconnected: connect it and start the command again")
-        return GamepadState({arm: self._half(arm) for arm in ARMS}, self._is_pressed("START"))
+        return {arm: self._half(arm) for arm in ARMS}, self._is_pressed("START")
 
     def stop(self) -> None:
         """Release the gamepad; it may be opened again."""

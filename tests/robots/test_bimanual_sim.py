@@ -16,7 +16,6 @@ from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.viewer import NoDisplay
 
 
 def action(values) -> dict[str, float]:
@@ -191,7 +190,7 @@ def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeyp
 def test_a_window_without_a_display_is_one_clear_error(make_robot, monkeypatch):
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(NoDisplay, match=r"--robot\.video_dir"):
+    with pytest.raises(BimanualError, match=r"--robot\.video_dir"):
         make_robot(viewer=True)
 
 

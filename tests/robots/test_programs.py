@@ -23,8 +23,8 @@ from lerobot_bimanual import cli
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_robot_bimanual.bimanual_keyboard import BimanualKeyboard
 from lerobot_robot_bimanual.bimanual_sim import BimanualSim
+from lerobot_robot_bimanual.leaders import BimanualKeyboard
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
