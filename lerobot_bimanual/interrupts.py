@@ -1,22 +1,33 @@
-"""An interrupt from the keyboard reaches every process of the terminal; only the one that the user started answers it."""
+"""Signals that are answered otherwise for a while."""
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from types import FrameType
 
 
 @contextmanager
-def interrupts_ignored() -> Iterator[None]:
-    """Have processes that are started meanwhile ignore interrupts, so that they do not die with a traceback.
+def signal_handled(
+    number: int, handler: signal.Handlers | Callable[[int, FrameType | None], None]
+) -> Iterator[None]:
+    """Answer a signal by a handler meanwhile.
 
-    Whoever starts them ends them. Python lets only the main thread decide this; in others it stays as it is.
+    Python lets only the main thread decide this; in others it stays as it is.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.signal(number, handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)
+
+
+def interrupts_ignored() -> AbstractContextManager[None]:
+    """Have processes that are started meanwhile ignore interrupts, so that they do not die with a traceback.
+
+    An interrupt from the keyboard reaches every process of the terminal; the one that starts the others ends them.
+    """
+    return signal_handled(signal.SIGINT, signal.SIG_IGN)

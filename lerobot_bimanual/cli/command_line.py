@@ -1,5 +1,6 @@
-"""From the words of a command line to a command, its help or a message."""
+"""From the words of a command line to a command that an installed distribution adds, its help or a message."""
 
+import ast
 import difflib
 import inspect
 import os
@@ -7,20 +8,27 @@ import shlex
 import signal
 import sys
 import textwrap
-import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import typing
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, version
 from types import FrameType
 
-from lerobot_bimanual.cli.commands import by_section, config_type_of, find_commands, leaves, summary
-from lerobot_bimanual.cli.flag_help import describe_flags
-from lerobot_bimanual.cli.flags import BadCommandLine, parse_flags
+from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
+from lerobot_bimanual.distributions import entries, location
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.interrupts import signal_handled
 
 PROGRAM = "lerobot-bimanual"
+ENTRY_POINTS = "lerobot_bimanual.commands"
 TRACEBACK_VARIABLE = "LEROBOT_BIMANUAL_TRACEBACK"
 HELP_FLAGS = ("-h", "--help")
+SECTIONS = {
+    **dict.fromkeys(("demo", "doctor", "task"), "start"),
+    "dataset": "data",
+    **dict.fromkeys(("expert", "policy"), "train and score"),
+    "results": "maintain",
+}
+"""Section of the overview for each group or single command, in the order of the sections; others come last, under "more"."""
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -33,7 +41,7 @@ def main(words: Sequence[str] | None = None) -> int:
         The exit code of the process (see the package's text).
     """
     try:
-        with _ended_in_order():
+        with signal_handled(signal.SIGTERM, _leave):
             code = _dispatch(list(sys.argv[1:] if words is None else words))
         sys.stdout.flush()
         return code
@@ -62,21 +70,10 @@ def show_next(*words: object) -> None:
     print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)
 
 
-@contextmanager
-def _ended_in_order() -> Iterator[None]:
-    """Let a termination unwind the command, so that its workers end and its temporary files go."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def leave(number: int, _: FrameType | None) -> None:
-        raise SystemExit(128 + number)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def find_commands(group: str = "") -> dict[str, EntryPoint]:
+    """All commands, or those of a group, by name ("dataset verify", "demo"), sorted; none of their modules is imported."""
+    found = entries(ENTRY_POINTS)
+    return {name: entry for name, entry in found.items() if name.startswith(group and f"{group} ")}
 
 
 def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
@@ -89,38 +86,53 @@ def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
         BadCommandLine: no installed command has that name.
     """
     names = find_commands()
-    first, *rest = words
-    if first in names:
-        return first, rest
-    members = leaves(first, names)
-    if not members:
-        groups = dict.fromkeys(name.split()[0] for name in names)
-        meant = {name.split()[-1]: name for name in names} | {group: group for group in groups}
-        raise BadCommandLine(_unknown(first, first, meant, f"Commands: {', '.join(groups)}"))
-    leaf = rest[0] if rest else ""
-    if leaf not in members:
-        meant = {member: f"{first} {member}" for member in members}
-        raise BadCommandLine(
-            _unknown(f"{first} {leaf}", leaf, meant, f"Commands of {first}: {', '.join(members)}")
-        )
-    return f"{first} {leaf}", rest[1:]
+    for count in (1, 2):
+        if (name := " ".join(words[:count])) in names:
+            return name, [*words[count:]]
+    members = find_commands(words[0])
+    typed = words[:2] if members else words[:1]
+    valid = [*members] or [*dict.fromkeys(name.split()[0] for name in names)]
+    meant = {name.split()[-1]: name for name in [*(members or names), *valid]}
+    close = difflib.get_close_matches(typed[-1], meant, n=1)
+    guess = f" Did you mean {meant[close[0]]!r}?" if close else ""
+    raise BadCommandLine(f"unknown command {' '.join(typed)!r}.{guess} Commands: {', '.join(valid)}.")
+
+
+def config_type_of(command: Callable[..., int | None]) -> type:
+    """The dataclass that a command takes as its only parameter."""
+    (parameter,) = inspect.signature(command).parameters
+    return typing.get_type_hints(command)[parameter]
+
+
+def summary(entry: EntryPoint) -> str:
+    """First line of a command's docstring, read from its source without importing it; "" if there is none."""
+    place = location(entry.module)
+    source = place.with_suffix(".py") if place else None
+    if source is None or not source.is_file():
+        return ""
+    for node in ast.parse(source.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef) and node.name == entry.attr:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    """Let a termination unwind the command, so that its workers end and its temporary files go."""
+    raise SystemExit(128 + number)
 
 
 def _dispatch(words: list[str]) -> int:
-    commands = find_commands()
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
-    if not words or words[0] in HELP_FLAGS:
-        print(_overview(commands))
-        return 0
-    if words[0] == "--version":
+    if words == ["--version"]:
         print(f"{PROGRAM} {version('lerobot_bimanual')}")
         return 0
-    if leaves(words[0], commands) and (len(words) == 1 or words[1] in HELP_FLAGS):
-        print(_group_help(words[0], commands))
+    group = " ".join(word for word in words if word not in HELP_FLAGS)
+    if not group or find_commands(group):
+        print(_overview(find_commands(group), group))
         return 0
     name, flags = find_command(words)
-    command = commands[name].load()
+    command = find_commands()[name].load()
     config_type = config_type_of(command)
     if any(flag in HELP_FLAGS for flag in flags):
         print(_command_help(name, inspect.getdoc(command) or "", describe_flags(config_type)))
@@ -128,36 +140,23 @@ def _dispatch(words: list[str]) -> int:
     return command(parse_flags(config_type, flags)) or 0
 
 
-def _overview(commands: Mapping[str, EntryPoint]) -> str:
-    width = max(map(len, commands), default=0) + 2
-    sections = "\n\n".join(
-        f"{section}:\n{_listing({name: commands[name] for name in names}, width)}"
-        for section, names in by_section(commands).items()
+def _overview(commands: Mapping[str, EntryPoint], group: str) -> str:
+    """The commands of a group, or all, by section."""
+    width = max(map(len, commands)) + 2
+    sections: dict[str, str] = dict.fromkeys([*SECTIONS.values(), "more"], "")
+    for name, entry in commands.items():
+        sections[SECTIONS.get(name.split()[0], "more")] += f"\n  {name:<{width}}{summary(entry)}"
+    listing = "\n\n".join(f"{section}:{lines}" for section, lines in sections.items() if lines)
+    text = (
+        f"usage: {' '.join([PROGRAM, *group.split()])} <command> [--flag=value ...]\n\n{listing}\n\n"
+        f"`{PROGRAM} help <command>` lists a command's flags."
     )
+    if group:
+        return text
     return (
-        f"usage: {PROGRAM} <command> [--flag=value ...]\n\n{sections}\n\n"
-        f"`{PROGRAM} help <command>` lists a command's flags. Training and evaluation are LeRobot's own:\n"
+        f"{text} Training and evaluation are LeRobot's own:\n"
         "`lerobot-train --policy.type=peract2` and `lerobot-eval --env.type=bimanual`."
     )
-
-
-def _group_help(group: str, commands: Mapping[str, EntryPoint]) -> str:
-    members = {leaf: commands[f"{group} {leaf}"] for leaf in leaves(group, commands)}
-    listing = _listing(members, max(map(len, members)) + 2)
-    return (
-        f"usage: {PROGRAM} {group} <command> [--flag=value ...]\n\n{listing}\n\n"
-        f"`{PROGRAM} help {group} <command>` lists a command's flags."
-    )
-
-
-def _listing(commands: Mapping[str, EntryPoint], width: int) -> str:
-    return "\n".join(f"  {name:<{width}}{summary(entry)}" for name, entry in commands.items())
-
-
-def _unknown(typed: str, word: str, meant: Mapping[str, str], valid: str) -> str:
-    close = difflib.get_close_matches(word, meant, n=1)
-    guess = f" Did you mean {meant[close[0]]!r}?" if close else ""
-    return f"unknown command {typed.strip()!r}.{guess} {valid}."
 
 
 def _command_help(name: str, docstring: str, flags: str) -> str:

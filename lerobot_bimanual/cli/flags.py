@@ -1,7 +1,8 @@
 """Command-line flags of a dataclass, whose values are decoded by draccus, LeRobot's own configuration library.
 
 Every field is a flag, `--name=value` or `--name value`; `--config_path=file.yaml` reads values from a file, which flags
-override.
+override. The comment beside or above a field is its help text. draccus has a reader of such comments too; it misses fields
+whose annotation holds quotes (`Literal["a"]`) and its printer fails on a per cent sign.
 
 draccus' own command line reads values as YAML 1.1, which alters some texts in silence, and takes a text that begins
 with `include` for the name of a file to read. Here every value reaches draccus as the text that was typed:
@@ -13,7 +14,11 @@ Use `Literal["a", "b"]` for a choice, and `X | None = None` for what may be abse
 """
 
 import dataclasses
+import inspect
+import re
 import reprlib
+import shutil
+import textwrap
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,6 +32,12 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
 CONFIG_FLAG = "config_path"
 VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
 MEANINGS: dict[Any, str] = {int: "an integer", float: "a number", bool: "true or false"}
+HELP_COLUMN = 28
+MAX_HELP_WIDTH = 110
+EMPTY = (None, "", ())
+"""Defaults that say nothing by themselves."""
+FIELD = re.compile(r"    (\w+): .*?(?:  # (.*))?")
+COMMENT = re.compile(r"    # (.*)")
 
 _SHORT = reprlib.Repr(maxstring=80)
 
@@ -44,14 +55,12 @@ class Flag:
         kind: the field's annotation without `| None`.
         optional: whether the annotation allows None.
         default: the default value; `dataclasses.MISSING` if the flag is required.
-        owner: the dataclass that declares the field.
     """
 
     name: str
     kind: Any
     optional: bool
     default: Any
-    owner: type
 
     @property
     def is_list(self) -> bool:
@@ -68,17 +77,16 @@ class Flag:
         return VALUE_NAMES.get(self.kind) or getattr(self.kind, "__name__", str(self.kind))
 
 
-def flags_of(config_type: type) -> Iterator[Flag]:
+def flags_of(config_type: type) -> list[Flag]:
     """The flags of a dataclass in the order of its fields."""
     hints = typing.get_type_hints(config_type)
-    for field in dataclasses.fields(config_type):
-        factory = field.default_factory
-        default = field.default if factory is dataclasses.MISSING else factory()
-        kind, optional = _without_none(hints[field.name])
-        yield Flag(field.name, kind, optional, default, config_type)
+    return [
+        Flag(field.name, *_without_none(hints[field.name]), field.default)
+        for field in dataclasses.fields(config_type)
+    ]
 
 
-def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
+def parse_flags[Config](config_type: type[Config], words: Sequence[str]) -> Config:
     """Build a config from command-line words.
 
     Raises:
@@ -91,11 +99,48 @@ def parse_flags[T](config_type: type[T], words: Sequence[str]) -> T:
     required = [flag for flag in flags.values() if flag.default is dataclasses.MISSING]
     if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in values]:
         raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
-    decoded = {name: _decode(value, flags[name]) for name, value in values.items()}
-    try:
-        return config_type(**decoded)
-    except (BimanualError, ValueError) as error:
-        raise BadCommandLine(" ".join(str(error).split())) from error
+    return config_type(**{name: _decode(value, flags[name]) for name, value in values.items()})
+
+
+def describe_flags(config_type: type) -> str:
+    """The help text of the flags, one paragraph each: name, kind of value, comment and default."""
+    width = min(MAX_HELP_WIDTH, shutil.get_terminal_size((MAX_HELP_WIDTH, 24)).columns)
+    comments = field_comments(config_type)
+    rows = [(f"--{flag.name}={flag.value_name}", _help(flag, comments)) for flag in flags_of(config_type)]
+    rows.append((f"--{CONFIG_FLAG}=path", "read values from a YAML file; flags on the command line win"))
+    paragraphs = []
+    for head, text in rows:
+        indent = " " * HELP_COLUMN
+        body = textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent)
+        is_short = len(head) + 2 < HELP_COLUMN - 1
+        paragraphs.append(f"  {head}".ljust(HELP_COLUMN) + body.lstrip() if is_short else f"  {head}\n{body}")
+    return "\n".join(paragraphs)
+
+
+def field_comments(config_type: type) -> dict[str, str]:
+    """Help text of each field of a dataclass, its base classes included; fields without a comment are absent."""
+    comments: dict[str, str] = {}
+    for owner in reversed(config_type.__mro__[:-1]):
+        above: list[str] = []
+        for line in textwrap.dedent(inspect.getsource(owner)).splitlines():
+            if comment := COMMENT.fullmatch(line):
+                above.append(comment[1])
+                continue
+            if (field := FIELD.fullmatch(line)) and (text := field[2] or " ".join(above)):
+                comments[field[1]] = text
+            above = []
+    return comments
+
+
+def _help(flag: Flag, comments: Mapping[str, str]) -> str:
+    """Comment and default; a comment that says what happens by default stands for an empty one."""
+    comment, default = comments.get(flag.name, ""), flag.default
+    if default is dataclasses.MISSING:
+        return f"{comment} (required)"
+    if default in EMPTY:
+        return comment if "by default" in comment.lower() else f"{comment} (default: none)"
+    text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return f"{comment} (default: {text.lower() if isinstance(default, bool) else text})"
 
 
 def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tuple[str, str]]:
