@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,36 +12,20 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 
-OWN_TRAINING_FLAGS = (
-    "dataset.repo_id",
-    "dataset.root",
-    "policy.type",
-    "policy.path",
-    "policy.device",
-    "steps",
-    "batch_size",
-    "save_freq",
-    "seed",
-    "output_dir",
-    "resume",
-    "config_path",
-)
-OWN_EVALUATION_FLAGS = (
-    "policy.path",
-    "policy.device",
-    "env.type",
-    "env.task",
-    "env.variation",
-    "env.split",
-    "env.perturb",
-    "env.image_size",
-    "env.results_dir",
-    "eval.n_episodes",
-    "seed",
-    "output_dir",
-    "config_path",
-)
-"""Flags that the benchmark sets from its own, which `--train_flags` and `--eval_flags` therefore cannot hold."""
+OWN_FLAGS = {
+    "train_flags": (
+        *("dataset.repo_id", "dataset.root", "policy.type", "policy.path", "policy.device"),
+        *("steps", "batch_size", "save_freq", "seed", "output_dir", "resume", "config_path"),
+    ),
+    "eval_flags": (
+        *("policy.path", "policy.device", "eval.n_episodes", "seed", "output_dir", "config_path"),
+        *(
+            f"env.{name}"
+            for name in ("type", "task", "variation", "split", "perturb", "image_size", "results_dir")
+        ),
+    ),
+}
+"""Flags that the benchmark sets from its own, which these flags therefore cannot hold."""
 OUTPUT_FLAGS = ("env.video_dir",)
 """Flags of an evaluation that only add files."""
 INCIDENTAL = ("num_workers", "wandb.enable")
@@ -93,9 +77,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     if not config.task.isidentifier():
         raise BimanualError(f"task is {config.task!r}, but a benchmark is of one task; run one per task")
     if not re.fullmatch("any|[0-9]{1,4}", config.variation):
-        raise BimanualError(
-            f"variation is {config.variation!r}, but must be an index of up to four digits, or any"
-        )
+        raise InvalidChoice("variation", config.variation, "an index of up to four digits, or any")
     variation = config.variation if config.variation == "any" else str(int(config.variation))
     trained_on = "" if config.trained_on == config.task else config.trained_on
     config = replace(config, variation=variation, trained_on=trained_on)
@@ -105,18 +87,16 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
     if config.recipe not in PROTOCOLS:
         raise InvalidChoice("recipe", config.recipe, PROTOCOLS)
     recipe = Recipe.find(config.policy, config.recipe)
-    numbers = _numbers(config, recipe)
-    training = {
-        name: value
-        for name, value in recipe.options(numbers["image_size"]).items()
-        if name not in OWN_TRAINING_FLAGS or name == "policy.device"
-    }
-    usual_device = training.pop("policy.device", None)
+    usual = vars(PROTOCOLS[config.recipe]) | vars(recipe)
+    given = {name: getattr(config, name) for name in NUMBERS}
+    numbers = {name: usual[name] if number is None else number for name, number in given.items()}
+    training = recipe.options(numbers["image_size"])
+    usual_device = training.get("policy.device")
+    training = {name: value for name, value in training.items() if name not in OWN_FLAGS["train_flags"]}
     own = {
         "num_workers": 0,  # the dataset is in memory
         "log_freq": max(1, numbers["save_freq"] // 5),
     }
-    evaluation = _options("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS)
     settings = BenchmarkSettings.of(
         policy=config.policy,
         task=config.task,
@@ -129,8 +109,10 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         perturb=levels_text(parse_levels(config.perturb)),
         demos_perturb=levels_text(parse_levels(config.demos_perturb)),
         device=config.device or usual_device,
-        training=training | own | _options("train_flags", config.train_flags, OWN_TRAINING_FLAGS),
-        evaluation={name: value for name, value in evaluation.items() if name not in OUTPUT_FLAGS},
+        training=training | own | _options(config, "train_flags"),
+        evaluation={
+            name: v for name, v in _options(config, "eval_flags").items() if name not in OUTPUT_FLAGS
+        },
     )
     steps = settings.checkpoint_steps
     if not settings.val_episodes and len(steps) > 1 and not trained_on:
@@ -143,8 +125,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
 
 def output_options(config: BenchmarkConfig) -> dict[str, Any]:
     """Options of the evaluations that only add files."""
-    evaluation = _options("eval_flags", config.eval_flags, OWN_EVALUATION_FLAGS)
-    return {name: value for name, value in evaluation.items() if name in OUTPUT_FLAGS}
+    return {name: value for name, value in _options(config, "eval_flags").items() if name in OUTPUT_FLAGS}
 
 
 def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
@@ -154,14 +135,8 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
         BimanualError: policy or recipe is not installed, or the recipe now sets an option without which the policy was
             trained.
     """
-    recipe: Any = settings.recipe  # an unknown one is refused by `resolve`
-    named = BenchmarkConfig(policy=settings.policy, recipe=recipe)
-    usual = resolve(named)
-    copied = {
-        field.name: getattr(settings, field.name)
-        for field in fields(BenchmarkConfig)
-        if field.name in BenchmarkSettings.model_fields
-    }
+    copied = settings.model_dump(include={field.name for field in fields(BenchmarkConfig)})
+    usual = resolve(BenchmarkConfig(**{name: copied[name] for name in ("policy", "recipe")}))
     if settings.trained_on:
         copied["val_episodes"] = None  # its last checkpoint is scored
     # The options of the training depend on these numbers, too.
@@ -177,7 +152,15 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
         if name not in INCIDENTAL and (name not in today or today[name] != value)
     }
     copied |= {name: None for name in NUMBERS if copied[name] == getattr(usual, name)}
-    return BenchmarkConfig(**copied, train_flags=_text(differing), eval_flags=_text(settings.evaluation))
+    flags = {"train_flags": differing, "eval_flags": settings.evaluation}
+    return BenchmarkConfig(
+        **copied, **{name: shlex.join(flag_words(options)) for name, options in flags.items()}
+    )
+
+
+def flag_words(options: Mapping[str, Any]) -> list[str]:
+    """`--name=value` for each option."""
+    return [f"--{name}={option_text(value)}" for name, value in options.items()]
 
 
 def command(config: BenchmarkConfig) -> str:
@@ -194,9 +177,7 @@ def beyond_recipe(config: BenchmarkConfig) -> str:
 def _check_several(config: BenchmarkConfig) -> None:
     """Refuse what a network for several tasks excludes."""
     if not all(name.isidentifier() for name in config.trained_on.split(",")):
-        raise BimanualError(
-            f"trained_on is {config.trained_on!r}, but must be tasks and suites, separated by commas"
-        )
+        raise InvalidChoice("trained_on", config.trained_on, "tasks and suites, separated by commas")
     if config.variation != "any":
         raise BimanualError(
             f"variation is {config.variation}, but --trained_on={config.trained_on} has demonstrations of any: leave it out"
@@ -208,18 +189,13 @@ def _check_several(config: BenchmarkConfig) -> None:
         )
 
 
-def _numbers(config: BenchmarkConfig, recipe: Recipe) -> dict[str, int]:
-    usual = vars(PROTOCOLS[config.recipe]) | vars(recipe)
-    given = {name: getattr(config, name) for name in NUMBERS}
-    return {name: usual[name] if number is None else number for name, number in given.items()}
-
-
-def _options(flag: str, text: str, own: Collection[str]) -> dict[str, Any]:
+def _options(config: BenchmarkConfig, flag: str) -> dict[str, Any]:
     """Options in the text of one flag, by name.
 
     Raises:
         BimanualError: the text is not a list of `--name=value`, or sets what the benchmark sets itself.
     """
+    text = getattr(config, flag)
     try:
         words = shlex.split(text)
     except ValueError as error:
@@ -229,15 +205,10 @@ def _options(flag: str, text: str, own: Collection[str]) -> dict[str, Any]:
         name, equals, value = word.removeprefix("--").partition("=")
         if not (word.startswith("--") and equals):
             raise BimanualError(f"--{flag} holds {word!r}, but must hold flags of the form --name=value")
-        if name in own:
+        if name in OWN_FLAGS[flag]:
             raise BimanualError(f"--{flag} sets --{name}, which the benchmark sets itself from its own flags")
         options[name] = option_value(value)
     return options
-
-
-def _text(options: Mapping[str, Any]) -> str:
-    """Options as the text of one flag."""
-    return " ".join(_quoted(f"--{name}={option_text(value)}") for name, value in options.items())
 
 
 def _words(config: BenchmarkConfig) -> dict[str, str]:
@@ -255,11 +226,3 @@ def _readable(name: str, value: str) -> str:
     if shlex.quote(word) == word or set(value) & set('"$`!\\'):
         return shlex.quote(word)
     return f'--{name}="{value}"'
-
-
-def _quoted(word: str) -> str:
-    """A word with the quotes that `shlex.split` needs, and no more."""
-    try:
-        return word if shlex.split(word) == [word] else shlex.quote(word)
-    except ValueError:  # a quote that does not end
-        return shlex.quote(word)

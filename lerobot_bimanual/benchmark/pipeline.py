@@ -160,18 +160,12 @@ class Pipeline:
     def _marker(self, command: Command) -> Marker:
         """The marker of this command with these inputs; a new one if it was never begun with them."""
         inputs = {str(path): made_before(path) for path in command.inputs}
-        found = self._read(command)
-        if found is not None and (found.command, found.inputs) == (str(command), inputs):
-            return found
-        return Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
+        new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
+        found = Marker.read(path) if (path := self._path(command)).is_file() else new
+        return found if (found.command, found.inputs) == (new.command, inputs) else new
 
     def _path(self, command: Command) -> Path:
         return self._folder / f"{command.name}.command.json"
-
-    def _read(self, command: Command) -> Marker | None:
-        """The marker under a command's name, of this command or of one with other flags."""
-        path = self._path(command)
-        return Marker.read(path) if path.is_file() else None
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
@@ -188,8 +182,8 @@ class Pipeline:
             # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
-        found = self._read(command)
-        if found is None or found.command != str(command):
+        path = self._path(command)
+        if not path.is_file() or Marker.read(path).command != str(command):
             raise BimanualError(
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"

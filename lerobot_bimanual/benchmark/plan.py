@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from lerobot_bimanual.benchmark.config import BenchmarkConfig, output_options, resolve
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, output_options, resolve
 from lerobot_bimanual.benchmark.pipeline import Command
-from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe, option_text
+from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
 from lerobot_bimanual.results.evaluation import eval_key, perturbed
 
@@ -70,8 +70,7 @@ class Plan:
     @property
     def training_folder(self) -> Path:
         """The training."""
-        run_id = self.settings.model_copy(update={"trained_on": ""}).run_id
-        return self.source / run_id
+        return self.source / self.settings.model_copy(update={"trained_on": ""}).run_id
 
     @property
     def run_folder(self) -> Path:
@@ -86,9 +85,8 @@ class Plan:
     def report(self, player: str) -> Path:
         """Report of the expert or of a baseline on the test seeds."""
         seeds = self.seeds("test")
-        return (
-            self.folder / f"{perturbed(f'{player}_{seeds.start}_{seeds.stop}', self.settings.perturb)}.json"
-        )
+        name = perturbed(f"{player}_{seeds.start}_{seeds.stop}", self.settings.perturb)
+        return self.folder / f"{name}.json"
 
     def checkpoint(self, step: int) -> Path:
         """The policy after so many steps."""
@@ -99,15 +97,15 @@ class Plan:
         """The weights of the policy after so many steps."""
         return self.checkpoint(step) / "model.safetensors"
 
-    def evaluation_file(self, split: ScoredSplit, step: int) -> Path:
-        """Result of `lerobot-eval` for a checkpoint."""
+    def evaluation_folder(self, split: ScoredSplit, step: int) -> Path:
+        """What `lerobot-eval` writes for a checkpoint."""
         name = f"{split}_{self.checkpoint(step).parent.name}"
-        return self.run_folder / perturbed(name, self._perturb(split)) / "eval_info.json"
+        return self.run_folder / perturbed(name, self._perturb(split))
 
     def record_file(self, split: ScoredSplit, step: int) -> Path:
         """The environment's record of that evaluation, with every action."""
         key = eval_key(self.settings.task, self.settings.variation, self._perturb(split))
-        return self.evaluation_file(split, step).with_name(f"{key}_{split}_record.json")
+        return self.evaluation_folder(split, step) / f"{key}_{split}_record.json"
 
     def seeds(self, split: ScoredSplit) -> range:
         """Seeds of the evaluations on a split."""
@@ -134,7 +132,7 @@ class Plan:
             **_unless_empty("perturb", settings.demos_perturb),
             "workers": self.workers,
         }
-        words = ["lerobot-bimanual", "dataset", "generate", *_words(options)]
+        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(options)]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
     def baseline(self, player: str) -> Command:
@@ -151,7 +149,7 @@ class Plan:
             "workers": self.workers,
             "output": str(report),
         }
-        words = ["lerobot-bimanual", "expert", "evaluate", *_words(options)]
+        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(options)]
         return Command(report.stem, words, output=report, judges=True)
 
     def training(self) -> Command:
@@ -169,16 +167,12 @@ class Plan:
             "output_dir": str(folder),
             **settings.training,
         }
-        return Command(
-            "train",
-            ["lerobot-bimanual-train", *_words(options)],
-            output=self.checkpoint(settings.steps),
-            training_folder=folder,
-        )
+        words = ["lerobot-bimanual-train", *flag_words(options)]
+        return Command("train", words, self.checkpoint(settings.steps), training_folder=folder)
 
     def evaluation(self, split: ScoredSplit, step: int) -> Command:
         """Score one checkpoint."""
-        settings, folder, seeds = self.settings, self.evaluation_file(split, step).parent, self.seeds(split)
+        settings, folder, seeds = self.settings, self.evaluation_folder(split, step), self.seeds(split)
         options = {
             "policy.path": str(self.checkpoint(step)),
             **self._device,
@@ -198,9 +192,8 @@ class Plan:
             **settings.evaluation,
             **self.outputs,
         }
-        words = ["lerobot-eval", *_words(options)]
-        output = self.evaluation_file(split, step)
-        return Command(folder.name, words, output=output, inputs=(self.weights(step),))
+        words = ["lerobot-eval", *flag_words(options)]
+        return Command(folder.name, words, folder / "eval_info.json", inputs=(self.weights(step),))
 
     def commands(self, step: int) -> Iterator[Command]:
         """Every command in its order, when the checkpoint after so many steps is the best."""
@@ -225,8 +218,3 @@ class Plan:
 
 def _unless_empty(name: str, value: str) -> dict[str, str]:
     return {name: value} if value else {}
-
-
-def _words(options: Mapping[str, Any]) -> list[str]:
-    """`--name=value` for each option."""
-    return [f"--{name}={option_text(value)}" for name, value in options.items()]

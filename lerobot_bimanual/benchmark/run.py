@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
@@ -24,7 +24,6 @@ from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.record import BadRecord
-from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_bimanual.tables import print_table
 
 
@@ -85,15 +84,15 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
 
     training, own = Pipeline(plan.training_folder, console), Pipeline(plan.run_folder, console)
     training.run(plan.training())
-    validation = []
+    validation, scores = [], {settings.steps: 0.0}
     for step in settings.checkpoint_steps if settings.val_episodes else ():
         own.run(plan.evaluation("val", step))
         played = _read_record(plan.record_file("val", step), plan.seeds("val")).episodes
         solved = (Episode(seed=episode.seed, success=episode.success) for episode in played)
         validation.append(Validation(step=step, episodes=tuple(solved)))
-    scores = {each.step: success_rate(each.episodes).rate for each in validation}
+        scores[step] = success_rate(played).rate
     # The best checkpoint, and of equally good ones the one that was trained longest.
-    step = max(scores, key=lambda step: (scores[step], step)) if scores else settings.steps
+    step = max(scores, key=lambda step: (scores[step], step))
     own.run(plan.evaluation("test", step))
     tested = _read_record(plan.record_file("test", step), plan.seeds("test"))
     _check_one_world(worlds | {plan.record_file("test", step): tested.world}, settings.task)
@@ -107,7 +106,11 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
             schema_version=4,
             config=settings,
             world=tested.world,
-            demonstrations=_demonstrations(plan, provenance),
+            demonstrations=Demonstrations.of(
+                settings=provenance.settings,
+                seeds=tuple(each.seed for each in provenance.episodes if each.task == settings.task),
+                versions=dict(provenance.versions),
+            ),
             checkpoint_step=step,
             checkpoint_sha256=weights,
             training_seconds=round(training.seconds(plan.training()), 1),
@@ -133,35 +136,28 @@ def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
     """Print the success rates, where the result is stored, and what can be done with it."""
     policy = result.config.policy
     rates = {
-        f"{policy} after {validation.step} steps (val)": success_rate(validation.episodes)
-        for validation in result.validation
+        f"{policy} after {each.step} steps (val)": success_rate(each.episodes) for each in result.validation
     }
     rates |= {
         "expert (test)": result.rates["expert"],
         f"{policy} after {result.checkpoint_step} steps (test)": result.rates["policy"],
         "open loop: mean keyposes of the training split (test)": result.rates["open_loop"],
     }
+    rows = []
+    for agent, rate in rates.items():
+        low, high = rate.interval
+        rows.append((agent, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}"))
     console.rule("[bold]result[/bold]")
-    _print_rates(f"{result.task}, recipe {result.config.recipe}", rates)
-    for name, path in {
-        "checkpoint": plan.checkpoint(result.checkpoint_step),
-        "result": plan.result,
-    }.items():
+    title = f"{result.task}, recipe {result.config.recipe}"
+    print_table(("agent", "solved", "95 % interval (Wilson)"), rows, title)
+    for name, path in (("checkpoint", plan.checkpoint(result.checkpoint_step)), ("result", plan.result)):
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 
 
 def _variations(tasks: str) -> dict[str, int]:
     """Number of variations of each of several tasks and suites, separated by commas."""
-    program = [
-        sys.executable,
-        "-m",
-        "lerobot_bimanual.cli",
-        "task",
-        "list",
-        f"--task={tasks}",
-        "--format=json",
-    ]
-    answer = subprocess.run(program, capture_output=True, text=True, check=False)
+    words = ("-m", "lerobot_bimanual.cli", "task", "list", f"--task={tasks}", "--format=json")
+    answer = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     if answer.returncode:
         raise BimanualError(answer.stderr.strip().removeprefix("lerobot-bimanual: "))
     return {task["name"]: len(task["variations"]) for task in json.loads(answer.stdout)}
@@ -221,11 +217,9 @@ def _read_report(path: Path, player: str, task: str, seeds: Sequence[int]) -> tu
             f"{path} is not of {player} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
             "to measure again"
         )
-    kept = ("seed", "variation", "success", "failure", "state_hash")
     episodes = sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
-    return report.worlds[task], tuple(
-        Episode(**{name: getattr(episode, name) for name in kept}) for episode in episodes
-    )
+    kept = {"seed", "variation", "success", "failure", "state_hash"}
+    return report.worlds[task], tuple(Episode(**episode.model_dump(include=kept)) for episode in episodes)
 
 
 def _check_one_world(worlds: dict[Path, str], task: str) -> None:
@@ -260,19 +254,3 @@ def _provenance(plan: Plan) -> Provenance:
             f"episode; choose another --output, or remove {plan.dataset} and the trainings beside it"
         )
     return provenance
-
-
-def _demonstrations(plan: Plan, provenance: Provenance) -> Demonstrations:
-    seeds = [episode.seed for episode in provenance.episodes if episode.task == plan.settings.task]
-    return Demonstrations.of(
-        settings=provenance.settings, seeds=tuple(seeds), versions=dict(provenance.versions)
-    )
-
-
-def _print_rates(title: str, rates: Mapping[str, SuccessRate]) -> None:
-    """One line per agent with its successes and their 95 % Wilson interval."""
-    rows = []
-    for agent, rate in rates.items():
-        low, high = rate.interval
-        rows.append((agent, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}"))
-    print_table(("agent", "solved", "95 % interval (Wilson)"), rows, title)

@@ -51,7 +51,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert row.checkpoint_sha256 == sha256(plan.weights(row.checkpoint_step))
 
     plan.result.unlink()
-    plan.evaluation_file("test", row.checkpoint_step).unlink()
+    (plan.evaluation_folder("test", row.checkpoint_step) / "eval_info.json").unlink()
     assert begun_by(plan) == [str(plan.evaluation("test", row.checkpoint_step))]
     assert BenchmarkResult.read(plan.result).episodes == row.episodes
     assert BenchmarkResult.read(plan.result).training_seconds == row.training_seconds
