@@ -21,11 +21,7 @@ class DemoConfig:
     # One registered task, with all its variations; `lerobot-bimanual task list` lists them.
     task: str = "lift_ball"
     output: Path = Path("outputs/demo")  # new or resumed folder for everything the demo makes
-    demos: int = 100  # expert demonstrations to generate
     steps: int = 1000  # optimiser steps
-    batch_size: int = 8  # keyframes per step
-    test_episodes: int = 20  # unseen placements on which expert, open-loop baseline and policy are scored
-    first_seed: int = 1000  # of these placements, in the test split
     workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
     video: bool = True  # write an mp4 of every evaluated episode
 
@@ -38,13 +34,11 @@ class DemoConfig:
         """The same as a benchmark: on the CPU, with one checkpoint, so that nothing is to be chosen."""
         return BenchmarkConfig(
             task=self.task,
-            demos=self.demos,
             steps=self.steps,
-            batch_size=self.batch_size,
             save_freq=self.steps,
             val_episodes=0,
-            test_episodes=self.test_episodes,
-            first_seed=self.first_seed,
+            test_episodes=20,
+            first_seed=1000,
             eval_flags=f"--env.video_dir={shlex.quote(str(self.video_folder))}" if self.video else "",
             device="cpu",
             workers=self.workers,

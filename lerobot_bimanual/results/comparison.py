@@ -168,13 +168,10 @@ def _facts_of_training(result: BenchmarkResult) -> dict[str, object]:
     config, settings = result.config, result.demonstrations.settings
     measured = config.model_dump(exclude={"seed", "training"}) | config.training
     demonstrated = {name: value for name, value in settings.items() if name not in DATASET_NAMES}
+    named = {"setting": measured, "demonstrations' setting": demonstrated, "test's option": result.options}
+    of = f"of {config.policy_id} on {config.eval_key}"
     facts: dict[str, object] = {f"recipe of {config.policy_id}": config.recipe}
-    for kind, options in (
-        ("setting", measured),
-        ("demonstrations' setting", demonstrated),
-        ("test's option", result.options),
-    ):
-        of = f"of {config.policy_id} on {config.eval_key}"
+    for kind, options in named.items():
         facts[f"{kind}s {of}"] = sorted(options)
         facts |= {f"{kind} {name} {of}": value for name, value in options.items()}
     return facts

@@ -9,7 +9,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import MAX_BYTES
-from lerobot_bimanual.perturbation_levels import MAX_LEVEL, levels_text
+from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.episode import EpisodeCount, Episodes, Sha256, success_rate
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require
@@ -54,10 +54,8 @@ class Condition(Record):
 
     @model_validator(mode="after")
     def _axis_has_a_level(self) -> Self:
-        require(
-            bool(self.axis) == bool(self.level),
-            f"level must be 1 to {MAX_LEVEL} on an axis, and 0 without one",
-        )
+        matches = bool(self.axis) == bool(self.level)
+        require(matches, f"level must be 1 to {MAX_LEVEL} on an axis, and 0 without one")
         return self
 
     @property
@@ -177,12 +175,10 @@ class _Sweep[Config: _SweepConfig, Each: Condition](Record):
         names, keys = [axis.name for axis in self.axes], [condition.key for condition in self.conditions]
         in_order = names == sorted(set(names)) and keys == sorted(set(keys)) and keys[:1] == [("", 0)]
         require(in_order, "axes and conditions must be sorted, each once, and begin with the nominal one")
-        require(
-            {axis for axis, _ in keys[1:]} == set(names), f"conditions must be of the axes {', '.join(names)}"
-        )
-        require(
-            not set(self.not_applicable) & set(names), "axes that are not applicable must have no condition"
-        )
+        of_axes = {axis for axis, _ in keys[1:]} == set(names)
+        require(of_axes, f"conditions must be of the axes {', '.join(names)}")
+        distinct = not set(self.not_applicable) & set(names)
+        require(distinct, "axes that are not applicable must have no condition")
         return self
 
     @property
@@ -194,11 +190,6 @@ class _Sweep[Config: _SweepConfig, Each: Condition](Record):
     def nominal(self) -> Each:
         """The condition that nothing perturbs."""
         return self.conditions[0]
-
-    @cached_property
-    def by_name(self) -> Mapping[str, Each]:
-        """Conditions by name."""
-        return {condition.name: condition for condition in self.conditions}
 
     @cached_property
     def by_key(self) -> Mapping[ConditionKey, Each]:
@@ -220,10 +211,8 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
     @model_validator(mode="after")
     def _same_episodes(self) -> Self:
         drawn = [[(episode.seed, episode.variation) for episode in each.episodes] for each in self.conditions]
-        require(
-            [seed for seed, _ in drawn[0]] == [*self.config.seeds],
-            "episodes must be on the seeds of the config",
-        )
+        as_planned = [seed for seed, _ in drawn[0]] == [*self.config.seeds]
+        require(as_planned, "episodes must be on the seeds of the config")
         same = all(episodes == drawn[0] for episodes in drawn)
         require(same, "conditions must have the same seeds, each with the same variation")
         return self
@@ -267,11 +256,10 @@ class ExpertRobustnessReport(_Sweep[ExpertRobustnessConfig, ExpertCondition]):
     def _seeds_are_of_the_config(self) -> Self:
         first, config = self.config.first_seed, self.config
         for each in self.conditions:
-            for name, n in (
-                ("expert_failed", config.expert_episodes),
-                ("open_loop_solved", config.open_loop_episodes),
-            ):
-                _require_among(name, getattr(each, name), range(first, first + n))
+            _require_among("expert_failed", each.expert_failed, range(first, first + config.expert_episodes))
+            _require_among(
+                "open_loop_solved", each.open_loop_solved, range(first, first + config.open_loop_episodes)
+            )
         return self
 
     def rates(self, condition: ExpertCondition) -> dict[str, SuccessRate]:
@@ -299,7 +287,7 @@ def condition_name(axis: str, level: int) -> str:
 
 def perturb_text(axis: str, level: int) -> str:
     """A condition as the option `perturb` takes it; empty in the nominal world."""
-    return levels_text({axis: level} if axis else {})
+    return f"{axis}:{level}" if axis else ""
 
 
 def is_robustness_result(path: Path) -> bool:

@@ -8,7 +8,7 @@ from sample_results import trained
 from sample_robustness import ROBUSTNESS, condition, result
 
 from lerobot_bimanual.reports.charts import INK, Chart
-from lerobot_bimanual.reports.robustness_figures import heat_map, sweep_figure
+from lerobot_bimanual.reports.robustness_figure import heat_map
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.statistics import wilson_interval
 
@@ -39,24 +39,10 @@ def test_a_heat_map_shows_the_mean_of_trainings_and_hatches_what_is_not_valid():
     assert panel.texts[3].get_color() != INK
 
 
-def test_a_chart_of_a_sweep_marks_what_differs_from_nominal():
-    harmless = tuple(
-        each.model_copy(update={"episodes": ROBUSTNESS.nominal.episodes}) for each in ROBUSTNESS.conditions
-    )
-    marked = [
-        [level for line in panel.get_lines() if line.get_marker() == "D" for level in line.get_xdata()]
-        for each in (ROBUSTNESS, result(conditions=harmless))
-        for panel in sweep_figure(each).figure.axes[:2]
-    ]
-    assert marked == [[], [3], [], []]
-    assert sweep_figure(result(axes=(), conditions=ROBUSTNESS.conditions[:1])).png()
-
-
 def test_charts_say_in_words_what_they_show(snapshot):
     charts = {
         "success": success_figure([trained("xx..", policy="mine", seed=seed) for seed in range(5)]),
         "heat map": heat_map({"a": ROBUSTNESS, "b": result({"policy": "yours", "task": "push_box"})}),
-        "sweep": sweep_figure(ROBUSTNESS),
     }
     assert {name: chart.description for name, chart in charts.items()} == snapshot
 

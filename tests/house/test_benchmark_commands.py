@@ -68,7 +68,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
 
 
 def test_the_demo_is_a_benchmark_of_one_checkpoint_with_videos(tmp_path: Path):
-    config = DemoConfig(output=tmp_path / "a folder", demos=2, test_episodes=3, first_seed=4)
+    config = DemoConfig(output=tmp_path / "a folder")
     as_benchmark = config.benchmark()
     shared = {field.name for field in fields(DemoConfig)} & {field.name for field in fields(BenchmarkConfig)}
     assert all(getattr(as_benchmark, name) == getattr(config, name) for name in shared)

@@ -61,7 +61,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from tqdm import tqdm
 
     from lerobot_bimanual.cli import show_next
-    from lerobot_bimanual.reports.robustness_figures import sweep_figure
+    from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_text import print_robustness
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
@@ -89,7 +89,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     result = sweep.played()
     assert result is not None  # it has the nominal condition at least
     figure = sweep.output.with_suffix(".png")
-    sweep_figure(result).save(figure)
+    heat_map({sweep.output.stem: result}).save(figure)
     print_robustness(result)
     for line in (
         f"result  {sweep.output}",

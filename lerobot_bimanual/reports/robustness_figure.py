@@ -1,11 +1,10 @@
-"""Charts of robustness: success on every condition of several policies, and of one policy axis by axis."""
+"""Chart of robustness: success on every condition, policies side by side."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # The types of pandas do not tell a frame from a series where it is indexed or grouped.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import batched
 
@@ -15,22 +14,16 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
-from lerobot_bimanual.reports.charts import BLUE, GREY, INK, VERMILION, Chart, new_figure, styled
-from lerobot_bimanual.reports.robustness_page import magnitudes_text
-from lerobot_bimanual.reports.robustness_table import LEVELS, SIGNIFICANT, axis_names, conditions_table
-from lerobot_bimanual.results.robustness import NOMINAL, AxisRecord, RobustnessResult, condition_name
+from lerobot_bimanual.reports.charts import GREY, INK, Chart, new_figure, styled
+from lerobot_bimanual.reports.robustness_table import LEVELS, axis_names, conditions_table
+from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
 
 MAX_POLICIES = 6
 """Policies side by side, so that numbers of three digits fit; more go below."""
 HATCH = "////"
-COLUMNS = 4
 HEAT_MAP_NOTES = (
     "Percent of the same episodes solved, in the mean over trainings; in a field, levels 1, 2, 3 from left to right.",
     "Hatched: the expert solves too few, so the condition is not valid. Empty: not evaluated, or not applicable to the task.",
-)
-SWEEP_NOTES = (
-    f"Diamond: differs from nominal on the same episodes, McNemar's exact test with p (Holm over axes) up to {SIGNIFICANT}.",
-    "Hatched: the expert solves too few, so the condition is not valid and counts in no sum.",
 )
 
 
@@ -114,49 +107,3 @@ def _draw_block(
     panel.spines[:].set_visible(False)
     for edge in range(MAX_LEVEL, shape[1], MAX_LEVEL):
         panel.axvline(edge - 0.5, color="white", linewidth=3)
-
-
-@styled
-def sweep_figure(result: RobustnessResult) -> Chart:
-    """One small chart per axis, by group and name: policy, expert and open-loop baseline against level."""
-    table = conditions_table({result.policy: result})
-    axes = sorted(result.axes, key=lambda axis: (axis.group, axis.name))
-    rows = max(1, -(-len(axes) // COLUMNS))
-    count = len(result.nominal.episodes)
-    title = f"{result.policy} on {result.task}, the same {count} episodes at every level"
-    figure = new_figure(1.6 * rows + 1.1, title, *SWEEP_NOTES)
-    panels = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).flatten()
-    for axis, panel in zip(axes, panels, strict=False):
-        _draw_axis(panel, axis, table[(table.level == 0) | (table.axis == axis.name)])
-    for panel in panels[len(axes) :]:
-        panel.set_axis_off()
-    if axes:
-        panels[0].legend(fontsize=6)
-    said = (
-        f"{line.condition} {line.solved} of {line.n} (expert {line.expert}, open loop {line.open_loop})"
-        + ("" if not line.level else f", p (Holm) {line.p_holm:.3g}" if line.valid else ", not valid")
-        for line in table.itertuples()
-    )
-    return Chart(figure, f"{result.policy} on {result.task}: {'. '.join(said)}.")
-
-
-def _draw_axis(panel: Axes, axis: AxisRecord, table: pd.DataFrame) -> None:
-    panel.fill_between(table.level, table.low, table.high, color=BLUE, alpha=0.2, linewidth=0)
-    for column, label, style, color in (
-        ("open_loop", "open loop", "x:", GREY),
-        ("expert", "expert", "^--", INK),
-        ("solved", "policy, 95 % interval", "o-", BLUE),
-    ):
-        panel.plot(
-            table.level, table[column] / table.n, style, color=color, label=label, markersize=3.5, linewidth=1
-        )
-    differs = table[table.p_holm <= SIGNIFICANT]
-    panel.plot(differs.level, differs.solved / differs.n, "D", color=VERMILION, markersize=5)
-    for level in table[~table.valid].level:
-        panel.axvspan(level - 0.5, level + 0.5, fill=False, hatch=HATCH, linewidth=0, edgecolor="0.85")
-    described = textwrap.shorten(magnitudes_text(axis), 36, placeholder=" ...")
-    panel.set_title(f"{axis.name} ({axis.group})\n{described}", fontsize=7)
-    panel.set(xlim=(-0.5, MAX_LEVEL + 0.5), ylim=(-0.05, 1.05), xticks=range(MAX_LEVEL + 1))
-    panel.yaxis.set_major_formatter("{x:.0%}")
-    panel.grid(axis="y")
-    panel.tick_params(length=0, labelsize=7)
