@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
+from typing import NamedTuple
 
 from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import MissingGL
@@ -34,16 +35,8 @@ COLORS = {"ok": "green", "info": "blue", "warn": "yellow", "fail": "bold red"}
 """Levels of findings: nothing is wrong, worth knowing, a part will not work, the project will not work."""
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Result of one check.
-
-    Attributes:
-        subject: what was checked.
-        level: how serious it is, a key of `COLORS`.
-        detail: what was found.
-        remedy: how to mend it; "" if nothing is to be done.
-    """
+class Finding(NamedTuple):
+    """What was checked, how serious it is (a key of `COLORS`), what was found, and how to mend it, if there is need."""
 
     subject: str
     level: str
@@ -69,15 +62,14 @@ def doctor(config: DoctorConfig) -> int:
     from rich.text import Text
 
     console, findings = Console(), []
-    for check in (check_python, check_packages, check_machine, check_gl, check_video, check_gpu):
+    for check in (check_packages, check_machine, check_gl, check_video):
         try:
             found = [*check()]
         except Exception as error:  # a broken installation may break one check in any way, but not the others
             subject = check.__name__.removeprefix("check_")
             found = [Finding(subject, "fail", f"{type(error).__name__}: {error}", REPAIR)]
-        for finding in found:
-            level = Text(f"{finding.level:<5}", COLORS[finding.level])
-            console.print(level, f"{finding.subject:<23}", Text(finding.detail), soft_wrap=True)
+        for subject, level, detail, _ in found:
+            console.print(Text(f"{level:<5}", COLORS[level]), f"{subject:<23}", Text(detail), soft_wrap=True)
         findings += found
     for finding in findings:
         if finding.remedy:
@@ -89,23 +81,12 @@ def doctor(config: DoctorConfig) -> int:
     return 0
 
 
-def check_python() -> Iterator[Finding]:
-    """The interpreter against the range that our package declares."""
-    from packaging.specifiers import SpecifierSet
-
-    version, required = sys.version.split()[0], metadata.metadata(CORE)["Requires-Python"]
-    if version in SpecifierSet(required):
-        yield Finding("Python", "ok", version)
-    else:
-        yield Finding("Python", "fail", f"{version}, but {required} is needed", "make setup")
-
-
 def check_packages() -> Iterator[Finding]:
-    """Our distributions and the packages that they need, against the ranges that they declare."""
+    """Python, our distributions and the packages that they need, against the ranges that they declare."""
     from packaging.requirements import Requirement
     from packaging.specifiers import SpecifierSet
 
-    ranges: dict[str, SpecifierSet] = {}
+    ranges = {"Python": SpecifierSet(metadata.metadata(CORE)["Requires-Python"])}
     for distribution in (CORE, *PLUGINS):
         if _version(distribution) is None:
             yield Finding(distribution, "warn", "not installed", REPAIR)
@@ -121,33 +102,38 @@ def check_packages() -> Iterator[Finding]:
             yield Finding(package, "ok", installed)
         else:
             found = "not installed" if installed is None else f"{installed}, but {needed} is needed"
-            yield Finding(package, "fail", found, f"pip install '{package}{needed}'")
+            remedy = "make setup" if package == "Python" else f"pip install '{package}{needed}'"
+            yield Finding(package, "fail", found, remedy)
 
 
 def check_machine() -> Iterator[Finding]:
-    """Processor cores that this process may use, memory, and free space here."""
+    """Processor cores that this process may use, memory, free space here, and a CUDA device for training at full size."""
+    import torch
+
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     free_gb = shutil.disk_usage(".").free / 1e9
     cores = len(os.sched_getaffinity(0))
     yield Finding(
         "machine", "info", f"{cores} cores, {memory_gib:.0f} GiB memory, {free_gb:.0f} GB free here"
     )
+    names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
+    detail = ", ".join(names) or "none: simulation and small policies run on the processor"
+    yield Finding("GPU", "ok" if names else "info", detail)
 
 
 def check_gl() -> Iterator[Finding]:
     """Off-screen rendering of an 8 x 8 image, in another process."""
-    remedy = str(MissingGL("rendering failed"))
+    command = [sys.executable, "-c", RENDER_8X8]
     try:
-        command = [sys.executable, "-c", RENDER_8X8]
-        child = subprocess.run(command, capture_output=True, text=True, check=False, timeout=RENDER_TIMEOUT_S)
+        child = subprocess.run(command, capture_output=True, text=True, check=True, timeout=RENDER_TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        yield Finding("OpenGL", "fail", f"no image within {RENDER_TIMEOUT_S} s", remedy)
-        return
-    if child.returncode == 0:
-        yield Finding("OpenGL", "ok", child.stdout.strip())
+        problem = f"no image within {RENDER_TIMEOUT_S} s"
+    except subprocess.CalledProcessError as error:
+        problem = (error.stderr.strip().splitlines() or [f"the process ended with {error.returncode}"])[-1]
     else:
-        reason = (child.stderr.strip().splitlines() or [f"the process ended with {child.returncode}"])[-1]
-        yield Finding("OpenGL", "fail", reason, remedy)
+        yield Finding("OpenGL", "ok", child.stdout.strip())
+        return
+    yield Finding("OpenGL", "fail", problem, str(MissingGL("rendering failed")))
 
 
 def check_video() -> Iterator[Finding]:
@@ -161,17 +147,9 @@ def check_video() -> Iterator[Finding]:
         yield Finding("video", "ok", f"torchcodec {metadata.version('torchcodec')} with FFmpeg")
 
 
-def check_gpu() -> Iterator[Finding]:
-    """A CUDA device for training at full size."""
-    import torch
-
-    names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
-    detail = ", ".join(names) or "none: simulation and small policies run on the processor"
-    yield Finding("GPU", "ok" if names else "info", detail)
-
-
-def _version(distribution: str) -> str | None:
+def _version(package: str) -> str | None:
+    """The installed version; None if it is not installed."""
     try:
-        return metadata.version(distribution)
+        return sys.version.split()[0] if package == "Python" else metadata.version(package)
     except metadata.PackageNotFoundError:
         return None

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness_table import conditions_table, corrected
-from lerobot_bimanual.results.robustness import RobustnessResult
+from lerobot_bimanual.results.robustness import RobustnessResult, condition_name
 from lerobot_bimanual.results.statistics import mcnemar_p_value, only_one_solved
 from lerobot_bimanual.tables import print_table
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
@@ -64,9 +64,8 @@ def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
     table = conditions_table({"first": first}).merge(
         conditions_table({"second": second}), on="condition", suffixes=("", "_second")
     )
-    pairs = [
-        only_one_solved(first.by_name[name].solved, second.by_name[name].solved) for name in table.condition
-    ]
+    keys = [*zip(table.axis, table.level, strict=True)]
+    pairs = [only_one_solved(first.by_key[key].solved, second.by_key[key].solved) for key in keys]
     table["p"], table["valid"] = [mcnemar_p_value(*pair) for pair in pairs], table.valid & table.valid_second
     table["p_holm"] = corrected(table[table.valid], "level")
     rows = [
@@ -86,8 +85,8 @@ def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
     for line in sums.itertuples():
         where = f"valid conditions of level {line.Index}" if line.Index else "nominal"
         print(f"{where}: first {line.solved}, second {line.solved_second} of {line.n}")
-    if missing := sorted(first.by_name.keys() ^ second.by_name.keys()):
-        print(f"only one has played: {', '.join(missing)}")
+    if missing := sorted(first.by_key.keys() ^ second.by_key.keys()):
+        print(f"only one has played: {', '.join(condition_name(*key) for key in missing)}")
 
 
 def _shared(first: RobustnessResult, second: RobustnessResult) -> Iterator[tuple[str, object, object]]:
@@ -96,7 +95,7 @@ def _shared(first: RobustnessResult, second: RobustnessResult) -> Iterator[tuple
     for name in ("split", "variation", "max_keyposes"):
         yield name, first.config.options.get(name), second.config.options.get(name)
     yield "seeds", first.nominal.seeds, second.nominal.seeds
-    for name in first.by_name.keys() & second.by_name.keys():
-        yield f"the world of {name}", first.by_name[name].world, second.by_name[name].world
+    for key in first.by_key.keys() & second.by_key.keys():
+        yield f"the world of {condition_name(*key)}", first.by_key[key].world, second.by_key[key].world
     for package in SIMULATION_PACKAGES:
         yield package, first.config.versions.get(package), second.config.versions.get(package)

@@ -7,22 +7,14 @@ from itertools import cycle
 
 from matplotlib.axes import Axes
 
-from lerobot_bimanual.reports.charts import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    Chart,
-    new_figure,
-    styled,
-)
+from lerobot_bimanual.reports import charts
+from lerobot_bimanual.reports.charts import GREY, INK, Chart, new_figure, styled
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
-STYLES = (("o", BLUE), ("s", VERMILION), ("D", GREEN), ("^", PURPLE), ("o", ORANGE))
+STYLES = [
+    *zip("osD^o", (charts.BLUE, charts.VERMILION, charts.GREEN, charts.PURPLE, charts.ORANGE), strict=True)
+]
 """Markers and colours of policies in the order of their names, in turns; each line also bears its policy's name."""
 BASELINES = (("expert", "expert", "^", INK), ("open_loop", "open loop", "x", GREY))
 """Key of the rate, label, marker and colour."""
@@ -91,27 +83,27 @@ def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     panel.grid(axis="x")
     panel.spines[["left", "bottom"]].set_visible(False)
     panel.tick_params(length=0)
-    said = ("; ".join(f"{line.label} {line.counts}" for line in group) for group in groups.values())
-    return Chart(
-        figure, "Successes. " + " ".join(f"{task}: {text}." for task, text in zip(groups, said, strict=True))
-    )
+    said = {
+        task: "; ".join(f"{line.label} {line.counts}" for line in group) for task, group in groups.items()
+    }
+    return Chart(figure, "Successes. " + " ".join(f"{task}: {text}." for task, text in said.items()))
 
 
 def _groups(rows: Sequence[BenchmarkResult]) -> Iterator[tuple[str, list[_Line]]]:
     """Lines by task; trainings of a policy in the order of their seeds."""
-    styles = dict(zip(sorted({row.config.policy_id for row in rows}), cycle(STYLES), strict=False))
-    trained: defaultdict[str, defaultdict[str, list[BenchmarkResult]]] = defaultdict(
-        lambda: defaultdict(list)
-    )
-    for row in sorted(rows, key=lambda row: (row.config.eval_key, row.config.policy_id, row.config.seed)):
-        trained[row.config.eval_key][row.config.policy_id].append(row)
-    for place, policies in trained.items():
+    policies = sorted({row.config.policy_id for row in rows})
+    styles = dict(zip(policies, cycle(STYLES), strict=False))
+    trained = defaultdict(list)
+    for row in sorted(rows, key=lambda row: row.config.seed):
+        trained[row.config.eval_key, row.config.policy_id].append(row.rates)
+    for task in sorted({row.config.eval_key for row in rows}):
+        found = {policy: trained[task, policy] for policy in policies if (task, policy) in trained}
         lines = [
-            _Line(policy, tuple(row.rates["policy"] for row in trainings), *styles[policy])
-            for policy, trainings in policies.items()
+            _Line(policy, tuple(rates["policy"] for rates in trainings), *styles[policy])
+            for policy, trainings in found.items()
         ]
-        rates = next(iter(policies.values()))[0].rates
-        yield place, lines + [_Line(label, (rates[key],), *style) for key, label, *style in BASELINES]
+        rates = next(iter(found.values()))[0]
+        yield task, lines + [_Line(label, (rates[key],), *style) for key, label, *style in BASELINES]
 
 
 def _draw(panel: Axes, y: float, line: _Line) -> None:
@@ -119,9 +111,7 @@ def _draw(panel: Axes, y: float, line: _Line) -> None:
     panel.hlines(y, low, high, line.color, linewidth=1.8)
     panel.plot(line.mean, y, line.marker, color=line.color, markersize=5, clip_on=False)
     if len(line.rates) > 1:
-        above = [y - 0.38] * len(line.rates)
-        shares = [rate.rate for rate in line.rates]
-        panel.plot(
-            shares, above, line.marker, color=line.color, fillstyle="none", markersize=3, clip_on=False
-        )
+        shares, above = [rate.rate for rate in line.rates], [y - 0.38] * len(line.rates)
+        single = {"fillstyle": "none", "markersize": 3, "clip_on": False}
+        panel.plot(shares, above, line.marker, color=line.color, **single)
     panel.text(1.04, y, line.counts, color=line.color, va="center", fontsize=8)
