@@ -8,6 +8,7 @@ from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
+from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 from lerobot_bimanual.results.statistics import SuccessRate, holm
 from lerobot_bimanual.tables import print_table
@@ -42,8 +43,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
     if is_robustness_result(config.first) or is_robustness_result(config.second):
         from lerobot_bimanual.reports.robustness_text import print_comparison
 
-        one, other = RobustnessResult.read(config.first), RobustnessResult.read(config.second)
-        print_comparison(one, other)
+        print_comparison(RobustnessResult.read(config.first), RobustnessResult.read(config.second))
         return
     first = _results(config.first, config.first_policy, "first_policy")
     second = _results(config.second, config.second_policy, "second_policy")
@@ -59,16 +59,13 @@ def results_compare(config: ResultsCompareConfig) -> None:
     for name, path, results in (("first", config.first, first), ("second", config.second, second)):
         settings = results[shared[0]][0].config
         print(f"{name:<7} {settings.policy_id} ({settings.recipe}), {path}")  # too long for a column
-    _print(comparisons)
+    _print_comparisons(comparisons)
     show_next("lerobot-bimanual", "results", "report", f"--results={config.first}")
 
 
 def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[BenchmarkResult, ...]]:
     """Trainings of one policy in a file or folder, by what they are scored on."""
-    paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    results = {each: BenchmarkResult.read(each) for each in paths}
-    if not results:
-        raise BimanualError(f"{path} holds no results; `lerobot-bimanual policy benchmark` writes them")
+    results = {each: BenchmarkResult.read(each) for each in result_paths(path)}
     policies = sorted({result.config.policy_id for result in results.values()})
     if policy is None and len(policies) > 1:
         raise BimanualError(
@@ -84,23 +81,20 @@ def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[Bench
     return {key: tuple(group) for key, group in found.items()}
 
 
-def _print(comparisons: dict[str, Comparison]) -> None:
-    headings = ("task", "first", "second", "difference", "better on", "p", "p (Holm)")
-    rows = []
+def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
-    for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True):
-        first, second = comparison.rates
-        rows.append(
-            (
-                place,
-                _rates(first),
-                _rates(second),
-                _difference(comparison),
-                "{}, {}".format(*comparison.better),
-                f"{comparison.p_value:.3g}",
-                f"{p_holm:.3g}",
-            )
+    rows = [
+        (
+            place,
+            *(_rates(rates) for rates in comparison.rates),
+            _difference(comparison),
+            "{}, {}".format(*comparison.better),
+            f"{comparison.p_value:.3g}",
+            f"{p_holm:.3g}",
         )
+        for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True)
+    ]
+    headings = ("task", "first", "second", "difference", "better on", "p", "p (Holm)")
     print_table(headings, rows, "success on the same seeds")
     for place, comparison in comparisons.items():
         first, second = comparison.better
@@ -116,13 +110,11 @@ def _print(comparisons: dict[str, Comparison]) -> None:
 def _rates(rates: list[SuccessRate]) -> str:
     if len(rates) > 1:
         return f"{', '.join(str(rate.successes) for rate in rates)} of {rates[0].trials}"
-    (rate,) = rates
-    low, high = rate.interval
-    return f"{rate.successes} of {rate.trials} ({low:.0%} to {high:.0%})"
+    low, high = rates[0].interval
+    return f"{rates[0].successes} of {rates[0].trials} ({low:.0%} to {high:.0%})"
 
 
 def _difference(comparison: Comparison) -> str:
-    errors = [f"{comparison.episode_error:.1%} (episodes)"]
-    if comparison.training_error is not None:
-        errors.append(f"{comparison.training_error:.1%} (trainings)")
-    return " ± ".join([f"{comparison.difference:+.1%}", *errors])
+    text = f"{comparison.difference:+.1%} ± {comparison.episode_error:.1%} (episodes)"
+    error = comparison.training_error
+    return text if error is None else f"{text} ± {error:.1%} (trainings)"

@@ -15,6 +15,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import check_comparable
+from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.statistics import SuccessRate
 
 NOT_INSTALLED = "its recipe is not installed here"
@@ -64,12 +65,7 @@ def read_results(place: Path) -> dict[Path, BenchmarkResult]:
     Raises:
         BimanualError: there are none, one is wrong, or has the name of another result.
     """
-    paths = sorted(place.glob("*.json")) if place.is_dir() else [place]
-    if not paths:
-        raise BimanualError(
-            f"{place} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
-        )
-    results = {path: BenchmarkResult.read(path) for path in paths}
+    results = {path: BenchmarkResult.read(path) for path in result_paths(place)}
     for path, result in results.items():
         if path.name != result.config.file_name:
             raise BimanualError(

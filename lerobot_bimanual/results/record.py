@@ -74,6 +74,20 @@ class Record(BaseModel):
         return "{\n" + ",\n".join(f" {json.dumps(name)}: {_lines(fields[name])}" for name in fields) + "\n}\n"
 
 
+def result_paths(place: Path) -> list[Path]:
+    """The file itself, or the JSON files of a folder, sorted.
+
+    Raises:
+        BadRecord: the folder has none.
+    """
+    found = sorted(place.glob("*.json")) if place.is_dir() else [place]
+    if not found:
+        raise BadRecord(
+            f"{place} holds no results; `lerobot-bimanual policy benchmark` writes them to OUTPUT/results"
+        )
+    return found
+
+
 def require(holds: object, rule: str) -> None:
     """Refuse a record that breaks a rule between its fields.
 

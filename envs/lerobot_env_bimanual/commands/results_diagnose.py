@@ -44,8 +44,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
     from lerobot_bimanual.files import check_output_file
+    from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.failures.attribution import attribute_failures
-    from lerobot_env_bimanual.verification.result_files import ResultFile, result_paths, sampled
+    from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
     from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)

@@ -77,22 +77,23 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_page import robustness_page
     from lerobot_bimanual.reports.success_figure import success_figure
+    from lerobot_bimanual.results.record import result_paths
     from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 
-    place = config.results
-    paths = sorted(place.glob("*.json")) if place.is_dir() else [place]
-    if paths and is_robustness_result(paths[0]):
+    paths = result_paths(config.results)
+    if is_robustness_result(paths[0]):
         results = {path.stem: RobustnessResult.read(path) for path in paths}
         return robustness_page(results, link), heat_map(results)
-    rows = read_results(place)
-    return benchmark_page(rows, place, link), success_figure([*rows.values()])
+    rows = read_results(config.results)
+    return benchmark_page(rows, config.results, link), success_figure([*rows.values()])
 
 
 def _write_html(config: ResultsReportConfig) -> None:
     from lerobot_bimanual.files import write_file
     from lerobot_bimanual.results.comparison import check_comparable
+    from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.reports.results_page import results_page, sections_of
-    from lerobot_env_bimanual.verification.result_files import ResultFile, result_paths
+    from lerobot_env_bimanual.verification.result_files import ResultFile
     from lerobot_env_bimanual.workers import WorkerPool
 
     results = [ResultFile.read(path) for path in result_paths(config.results)]

@@ -33,8 +33,9 @@ def results_verify(config: ResultsVerifyConfig) -> int:
         lerobot-bimanual results verify --results=results/leaderboard --sample=5
         lerobot-bimanual results verify --results=outputs/eval/lift_ball_test_record.json
     """
+    from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.verification.episodes import verify_episodes
-    from lerobot_env_bimanual.verification.result_files import ResultFile, result_paths, sampled
+    from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
     from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)

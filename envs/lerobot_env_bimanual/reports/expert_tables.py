@@ -65,16 +65,11 @@ class ExpertReports:
         reports = {name: ExpertReport.read(path) for name, path in paths.items() if path.is_file()}
         experts = reports[EXACT]
         for name, report in reports.items():
-            worlds = {task: experts.worlds.get(task) for task in report.worlds}
-            player = EXACT if name == ROUNDED else name
-            for field, got, expected in (
-                ("player", report.player, player),
-                ("perturb", report.perturb, ""),
-                ("split", report.split, experts.split),
-                ("first_seed", report.first_seed, experts.first_seed),
-                ("worlds", report.worlds, worlds),
-            ):
-                if got != expected:
+            shared = {"perturb": "", "split": experts.split, "first_seed": experts.first_seed}
+            shared["player"] = EXACT if name == ROUNDED else name
+            shared["worlds"] = {task: experts.worlds.get(task) for task in report.worlds}
+            for field, expected in shared.items():
+                if (got := getattr(report, field)) != expected:
                     raise BimanualError(
                         f"{paths[name]}: {field} is {got!r}, but must be {expected!r} beside {EXACT}.json"
                     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from lerobot_bimanual.episode import CONTROL_HZ
@@ -64,14 +64,10 @@ class Section:
         record, row = self.result.record, self.result.benchmark
         facts = {"file": self.result.path.name, "world": record.world}
         if row is not None:
-            facts |= {
-                "configuration": _assignments(
-                    row.config.model_dump(exclude={"training"}) | row.config.training
-                ),
-                "demonstrations": f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}",
-                "checkpoint": f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps",
-                "evaluated": row.date,
-            }
+            settings = row.config.model_dump(exclude={"training"}) | row.config.training
+            made = f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}"
+            facts |= {"configuration": _assignments(settings), "demonstrations": made, "evaluated": row.date}
+            facts["checkpoint"] = f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps"
         return facts | {
             "environment": _assignments(record.options),
             "versions": _assignments(record.versions),
@@ -92,31 +88,29 @@ def sections_of(results: Sequence[ResultFile], max_videos: int, pool: WorkerPool
     sections = []
     for result in results:
         record = result.record
-        failed = [episode for episode in record.episodes if not episode.success]
+        failed = {episode.seed: episode for episode in record.episodes if not episode.success}
         section = Section(
-            result,
-            {one.seed: one for one in attribute_failures(record, failed, pool)},
+            result, {one.seed: one for one in attribute_failures(record, [*failed.values()], pool)}
         )
         jobs = [
-            (record.task, record.options, episode, section.who)
-            for episode in _of_different_classes(section)[:max_videos]
+            (record.task, record.options, failed[seed], section.who)
+            for seed in _of_different_classes(section.attributions)[:max_videos]
         ]
         videos = pool.map(
             _video, jobs, f"{record.task}: videos", "video", name=lambda job: f"{job[0]}, seed {job[2].seed}"
         )
-        sections.append(Section(result, section.attributions, [*videos]))
+        sections.append(replace(section, videos=[*videos]))
     return sections
 
 
-def _of_different_classes(section: Section) -> list[Episode]:
-    """Failed episodes, in turns of each class of failure."""
+def _of_different_classes(attributions: Mapping[int, Attribution]) -> list[int]:
+    """Seeds of failed episodes, in turns of each class of failure."""
     seen: Counter[str] = Counter()
     rank = {}
-    for seed, one in section.attributions.items():
+    for seed, one in attributions.items():
         rank[seed] = seen[one.failure_class], seed
         seen[one.failure_class] += 1
-    failed = [episode for episode in section.result.record.episodes if episode.seed in rank]
-    return sorted(failed, key=lambda episode: rank[episode.seed])
+    return sorted(rank, key=rank.__getitem__)
 
 
 def _video(job: tuple[str, dict[str, str | int], Episode, str]) -> FailureVideo:

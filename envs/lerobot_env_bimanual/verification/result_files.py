@@ -81,20 +81,6 @@ class ResultFile:
             raise BimanualError(f"{self.path}: {self.world_problem}")
 
 
-def result_paths(results: Path) -> list[Path]:
-    """The file itself, or the result files of a folder, sorted.
-
-    Raises:
-        BimanualError: the folder has no results.
-    """
-    if not results.is_dir():
-        return [results]
-    found = sorted(results.glob("*.json"))
-    if not found:
-        raise BimanualError(f"{results} has no results; `lerobot-bimanual policy benchmark` writes them")
-    return found
-
-
 def sampled(episodes: Sequence[Episode], count: int, seed: int) -> list[Episode]:
     """A random subset of episodes in their order; all of them if `count` is 0 or at least their number."""
     if not 0 < count < len(episodes):
