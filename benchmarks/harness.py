@@ -15,9 +15,7 @@ from pathlib import Path
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
-from rich.console import Console
-from rich.table import Table
-
+from lerobot_bimanual.tables import print_table
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 type Figures = dict[str, float]
@@ -79,8 +77,6 @@ def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> fl
 def report(title: str, rows: dict[str, Figures]) -> None:
     """Print a table of named rows that have the same columns, and as the last line all figures as JSON."""
     columns = list(next(iter(rows.values())))
-    table = Table("", *columns, title=title)
-    for name, figures in rows.items():
-        table.add_row(name, *(f"{figures[column]:.4g}" for column in columns))
-    Console(width=160).print(table)
+    cells = [(name, *(f"{figures[column]:.4g}" for column in columns)) for name, figures in rows.items()]
+    print_table(("", *columns), cells, title)
     print(json.dumps({"benchmark": title, "figures": rows}))

@@ -4,18 +4,19 @@ python benchmarks/planning.py --problems=200
 """
 
 import argparse
+import contextlib
+import time
 from collections import defaultdict
-from collections.abc import Callable
 
 import numpy as np
-from harness import Figures, cpu_s, report
+from harness import Figures, report
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
-from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.motion.planner import KeyposePlanner, Plan
 from lerobot_env_bimanual.world.scene import Scene
 
 HANDS = {
@@ -39,50 +40,32 @@ def shifted(pose: Pose, rng: np.random.Generator) -> Pose:
     return pose.translated(LINE_M * direction / np.linalg.norm(direction))
 
 
-def measure_plans(problems: int, times: defaultdict[str, list[float]]) -> None:
-    """Plan random keyposes, execute those that have a plan, and plan straight lines from there; append milliseconds."""
-    rng = np.random.default_rng(1)
-    scene = Scene()
+def measure(problems: int) -> dict[str, Figures]:
+    """Plan random keyposes, execute those that have a plan, and plan straight lines from there."""
+    rng, scene = np.random.default_rng(1), Scene()
     planner = KeyposePlanner(scene)
+    times: defaultdict[str, list[float]] = defaultdict(list)
+
+    def plan(kind: str, poses: dict[Arm, Pose], ignore_collisions: bool) -> Plan | None:
+        """The plan, None where the keypose is refused; notes its CPU milliseconds."""
+        keyposes = (
+            Keypose(poses[arm], gripper_open=True, ignore_collisions=ignore_collisions) for arm in ARMS
+        )
+        keypose, start, found = BimanualKeypose(*keyposes), time.process_time(), None
+        with contextlib.suppress(KeyposeFailure):
+            found = planner.plan(keypose, rng)
+        times[kind].append(1e3 * (time.process_time() - start))
+        return found
+
     for _ in range(problems):
         poses = {arm: random_pose(arm, rng) for arm in ARMS}
-        free = BimanualKeypose(
-            *(Keypose(poses[arm], gripper_open=True, ignore_collisions=False) for arm in ARMS)
-        )
-        plan = timed(lambda free=free: planner.plan(free, rng), times["a keypose, free motion"])
-        for action in plan.actions if plan else ():
+        found = plan("a keypose, free motion", poses, ignore_collisions=False)
+        for action in found.actions if found else ():
             scene.tick(action)
-        if plan:
-            lines = [
-                Keypose(shifted(poses[arm], rng), gripper_open=True, ignore_collisions=True) for arm in ARMS
-            ]
-            straight = BimanualKeypose(*lines)
-            timed(
-                lambda straight=straight: planner.plan(straight, rng), times[f"straight lines of {LINE_M} m"]
-            )
-
-
-def timed[T](work: Callable[[], T], times: list[float]) -> T | None:
-    """What `work` returns, None where a keypose is refused; appends its CPU milliseconds."""
-    results: list[T] = []
-
-    def attempt() -> None:
-        try:
-            results.append(work())
-        except KeyposeFailure:
-            return
-
-    times.append(1e3 * cpu_s(attempt))
-    return results[0] if results else None
-
-
-def main() -> None:
-    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    arguments.add_argument("--problems", type=int, default=200)
-    options = arguments.parse_args()
-    times: defaultdict[str, list[float]] = defaultdict(list)
-    measure_plans(options.problems, times)
-    rows: dict[str, Figures] = {
+        if found:
+            further = {arm: shifted(pose, rng) for arm, pose in poses.items()}
+            plan(f"straight lines of {LINE_M} m", further, ignore_collisions=True)
+    return {
         kind: {
             "problems": len(each),
             "median ms": float(np.median(each)),
@@ -90,7 +73,12 @@ def main() -> None:
         }
         for kind, each in times.items()
     }
-    report("planning, CPU time", rows)
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    arguments.add_argument("--problems", type=int, default=200)
+    report("planning, CPU time", measure(arguments.parse_args().problems))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,7 @@ from sample_robustness import EXPERT_REPORT, ROBUSTNESS, condition, result
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
-from lerobot_bimanual.reports.robustness_page import robustness_page
+from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
-from lerobot_bimanual.reports.robustness_page import robustness_page
+from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
 from lerobot_bimanual.results.robustness import RobustnessResult, perturb_text, read_expert_robustness
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.sweep.conditions import conditions_of

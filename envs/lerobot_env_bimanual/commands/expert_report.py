@@ -30,7 +30,7 @@ def expert_report(config: ExpertReportConfig) -> None:
     """
     from lerobot_bimanual.files import check_output_file
     from lerobot_bimanual.pages import write_page
-    from lerobot_bimanual.reports.expert_robustness_page import expert_robustness_page
+    from lerobot_bimanual.reports.robustness_pages import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.reports.expert_tables import ExpertReports
     from lerobot_env_bimanual.reports.task_pages import tasks_page

@@ -75,7 +75,7 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
     """The page, and the figure to which it links."""
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_figure import heat_map
-    from lerobot_bimanual.reports.robustness_page import robustness_page
+    from lerobot_bimanual.reports.robustness_pages import robustness_page
     from lerobot_bimanual.reports.success_figure import success_figure
     from lerobot_bimanual.results.record import result_paths
     from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
