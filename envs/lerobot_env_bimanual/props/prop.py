@@ -1,4 +1,4 @@
-"""Protocol of props, and settings of their geoms.
+"""Protocol of props, and builders of what they consist of.
 
 Everything collides in the common layer of MuJoCo's bit masks `contype` and `conaffinity`. A prop may add geoms that touch
 the table alone by giving them contype `TABLE_ONLY` and conaffinity 0, or dirt alone by `DIRT_ONLY`: dirt has that bit in
@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
 
 COMMON_LAYER = 1
@@ -77,6 +78,27 @@ def add_cylinder(
 def add_sphere(body: mujoco.MjsBody, position: Vector, radius: float, **settings: Any) -> mujoco.MjsGeom:
     """Add a ball to a body, by its centre and radius in m."""
     return body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=position, size=(radius, 0, 0), **settings)
+
+
+def add_camera(
+    body: mujoco.MjsBody, name: str, position: Vector, target: Vector, fovy_deg: float, up: Vector
+) -> None:
+    """Add a camera to a body.
+
+    Args:
+        body: it is fixed to.
+        name: its name.
+        position: (3,) m.
+        target: (3,) the point in the middle of the image, m.
+        fovy_deg: vertical field of view.
+        up: (3,) direction that points up in the image, as far as it is across the view.
+    """
+    backward = np.subtract(position, target)  # MuJoCo cameras look along -z
+    backward = backward / np.linalg.norm(backward)
+    right = np.cross(up, backward)
+    right = right / np.linalg.norm(right)
+    quat = matrix_to_quat_wxyz(np.column_stack([right, np.cross(backward, right), backward]))
+    body.add_camera(name=name, pos=position, quat=quat, fovy=fovy_deg)
 
 
 def add_capsule(body: mujoco.MjsBody, ends: Vector, radius: float, **settings: Any) -> mujoco.MjsGeom:

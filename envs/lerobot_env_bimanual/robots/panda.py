@@ -9,9 +9,8 @@ cylinders and boxes sized by eye to the real covers, so that collision checks ar
 import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import UNSEEN
+from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_camera
 from lerobot_env_bimanual.robots import panda_looks
 from lerobot_env_bimanual.robots.panda_looks import add_looks
 
@@ -76,7 +75,6 @@ LINK_INERTIA = (
 
 CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
 CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
-BOX = mujoco.mjtGeom.mjGEOM_BOX
 
 # What collides of each link, in its own frame: shape, radius, and the two ends of its axis.
 BASE_COVERS = (
@@ -130,8 +128,8 @@ NEVER_MEETING = (
     ("link6", "hand"),
 )
 
-WRIST_CAMERA_POSITION_M = (0.085, 0.0, 0.04)
-WRIST_CAMERA_TARGET_M = (0.0, 0.0, 0.18)
+WRIST_CAMERA_M = ((0.085, 0.0, 0.04), (0.0, 0.0, 0.18))
+"""On the hand's side, and the point that it looks at: it sees both fingertips and what lies ahead of them."""
 WRIST_CAMERA_FOVY_DEG = 75.0
 
 
@@ -144,7 +142,7 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
         base: world pose of the mounting face.
     """
     body = spec.worldbody.add_body(name=f"{prefix}_base", pos=base.position, quat=base.quat_wxyz)
-    body.add_geom(type=BOX, size=(0.09, 0.07, 0.03), pos=(-0.05, 0, 0.03), **UNSEEN)
+    add_box(body, (-0.05, 0, 0.03), (0.09, 0.07, 0.03), **UNSEEN)
     _add_covers(body, BASE_COVERS)
     add_looks(spec, body, "panda_base", panda_looks.BASE)
     for index in range(7):
@@ -156,7 +154,7 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     for side, yaw in ((1, 0.0), (2, np.pi)):
         finger = _add_finger(hand, f"{prefix}_finger{side}", f"{prefix}_pad{side}", yaw)
         add_looks(spec, finger, "panda_finger", panda_looks.FINGER)
-    _add_wrist_camera(hand, f"{prefix}_wrist")
+    add_camera(hand, f"{prefix}_wrist", *WRIST_CAMERA_M, WRIST_CAMERA_FOVY_DEG, up=(1, 0, 0))
     _add_gripper(spec, prefix)
     for first, second in TOUCHING_BY_DESIGN + NEVER_MEETING:
         spec.add_exclude(bodyname1=f"{prefix}_{first}", bodyname2=f"{prefix}_{second}")
@@ -218,7 +216,7 @@ def _add_hand(link7, prefix: str):
         inertia=(0.001, 0.0025, 0.0017),
         explicitinertial=True,
     )
-    hand.add_geom(type=BOX, size=(0.0316, 0.1025, PALM_M / 2), pos=(0, 0, PALM_M / 2), **UNSEEN)
+    add_box(hand, (0, 0, PALM_M / 2), (0.0316, 0.1025, PALM_M / 2), **UNSEEN)
     hand.add_site(name=f"{prefix}_tcp", pos=(0, 0, TCP_M), size=(0.004, 0, 0), rgba=(1, 0, 0, 0))
     return hand
 
@@ -244,14 +242,14 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
         armature=JOINT_ARMATURE,
         damping=FINGER_DAMPING,
     )
-    finger.add_geom(type=BOX, size=(0.0105, 0.007, 0.011), pos=(0, 0.0145, 0.011), **UNSEEN)
-    finger.add_geom(type=BOX, size=(0.0085, 0.006, 0.016), pos=(0, 0.008, 0.031), **UNSEEN)
+    add_box(finger, (0, 0.0145, 0.011), (0.0105, 0.007, 0.011), **UNSEEN)
+    add_box(finger, (0, 0.008, 0.031), (0.0085, 0.006, 0.016), **UNSEEN)
     # Hard, grippy rubber whose friction wins over whatever it touches.
-    finger.add_geom(
+    add_box(
+        finger,
+        (0, 0.004, 0.0445),
+        (0.0095, 0.004, 0.0105),
         name=pad,
-        type=BOX,
-        size=(0.0095, 0.004, 0.0105),
-        pos=(0, 0.004, 0.0445),
         rgba=panda_looks.DARK,
         condim=4,
         friction=(1.5, 0.02, 0.0005),
@@ -285,14 +283,3 @@ def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
         forcerange=(-GRIPPER_FORCE_LIMIT_N, GRIPPER_FORCE_LIMIT_N),
     )
     servo.set_to_position(kp=GRIPPER_GAIN, kv=GRIPPER_DAMPING)
-
-
-def _add_wrist_camera(hand, name: str) -> None:
-    """A camera on the hand's side that sees both fingertips and what lies ahead of them."""
-    position = np.array(WRIST_CAMERA_POSITION_M)
-    backward = position - np.array(WRIST_CAMERA_TARGET_M)  # MuJoCo cameras look along -z
-    backward /= np.linalg.norm(backward)
-    right = np.cross((1, 0, 0), backward)
-    right /= np.linalg.norm(right)
-    rotation = np.column_stack([right, np.cross(backward, right), backward])
-    hand.add_camera(name=name, pos=position, quat=matrix_to_quat_wxyz(rotation), fovy=WRIST_CAMERA_FOVY_DEG)

@@ -1,13 +1,22 @@
 """The empty room: physics options, table, floor, light and the fixed cameras."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import COMMON_LAYER, TABLE_ONLY, VISUAL_ONLY, Prop
+from lerobot_env_bimanual.props.prop import (
+    COMMON_LAYER,
+    TABLE_ONLY,
+    VISUAL_ONLY,
+    Prop,
+    add_box,
+    add_camera,
+    draw_box,
+)
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster
@@ -32,6 +41,7 @@ MAPLE = (0.88, 0.79, 0.66)
 OAK_GREY = (0.50, 0.47, 0.44)
 PAINT = (0.58, 0.66, 0.68)
 CEILING = (0.92, 0.92, 0.90, 1)
+LEG_GREY = (0.35, 0.36, 0.38, 1)
 
 KEY_LIGHT_POSITION_M = (-0.3, -1.7, 3.1)
 
@@ -68,7 +78,8 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     _add_walls(spec)
     _add_table(spec)
     for camera in FIXED_CAMERAS:
-        camera.add_to(spec.worldbody)
+        place = (camera.position, camera.target)
+        add_camera(spec.worldbody, camera.name, *place, camera.fovy_deg, up=(0, 0, 1))
 
 
 def _add_walls(spec: mujoco.MjSpec) -> None:
@@ -80,14 +91,8 @@ def _add_walls(spec: mujoco.MjSpec) -> None:
     plane, side, half_height = mujoco.mjtGeom.mjGEOM_PLANE, ROOM_HALF_SIDE_M, ROOM_HEIGHT_M / 2
     # A plane's size is that of its picture; where it stops things it has no end.
     world.add_geom(name="floor", type=plane, pos=(x, y, 0), size=(side, side, 1), material="floor")
-    world.add_geom(
-        type=plane,
-        pos=(x, y, ROOM_HEIGHT_M),
-        size=(side, side, 1),
-        quat=(0, 1, 0, 0),
-        rgba=CEILING,
-        **VISUAL_ONLY,
-    )
+    ceiling = {"pos": (x, y, ROOM_HEIGHT_M), "quat": (0, 1, 0, 0), "rgba": CEILING}
+    world.add_geom(type=plane, size=(side, side, 1), **ceiling, **VISUAL_ONLY)
     for yaw_rad in np.arange(4) * np.pi / 2:
         inward = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0])
         rotation = np.column_stack([np.cross((0, 0, 1), inward), (0, 0, 1), inward])
@@ -116,9 +121,8 @@ def _add_light(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.ambient = (0.48, 0.48, 0.49)
     spec.visual.headlight.diffuse = (0, 0, 0)
     spec.visual.headlight.specular = (0, 0, 0)
-    spec.visual.map.shadowscale = (
-        0.37  # of the key light's cone: just the table, in as many pixels as there are
-    )
+    # Of the key light's cone: just the table, in as many pixels as there are.
+    spec.visual.map.shadowscale = 0.37
     world = spec.worldbody
     world.add_light(
         type=mujoco.mjtLightType.mjLIGHT_SPOT,
@@ -145,26 +149,17 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     half_x, half_y, half_z = TABLE_HALF_SIZE_M
     centre_x, centre_y = TABLE_CENTRE_XY_M
-    world.add_geom(
+    add_box(
+        world,
+        (centre_x, centre_y, TABLE_HEIGHT_M - half_z),
+        TABLE_HALF_SIZE_M,
         name="table",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=TABLE_HALF_SIZE_M,
-        pos=(centre_x, centre_y, TABLE_HEIGHT_M - half_z),
         material="table",
         contype=COMMON_LAYER,
         conaffinity=COMMON_LAYER | TABLE_ONLY,
     )
     leg_height = TABLE_HEIGHT_M - 2 * half_z
-    for side_x in (-1, 1):
-        for side_y in (-1, 1):
-            world.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=(LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2),
-                pos=(
-                    centre_x + side_x * (half_x - LEG_INSET_M),
-                    centre_y + side_y * (half_y - LEG_INSET_M),
-                    leg_height / 2,
-                ),
-                rgba=(0.35, 0.36, 0.38, 1),
-                **VISUAL_ONLY,
-            )
+    leg = (LEG_HALF_SIDE_M, LEG_HALF_SIDE_M, leg_height / 2)
+    for side_x, side_y in product((-1, 1), repeat=2):
+        x, y = centre_x + side_x * (half_x - LEG_INSET_M), centre_y + side_y * (half_y - LEG_INSET_M)
+        draw_box(world, (x, y, leg_height / 2), leg, rgba=LEG_GREY)

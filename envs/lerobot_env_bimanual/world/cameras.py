@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
-from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -30,20 +28,6 @@ class FixedCamera:
     position: tuple[float, float, float]
     target: tuple[float, float, float]
     fovy_deg: float
-
-    def add_to(self, world: mujoco.MjsBody) -> None:
-        """Write it into the world's body."""
-        backward = np.subtract(self.position, self.target)  # MuJoCo cameras look along -z
-        backward = backward / np.linalg.norm(backward)
-        right = np.cross((0, 0, 1), backward)
-        right = right / np.linalg.norm(right)
-        rotation = np.column_stack([right, np.cross(backward, right), backward])
-        world.add_camera(
-            name=self.name,
-            pos=self.position,
-            quat=matrix_to_quat_wxyz(rotation),
-            fovy=self.fovy_deg,
-        )
 
 
 # The arms stand on the x axis and look at each other; furniture stands on the far side (+y) and opens towards the near

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
 from lerobot_env_bimanual.gl import release_gl
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.composition import Composition
@@ -28,10 +27,15 @@ class Renderer:
     The OpenGL context is created at the first image and freed by `close`, by the end of a `with` block, or at
     interpreter exit; each in any thread, but one at a time.
 
-    Attributes:
-        cameras: names, in the order of the images.
+    Args:
+        scene: the scene.
+        cameras: some of `lerobot_bimanual.cameras.CAMERA_NAMES`.
         height: pixels.
         width: pixels.
+        quality: one of `QUALITIES`.
+
+    Attributes:
+        cameras: names, in the order of the images.
     """
 
     def __init__(
@@ -42,15 +46,8 @@ class Renderer:
         width: int = 256,
         quality: str = "observation",
     ):
-        """Prepare; raises `UnknownCamera` or `InvalidChoice` for names that do not exist."""
-        for camera in cameras:
-            if camera not in CAMERA_NAMES:
-                raise UnknownCamera(camera, CAMERA_NAMES)
-        if quality not in QUALITIES:
-            raise InvalidChoice("quality", quality, QUALITIES)
         self.cameras = tuple(cameras)
-        self.height = height
-        self.width = width
+        self._size = height, width
         self._quality = QUALITIES[quality]
         self._scene = scene
         self._offscreen: Offscreen | None = None
@@ -72,7 +69,7 @@ class Renderer:
             self.close()
         try:
             if self._composition is None:
-                self._offscreen = Offscreen(model, self.height, self.width, quality)
+                self._offscreen = Offscreen(model, *self._size, quality)
                 self._composition = Composition(model, data, self._offscreen)
             composition = self._composition
             with applied(model, data, appearance.fields):
