@@ -8,6 +8,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.world.scene import Scene
 
 TASK = "lift_ball"
 
@@ -24,6 +25,18 @@ def rgbd_env():
     env = BimanualEnv(TASK, image_size=(24, 32))
     yield env
     env.close()
+
+
+@pytest.fixture(scope="session")
+def _empty_scene() -> Scene:
+    return Scene()
+
+
+@pytest.fixture
+def scene(_empty_scene) -> Scene:
+    """Arms only, at home."""
+    _empty_scene.reset()
+    return _empty_scene
 
 
 @pytest.fixture

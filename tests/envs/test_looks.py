@@ -3,19 +3,11 @@
 import hashlib
 
 import numpy as np
-import pytest
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.textures import boards, plaster
 
 MAX_DISTANCE_M = 0.02
-
-
-@pytest.fixture(scope="module")
-def model_and_data():
-    scene = Scene()
-    return scene.model, scene.data
 
 
 def distance_m(model, data, geom: int, points: np.ndarray) -> np.ndarray:
@@ -33,8 +25,8 @@ def distance_m(model, data, geom: int, points: np.ndarray) -> np.ndarray:
     return np.minimum(over.max(axis=1), 0) + np.linalg.norm(np.maximum(over, 0), axis=1)
 
 
-def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(model_and_data):
-    model, data = model_and_data
+def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(scene):
+    model, data = scene.model, scene.data
     collides = model.geom_contype != 0
     shells = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & ~collides)
     assert len(shells) > 30

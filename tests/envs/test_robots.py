@@ -1,7 +1,6 @@
 import itertools
 from dataclasses import replace
 
-import frankik
 import numpy as np
 import pytest
 
@@ -15,17 +14,6 @@ from lerobot_env_bimanual.world.scene import Scene
 GRIPPERS = (7, 15)
 
 
-@pytest.fixture(scope="module")
-def compiled_scene() -> Scene:
-    return Scene()
-
-
-@pytest.fixture
-def scene(compiled_scene: Scene) -> Scene:
-    compiled_scene.reset()
-    return compiled_scene
-
-
 def put_joints(scene: Scene, arm: Arm, joints: np.ndarray) -> None:
     for name, value in zip(PANDA_PAIR.joint_names(arm), joints, strict=True):
         scene.set_joint(name, value)
@@ -33,16 +21,6 @@ def put_joints(scene: Scene, arm: Arm, joints: np.ndarray) -> None:
 
 def action(left: np.ndarray, right: np.ndarray, gripper: float = 1.0) -> np.ndarray:
     return np.array([*left, gripper, *right, gripper], dtype=np.float32)
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_forward_kinematics_equal_an_independent_implementation(scene, arm):
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        joints = rng.uniform(PANDA_PAIR.joint_lower, PANDA_PAIR.joint_upper)
-        put_joints(scene, arm, joints)
-        expected = PANDA_PAIR.base_pose(arm).matrix @ frankik.fk(joints)
-        assert np.abs(scene.tcp(arm).matrix - expected).max() < 1e-6
 
 
 def test_weight_does_not_bend_the_arms(scene):
@@ -87,7 +65,7 @@ def test_the_hands_follow_a_fast_stroke_within_millimetres_half_a_tick_later(sce
     for tick in range(1, 23):  # one second, and a little rest
         scene.tick(action(stroke(tick / 20), stroke(tick / 20)))
         for arm in ARMS:
-            wanted = PANDA_PAIR.base_pose(arm).matrix @ frankik.fk(stroke((tick - 0.5) / 20))
+            wanted = PANDA_PAIR.kinematics[arm].fk(stroke((tick - 0.5) / 20))
             errors.append(np.linalg.norm(scene.tcp(arm).position - wanted[:3, 3]))
     assert np.mean(errors) < 0.002
     assert np.max(errors) < 0.005

@@ -35,18 +35,6 @@ def postures() -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def _empty_scene() -> Scene:
-    return Scene()
-
-
-@pytest.fixture
-def scene(_empty_scene) -> Scene:
-    """Arms only, at home."""
-    _empty_scene.reset()
-    return _empty_scene
-
-
-@pytest.fixture(scope="session")
 def _furnished_scene() -> Scene:
     return Scene([Block("block"), Wall()])
 

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
@@ -41,20 +40,19 @@ def test_arms_at_home_are_free_and_overlapping_hands_are_not_unless_they_start_t
     assert np.array_equal(rules.least_distance_m, kept)
 
 
-@pytest.mark.parametrize(("height", "free"), [(0.80, True), (0.77, False), (0.75, False)])
-def test_free_motion_keeps_its_clearance_from_the_table(scene, height, free):
-    checker = CollisionChecker(scene)
+def test_free_motion_keeps_its_clearance_from_the_table_and_an_arm_that_is_not_checked_is_only_an_obstacle(
+    scene,
+):
+    before, checker = scene.state_hash(), CollisionChecker(scene)
     rules = free_motion(checker, ARMS, [], HOME, HOME)
-    assert checker.is_free(rules, _posture(Arm.LEFT, _down(0.25, 0.2, height)), HOME) is free
-
-
-def test_an_arm_that_is_not_checked_is_only_an_obstacle(scene):
-    checker = CollisionChecker(scene)
+    for height_m, free in ((0.80, True), (0.77, False), (0.75, False)):
+        assert checker.is_free(rules, _posture(Arm.LEFT, _down(0.25, 0.2, height_m)), HOME) is free
     through_table = _posture(Arm.RIGHT, _down(0.4, -0.3, 0.73))
-    rules = free_motion(checker, [Arm.LEFT], [], HOME, HOME)
-    assert checker.is_free(rules, HOME, through_table)
-    rules = free_motion(checker, [Arm.RIGHT], [], HOME, HOME)
-    assert not checker.is_free(rules, HOME, through_table)
+    for checked, free in ((Arm.LEFT, True), (Arm.RIGHT, False)):
+        rules = free_motion(checker, [checked], [], HOME, HOME)
+        assert checker.is_free(rules, HOME, through_table) is free
+    checker.is_free(checker.contact_rules, HOME + 0.3, HOME - 0.3)
+    assert scene.state_hash() == before  # checking leaves the scene alone
 
 
 def test_what_touches_at_the_start_may_go_on_touching(furnished_scene):
@@ -95,12 +93,3 @@ def test_a_pinched_block_is_known_to_be_in_the_hand(furnished_scene):
     for finger in PANDA_PAIR.finger_names(Arm.LEFT):
         scene.set_joint(finger, 0.0199)
     assert props_in_hands(scene) == [(Arm.LEFT, "block")]
-
-
-def test_checking_leaves_the_scene_alone(scene):
-    before = scene.state_hash()
-    checker = CollisionChecker(scene)
-    rules = free_motion(checker, ARMS, [], HOME, HOME)
-    checker.is_free(rules, HOME + 0.3, HOME - 0.3)
-    checker.is_free(checker.contact_rules, HOME + 0.3, HOME - 0.3)
-    assert scene.state_hash() == before

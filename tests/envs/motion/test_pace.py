@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import by_arm
@@ -56,11 +56,3 @@ def test_a_hand_is_beside_a_heavy_thing_only_where_it_is_near(mass_kg, gap_m, is
     scene.place("box", scene.tcp(Arm.LEFT) @ Pose.upright((0, 0, FINGERTIPS_M + gap_m + box.size_m[2] / 2)))
     assert is_beside_heavy(scene, Arm.LEFT) == is_beside
     assert not is_beside_heavy(scene, Arm.RIGHT)
-
-
-@pytest.mark.parametrize("name", list_tasks())
-def test_no_episode_starts_beside_a_heavy_thing(name):
-    env = BimanualEnv(name, obs="state")
-    env.reset(seed=0)
-    assert not any(is_beside_heavy(env.scene, arm) for arm in ARMS)
-    env.close()
