@@ -45,11 +45,6 @@ class SkippedSeed(EpisodeKey):
 
     reason: str
 
-    @property
-    def key(self) -> EpisodeKey:
-        """The episode that it did not give."""
-        return EpisodeKey(task=self.task, variation=self.variation, split=self.split, seed=self.seed)
-
 
 class Provenance(Record):
     """Everything needed to make a dataset again.

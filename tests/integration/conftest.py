@@ -11,9 +11,8 @@ import pytest
 from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, dataset_generate
 from lerobot_env_bimanual.generation import build
-from lerobot_env_bimanual.generation.plan import Shard
-from lerobot_env_bimanual.generation.settings import GenerationSettings
-from lerobot_env_bimanual.generation.shard import ShardRecorder
+from lerobot_env_bimanual.generation.build import RecordShards
+from lerobot_env_bimanual.generation.shard import Job, record_shard
 
 TINY = {"channels": 8, "token_dim": 16, "heads": 2, "language_tokens": 4, "language_dim": 16}
 TINY_PERACT = TINY | {"voxel_size": 10, "num_latents": 16, "latent_dim": 32, "depth": 1}
@@ -75,36 +74,29 @@ class RecordsHere:
 
     def __init__(
         self,
-        order: Callable[[Sequence[Shard]], Iterator[Shard]] = iter,
+        order: Callable[[Sequence[Job]], Iterator[Job]] = iter,
         after: Callable[[Path], object] = lambda _: None,
         limit: int = 1000,
     ):
         self.recorded: list[str] = []
-        self._shards = ShardRecorder()
         self._order, self._after, self._limit = order, after, limit
         self._patch = pytest.MonkeyPatch()
 
-    def __enter__(self):
+    def __enter__(self) -> RecordShards:
         self._patch.setattr(build, "WorkerPool", PoolOfThisProcess)
-        return self
+        return self._record
 
     def __exit__(self, *_) -> None:
-        self._shards.close()
         self._patch.undo()
 
-    def record(
-        self,
-        settings: GenerationSettings,
-        shards: Sequence[Shard],
-        folder: Callable[[str], Path],
-        on_episodes: Callable[[int], object],
-    ) -> None:
-        for shard in self._order(shards):
-            self._shards.record(settings, shard, folder(shard.name), lambda: on_episodes(1))
-            self.recorded.append(shard.name)
-            self._after(folder(shard.name).parent)
+    def _record(self, jobs: Sequence[Job]) -> Iterator[int]:
+        for job in self._order(jobs):
+            episodes = record_shard(job)
+            self.recorded.append(job[1].name)
+            self._after(job[2].parent)
             if len(self.recorded) == self._limit:
                 raise KeyboardInterrupt
+            yield episodes
 
 
 @pytest.fixture(scope="session")

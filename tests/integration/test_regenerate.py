@@ -82,7 +82,7 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
     """The settings ask for the small dataset; who records it is up to the user."""
     workers = []
     monkeypatch.setattr(
-        "lerobot_env_bimanual.generation.processes.ProcessExecutor",
+        "lerobot_env_bimanual.generation.build.process_executor",
         lambda count: workers.append(count) or records_here(),
     )
     strangers = (

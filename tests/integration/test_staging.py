@@ -14,7 +14,7 @@ from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, make_dataset, settings_of
-from lerobot_env_bimanual.generation.staging import Staging, new_folder, plain_write_errors
+from lerobot_env_bimanual.generation.staging import new_folder, plain_write_errors, staged
 
 pytestmark = pytest.mark.sim
 
@@ -78,7 +78,7 @@ def provenance_of(root: Path) -> dict:
 def test_shards_of_another_origin_are_refused_and_kept(begun, change, difference) -> None:
     config, folder = begun
     edit(folder / "origin.json", change)
-    with pytest.raises(BimanualError, match=difference), Staging(config.root, settings_of(config)):
+    with pytest.raises(BimanualError, match=difference), staged(config.root, settings_of(config)):
         pass
     assert len([*(folder / "shards").iterdir()]) == 2
 
@@ -130,7 +130,7 @@ def test_only_a_full_disk_is_told_as_one(tmp_path, monkeypatch) -> None:
 def test_a_root_where_no_dataset_can_be_is_refused_before_the_work(options, tmp_path, root, message) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "linked.partial").symlink_to(tmp_path)
-    with pytest.raises(DatasetError, match=message), Staging(tmp_path / root, settings_of(options(tmp_path))):
+    with pytest.raises(DatasetError, match=message), staged(tmp_path / root, settings_of(options(tmp_path))):
         pass
     assert {path.name for path in tmp_path.iterdir()} == {"file", "linked.partial"}
 
@@ -140,7 +140,7 @@ def test_a_root_that_is_a_link_is_the_folder_that_it_leads_to(options, tmp_path)
     place.mkdir(parents=True)
     (tmp_path / "link").symlink_to(place)
     settings = settings_of(options(tmp_path / "link"))
-    with Staging(tmp_path / "link", settings) as staging, new_folder(staging.folder) as folder:
+    with staged(tmp_path / "link", settings) as staging, new_folder(staging.folder) as folder:
         assert not staging.is_published()
         (folder / "card").write_text("content")
         staging.publish(folder)
@@ -159,12 +159,6 @@ def of_other_settings(root: Path) -> None:
     write_checksums(root / "keyframes")
 
 
-def exchange_views(root: Path) -> None:
-    (root / "frames").rename(root / "aside")
-    (root / "keyframes").rename(root / "frames")
-    (root / "aside").rename(root / "keyframes")
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -172,8 +166,7 @@ def exchange_views(root: Path) -> None:
         (lambda root: (root / "frames" / VIDEO).write_bytes(b"0"), f"{VIDEO} has changed"),
         (lambda root: (root / "keyframes/data/link").symlink_to("/etc/passwd"), "data/link is a link"),
         (lambda root: (root / "frames" / CHECKSUMS_FILE).unlink(), f"{CHECKSUMS_FILE} is missing"),
-        (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), "does not say any more what it is"),
-        (exchange_views, "it holds another view"),
+        (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), "not what schema version"),
         (of_other_settings, "first_seed is 9, not 0"),
     ],
 )
@@ -183,7 +176,7 @@ def test_a_dataset_that_is_not_as_published_is_named_and_left_as_it_is(
     published = Path(shutil.copytree(generated, tmp_path / "small"))
     damage(published)
     before = tree_hashes(published)
-    with pytest.raises(DatasetError, match=message):
+    with pytest.raises(BimanualError, match=message):
         dataset_generate(small_generation(published))
     assert tree_hashes(published) == before
     assert [path.name for path in published.parent.iterdir()] == [published.name]

@@ -16,7 +16,7 @@ from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import InvalidChoice
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.generation.processes import Executor
+    from lerobot_env_bimanual.generation.build import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
 BOTH_VIEWS = "both"
@@ -84,13 +84,13 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
     """
     settings = settings_of(config)
     if config.executor == "ray":
-        from lerobot_env_bimanual.generation.ray_cluster import RayExecutor
+        from lerobot_env_bimanual.generation.ray_cluster import ray_executor
 
-        executor: Executor = RayExecutor(config.workers, config.ray_address)
+        executor: Executor = ray_executor(config.workers, config.ray_address)
     else:
-        from lerobot_env_bimanual.generation.processes import ProcessExecutor
+        from lerobot_env_bimanual.generation.build import process_executor
 
-        executor = ProcessExecutor(config.workers)
+        executor = process_executor(config.workers)
         print(estimate(settings, config.workers or os.cpu_count() or 1))
     make_dataset(settings, config.root, executor)
 
@@ -158,16 +158,16 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
         BimanualError: the place is taken, damaged or cannot be written, or something cannot be recorded.
     """
     from lerobot_env_bimanual.generation.build import build_dataset
-    from lerobot_env_bimanual.generation.staging import Staging
+    from lerobot_env_bimanual.generation.staging import staged
 
     start_s = time.monotonic()
-    with Staging(root, settings) as staging:
+    with staged(root, settings) as staging:
         if staging.is_published():
             print(f"{root} is already complete: {settings.total_episodes} episodes")
             return
         try:
-            with executor:
-                reports = build_dataset(settings, staging, executor)
+            with executor as record:
+                reports = build_dataset(settings, staging, record)
         except KeyboardInterrupt:
             print(
                 f"\nfinished shards are kept in {staging.folder}; the same command goes on", file=sys.stderr

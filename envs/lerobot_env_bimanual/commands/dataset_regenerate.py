@@ -35,7 +35,7 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_env_bimanual.commands.dataset_generate import make_dataset
     from lerobot_env_bimanual.experts.world_version import other_worlds
-    from lerobot_env_bimanual.generation.processes import ProcessExecutor
+    from lerobot_env_bimanual.generation.build import process_executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
     provenance = Provenance.load(config.provenance)
@@ -63,7 +63,7 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
         settings = GenerationSettings.of(**provenance.settings)
     except BimanualError as error:
         raise DatasetError(f"{config.provenance}: no dataset has these settings: {error}") from error
-    make_dataset(settings, config.root, ProcessExecutor(config.workers))
+    make_dataset(settings, config.root, process_executor(config.workers))
     made = Provenance.of_dataset(find_view(config.root))
     if made is None or made.episodes != provenance.episodes:
         raise DatasetError(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 
 from tqdm import tqdm
@@ -11,19 +13,41 @@ from tqdm import tqdm
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
-from lerobot_env_bimanual.generation.processes import PRELOADED, Executor
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard import Job, record_shard
 from lerobot_env_bimanual.generation.staging import Staging, new_folder, plain_write_errors, view_folder
 from lerobot_env_bimanual.workers import WorkerPool
 
+PRELOADED = ("lerobot_bimanual.dataset.writer",)
+"""Seven seconds of LeRobot and torch, which workers import once for all of them."""
 
-def build_dataset(settings: GenerationSettings, staging: Staging, executor: Executor) -> list[ShardReport]:
+type RecordShards = Callable[[Sequence[Job]], Iterator[int]]
+"""Records shards in any order; gives the number of episodes of each that is finished."""
+
+type Executor = AbstractContextManager[RecordShards]
+"""Who records; ends everything that it has started."""
+
+
+@contextmanager
+def process_executor(workers: int) -> Iterator[RecordShards]:
+    """Record shards with worker processes of this machine; an `Executor`.
+
+    Args:
+        workers: number of processes; 0 takes one per core.
+    """
+    with WorkerPool(workers, preload=PRELOADED) as pool:
+        yield partial(
+            pool.map, record_shard, label="", unit="", name=lambda job: f"shard {job[1].name}", bar=False
+        )
+
+
+def build_dataset(settings: GenerationSettings, staging: Staging, record: RecordShards) -> list[ShardReport]:
     """Record what is missing, merge everything, and publish the dataset.
 
     Args:
         settings: what the dataset holds.
         staging: where it grows; shards of an earlier run are taken over.
-        executor: records the shards.
+        record: records the shards.
 
     Returns:
         The reports of all shards, in the order of the episodes.
@@ -32,7 +56,7 @@ def build_dataset(settings: GenerationSettings, staging: Staging, executor: Exec
         DatasetError: something cannot be written, an expert fails too often, or workers died. What is finished stays
             for the next run.
     """
-    finished = _record(settings, staging, executor)
+    finished = _record(settings, staging, record)
     reports = [report for _, report in finished]
     folders = [staging.shard_folder(shard.name) for shard, report in finished if report.episodes]
     with new_folder(staging.folder) as temporary:
@@ -71,17 +95,17 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
 
 
 def _record(
-    settings: GenerationSettings, staging: Staging, executor: Executor
+    settings: GenerationSettings, staging: Staging, record: RecordShards
 ) -> list[tuple[Shard, ShardReport]]:
     """Record missing shards, round by round, until none is missing."""
     finished, missing = _survey(settings, staging)
     there = sum(len(report.episodes) for _, report in finished)
     with tqdm(total=settings.total_episodes, initial=there, unit="demo", smoothing=0) as bar:
         while missing:
-            executor.record(settings, missing, staging.shard_folder, bar.update)
+            jobs = [(settings, shard, staging.shard_folder(shard.name)) for shard in missing]
+            for episodes in record(jobs):
+                bar.update(episodes)
             finished, missing = _survey(settings, staging)
-            bar.n = sum(len(report.episodes) for _, report in finished)
-            bar.refresh()
     return finished
 
 
@@ -110,7 +134,7 @@ def _provenance(
         view=view,
         versions=staging.origin.versions,
         worlds=staging.origin.worlds,
-        settings=settings.to_dict(),
+        settings=staging.origin.settings,
         command=settings.command(staging.root.name),
         episodes=tuple(episode for report in reports for episode in report.episodes),
         skipped=tuple(seed for report in reports for seed in report.skipped),

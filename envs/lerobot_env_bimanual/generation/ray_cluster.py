@@ -13,15 +13,18 @@ import socket
 import tarfile
 import tempfile
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.versions import installed_versions
+from lerobot_env_bimanual.generation.build import RecordShards
 from lerobot_env_bimanual.generation.plan import Shard
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.generation.shard import Job, record_shard
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors
 from lerobot_env_bimanual.workers import ONE_THREAD
 
@@ -39,8 +42,9 @@ MAX_RETRIES = 3
 """How often the task of a dead worker is run again."""
 
 
-class RayExecutor:
-    """The processors of a ray cluster; a `processes.Executor`.
+@contextmanager
+def ray_executor(workers: int, address: str | None) -> Iterator[RecordShards]:
+    """Record shards with the processors of a ray cluster; a `build.Executor`.
 
     Args:
         workers: most tasks at once; 0 leaves it to ray, which runs one per processor.
@@ -48,56 +52,40 @@ class RayExecutor:
             the `with` block runs.
 
     Raises:
-        DatasetError: on entry, if there is no cluster at the address.
+        DatasetError: there is no cluster at the address.
     """
-
-    def __init__(self, workers: int, address: str | None):
-        self._workers = workers
-        self._address = address
-        self._running: dict[Any, Shard] = {}
-        self._is_owner = not ray.is_initialized()
-        self._task = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
-
-    def __enter__(self) -> Self:
-        """Join the cluster."""
-        if self._is_owner:
-            threads = {"env_vars": ONE_THREAD}
-            try:
-                ray.init(self._address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=threads)
-            except (ConnectionError, RuntimeError, ValueError) as error:
-                raise DatasetError(
-                    f"cannot reach a ray cluster at {self._address or 'any address'}: {error}"
-                ) from error
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Stop what still runs, and leave the cluster."""
-        for task in self._running:
-            ray.cancel(task, force=True)
-        if self._is_owner:
+    is_owner = not ray.is_initialized()
+    if is_owner:
+        threads = {"env_vars": ONE_THREAD}
+        try:
+            ray.init(address, log_to_driver=False, logging_level=logging.ERROR, runtime_env=threads)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            place = address or "any address"
+            raise DatasetError(f"cannot reach a ray cluster at {place}: {error}") from error
+    try:
+        yield partial(_record, workers)
+    finally:
+        if is_owner:
             ray.shutdown()
 
-    def record(
-        self,
-        settings: GenerationSettings,
-        shards: Sequence[Shard],
-        folder: Callable[[str], Path],
-        on_episodes: Callable[[int], object],
-    ) -> None:
-        """See `processes.Executor`."""
-        waiting = deque(shards)
-        while waiting or self._running:
-            while waiting and not 0 < self._workers <= len(self._running):
-                shard = waiting.popleft()
-                self._running[self._task.remote(settings, shard, installed_versions())] = shard
-            done, _ = ray.wait([*self._running])
-            for task in done:
-                shard = self._running.pop(task)
+
+def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
+    record = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
+    waiting, running = deque(jobs), dict[Any, Job]()
+    try:
+        while waiting or running:
+            while waiting and not 0 < workers <= len(running):
+                job = waiting.popleft()
+                running[record.remote(*job[:2], installed_versions())] = job
+            finished, _ = ray.wait([*running])
+            for task in finished:
+                _, shard, target = running.pop(task)
                 archive, episodes = _result(task, shard)
-                unpack(archive, folder(shard.name))
-                on_episodes(episodes)
+                unpack(archive, target)
+                yield episodes
+    finally:
+        for task in running:
+            ray.cancel(task, force=True)
 
 
 def record_packed(
@@ -110,17 +98,14 @@ def record_packed(
     """
     if versions != (here := installed_versions()):
         raise DatasetError(f"{socket.gethostname()} has {here}, but the driver {versions}: install the same")
-    from lerobot_env_bimanual.generation.shard import recorder
-
-    episodes = []
     with new_folder(Path(tempfile.gettempdir())) as folder:
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
-        recorder().record(settings, shard, finished, lambda: episodes.append(1))
+        episodes = record_shard((settings, shard, finished))
         archive = io.BytesIO()
         with tarfile.open(fileobj=archive, mode="w") as tar:
             tar.add(finished, arcname=".")
-    return archive.getvalue(), len(episodes)
+    return archive.getvalue(), episodes
 
 
 def unpack(packed: bytes, target: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
 from lerobot_bimanual.results.record import Record
@@ -88,10 +89,6 @@ class GenerationSettings(Record):
         """
         return cls.from_json(json.dumps(options))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values by option name, as JSON has them."""
-        return self.model_dump(mode="json")
-
     def command(self, root: str) -> str:
         """The command line that makes this dataset in the folder `root`, with every option that decides its content.
 
@@ -130,46 +127,42 @@ class GenerationSettings(Record):
 
 
 class Origin(Record):
-    """What decides every byte of a dataset.
+    """What decides every byte of a dataset; its provenance says it, too.
 
     Attributes:
-        settings: what was asked for.
+        settings: what was asked for, by option name.
         versions: package -> version with which it was made.
         worlds: task -> version of the world in which its episodes are played.
     """
 
-    settings: GenerationSettings
+    settings: dict[str, Any]
     versions: dict[str, Version]
     worlds: dict[str, Version]
 
     @classmethod
     def here(cls, settings: GenerationSettings) -> Self:
         """That of what is made by this installation; plays one episode per task to know its world."""
-        worlds = world_versions(settings.tasks, settings.perturb)
-        return cls(settings=settings, versions=installed_versions(), worlds=worlds)
+        return cls(
+            settings=settings.model_dump(mode="json"),
+            versions=installed_versions(),
+            worlds=world_versions(settings.tasks, settings.perturb),
+        )
 
-    def refuse_at(self, place: Path, found: Origin) -> None:
+    def refuse_at(self, place: Path, found: Origin | Provenance) -> None:
         """Refuse a place that holds something of another origin than this.
 
         Raises:
             DatasetError: it does; the message lists what differs.
         """
-        if differences := [*_differences(found.to_dict(), self.to_dict())]:
+        pairs = [(getattr(found, part), getattr(self, part)) for part in Origin.model_fields]
+        differences = [
+            f"{name} is {theirs.get(name)!r}, not {ours.get(name)!r}"
+            for theirs, ours in pairs
+            for name in sorted(theirs.keys() | ours.keys())
+            if theirs.get(name) != ours.get(name)
+        ]
+        if differences:
             raise DatasetError(
                 f"{place} holds a dataset of other settings, versions or worlds: {'; '.join(differences)}. Repeat the "
                 "command that made it with the versions that made it, choose another --root, or remove the folder"
             )
-
-    def to_dict(self) -> dict[str, dict[str, Any]]:
-        """Plain values by name, under `settings`, `versions` and `worlds`."""
-        return self.model_dump(mode="json")
-
-
-def _differences(found: dict[str, dict[str, Any]], wanted: dict[str, dict[str, Any]]) -> list[str]:
-    """Each entry that differs, as "it is this, not that"."""
-    return [
-        f"{name} is {found[part].get(name)!r}, not {wanted[part].get(name)!r}"
-        for part in wanted
-        for name in sorted(found[part].keys() | wanted[part].keys())
-        if found[part].get(name) != wanted[part].get(name)
-    ]
