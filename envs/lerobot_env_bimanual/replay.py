@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,8 +18,6 @@ from lerobot_env_bimanual.env import BimanualEnv
 
 type ReplayMode = Literal["joint", "keypose"]
 """By joint actions, one per tick, or by keyposes, a whole motion each."""
-
-type Visitor = Callable[[BimanualEnv], None]
 
 
 @dataclass(frozen=True)
@@ -57,12 +55,7 @@ class ReplayResult:
 
 
 def replay(
-    env: BimanualEnv,
-    seed: int,
-    variation: int,
-    actions: Iterable[ArrayLike],
-    hashes: Mapping[int, int],
-    visit: Visitor | None = None,
+    env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: Mapping[int, int]
 ) -> ReplayResult:
     """Play actions from a seed until the episode ends, or a state is not as recorded.
 
@@ -73,21 +66,29 @@ def replay(
         actions: recorded joint actions (16,) or keyposes (18,), all of them.
         hashes: number of ticks played -> state hash then, as datasets store it; the largest number is the episode's
             length.
-        visit: sees the environment before every tick and after the last one, as long as all is as recorded.
 
     Raises:
         InvalidAction: the environment refuses an action.
     """
-    comparison = _Comparison(hashes, visit)
+    divergence, length = None, max(hashes)
+
+    def compare(env: BimanualEnv, _: NDArray | None = None) -> None:
+        nonlocal divergence
+        ticks = env.progress.ticks
+        if divergence is None and (
+            ticks > length or (ticks in hashes and state_hash_column(env.state_hash()) != hashes[ticks])
+        ):
+            divergence = ticks - 1
+
     env.reset(seed=seed, options={"variation": variation})
-    with env.observed_by(comparison.look):
+    with env.observed_by(compare):
         for action in actions:
             _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated or comparison.divergence is not None:
+            if terminated or truncated or divergence is not None:
                 break
-    comparison.look(env)
-    ticks, divergence = env.progress.ticks, comparison.divergence
-    if divergence is None and ticks < max(hashes):
+    compare(env)
+    ticks = env.progress.ticks
+    if divergence is None and ticks < length:
         divergence = ticks
     return ReplayResult(ticks, divergence, env.progress.succeeded, env.progress.failure)
 
@@ -99,43 +100,28 @@ class Replayer:
         root: folder of one view.
         mode: "joint" plays the recorded joint actions tick by tick, which the view `frames` stores, "keypose" the
             recorded keyposes.
-        image_size: (height, width) in pixels that the calibration of observations is for.
     """
 
-    def __init__(self, root: Path, mode: ReplayMode, image_size: tuple[int, int] = (256, 256)):
+    def __init__(self, root: Path, mode: ReplayMode):
         self._dataset = RecordedDataset(root)
         self._mode: ReplayMode = mode
-        self._image_size = image_size
         self._env: BimanualEnv | None = None
 
-    def replay(self, index: int, visit: Visitor | None = None) -> tuple[EpisodeMeta, ReplayResult]:
-        """Play one episode from its recorded seed and compare every state that is recorded.
-
-        Args:
-            index: of the episode.
-            visit: as for `replay`.
-        """
+    def replay(self, index: int) -> tuple[EpisodeMeta, ReplayResult]:
+        """Play one episode from its recorded seed and compare every state that is recorded."""
         episode = self._dataset.episode(index)
-        meta, view = episode.meta, self._dataset.view
-        actions = episode.columns[schema.ACTION] if self._mode == "joint" else keyposes_of(episode, view)
-        env = self._environment(meta)
-        return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view), visit)
-
-    def _environment(self, meta: EpisodeMeta) -> BimanualEnv:
-        env = self._env
+        meta, view, env = episode.meta, self._dataset.view, self._env
         if env is None or (env.task, env.options.split) != (meta.task, meta.split):
             if env is not None:
                 env.close()
+            provenance = self._dataset.provenance
+            perturb = "" if provenance is None else provenance.perturb
             env = BimanualEnv(
-                meta.task,
-                split=meta.split,
-                image_size=self._image_size,
-                obs="state",
-                control_mode=self._mode,
-                perturb="" if self._dataset.provenance is None else self._dataset.provenance.perturb,
+                meta.task, split=meta.split, obs="state", control_mode=self._mode, perturb=perturb
             )
-        self._env = env
-        return env
+            self._env = env
+        actions = episode.columns[schema.ACTION] if self._mode == "joint" else keyposes_of(episode, view)
+        return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
 
 
 def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:
@@ -152,23 +138,3 @@ def hashes_of(episode: RecordedEpisode, view: schema.View) -> dict[int, int]:
     if view == "keyframes":
         ticks_played[-1] -= 1  # its last row is the one after the last tick, and repeats that tick's hash
     return dict(zip(ticks_played.tolist(), episode.columns[schema.STATE_HASH].tolist(), strict=True))
-
-
-class _Comparison:
-    """Looks at a running episode, until it differs from the record."""
-
-    def __init__(self, hashes: Mapping[int, int], visit: Visitor | None):
-        self.divergence: int | None = None
-        self._hashes = hashes
-        self._visit = visit
-
-    def look(self, env: BimanualEnv, _: NDArray | None = None) -> None:
-        if self.divergence is not None:
-            return
-        ticks = env.progress.ticks
-        expected = self._hashes.get(ticks)
-        is_beyond = ticks > max(self._hashes)
-        if is_beyond or (expected is not None and state_hash_column(env.state_hash()) != expected):
-            self.divergence = ticks - 1
-        elif self._visit is not None:
-            self._visit(env)

@@ -27,8 +27,9 @@ def dataset_push(config: DatasetPushConfig) -> None:
         hf auth login
         lerobot-bimanual dataset push --root=data/lift_ball --repo_id=me/lift_ball --private
     """
-    from lerobot_bimanual.dataset.hub import open_repository, pushable_folder, upload_dataset
+    from lerobot_bimanual.dataset.hub import push_dataset
 
-    root = pushable_folder(config.root)
-    open_repository(config.repo_id, private=config.private)
-    print(upload_dataset(root, config.repo_id, branch=config.branch, tags=config.tags))
+    address = push_dataset(
+        config.root, config.repo_id, private=config.private, branch=config.branch, tags=config.tags
+    )
+    print(address)

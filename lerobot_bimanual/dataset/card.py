@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.reader import RecordedDataset, read_info
+from lerobot_bimanual.dataset.reader import IMAGE_TYPES, RecordedDataset, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
@@ -66,32 +65,18 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         DatasetError: the dataset has no provenance.
         UnwritableOutput: its folder cannot be written.
     """
+    import pandas as pd
+
     provenance = Provenance.of_dataset(root)
     if provenance is None:
         raise DatasetError(f"{root} has no provenance, so there is nothing to write a card from")
-    _write_picture(root)
-    text = dataset_card(provenance, read_info(root), repo_id, tags)
-    write_file(root / CARD_FILE, text)
-
-
-def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequence[str] = ()) -> str:
-    """Text of the card.
-
-    Args:
-        provenance: where the dataset comes from.
-        info: content of LeRobot's `meta/info.json`.
-        repo_id: LeRobot's name of the dataset.
-        tags: further tags.
-    """
-    import pandas as pd
-
-    fractions = provenance.settings.get("intermediate")
+    info, fractions = read_info(root), provenance.settings.get("intermediate")
     counts = Counter((key.task, key.variation) for key in provenance.episodes)
     rows = [
         {"task": task, "variation": variation, "episodes": count}
         for (task, variation), count in sorted(counts.items())
     ]
-    return render(
+    text = render(
         "lerobot_bimanual.dataset",
         "card.md",
         tags=[*dict.fromkeys((*TAGS, *tags))],
@@ -109,6 +94,8 @@ def dataset_card(provenance: Provenance, info: dict, repo_id: str, tags: Sequenc
         seeds=[key.seed for key in provenance.episodes],
         license=LICENSE,
     )
+    _write_picture(root)
+    write_file(root / CARD_FILE, text)
 
 
 def _columns(info: dict) -> pd.DataFrame:
@@ -117,9 +104,8 @@ def _columns(info: dict) -> pd.DataFrame:
     rows = []
     for key, feature in info["features"].items():
         meaning = MEANINGS.get(key)
-        if meaning is None and feature["dtype"] in ("video", "image"):
-            is_depth = (feature.get("info") or {}).get("is_depth_map")
-            meaning = "depth along the optical axis" if is_depth else "RGB"
+        if meaning is None and feature["dtype"] in IMAGE_TYPES:
+            meaning = "depth along the optical axis" if is_depth(feature) else "RGB"
         if meaning is not None:  # the others are LeRobot's own bookkeeping
             shape = " x ".join(map(str, feature["shape"]))
             rows.append({"column": f"`{key}`", "type": feature["dtype"], "shape": shape, "meaning": meaning})
@@ -137,17 +123,12 @@ def _write_picture(root: Path) -> None:
     dataset = RecordedDataset(root)
     camera = PICTURE_CAMERA if PICTURE_CAMERA in dataset.cameras else dataset.cameras[0]
     shown = {0, *np.flatnonzero(dataset.episode(0).columns[schema.KEYFRAME]).tolist()}
-    images = ImageReader(root).images(0, schema.image_key(camera))
-    tiles = [_tile(image) for row, image in enumerate(images) if row in shown]
-    lefts = np.cumsum([0, *(tile.width + GAP for tile in tiles)]).tolist()
-    strip = Image.new("RGB", (lefts[-1] - GAP, TILE_HEIGHT), "white")
-    for tile, left in zip(tiles, lefts, strict=False):  # the last left is where another tile would begin
-        strip.paste(tile, (left, 0))
+    tiles = []
+    for row, image in enumerate(ImageReader(root).images(0, schema.image_key(camera))):
+        if row in shown:
+            size = round(image.shape[1] * TILE_HEIGHT / image.shape[0]), TILE_HEIGHT
+            tile = np.asarray(Image.fromarray(image).resize(size))
+            tiles.append(np.pad(tile, ((0, 0), (0, GAP), (0, 0)), constant_values=255))
     drawn = BytesIO()
-    strip.save(drawn, "JPEG", quality=85)
+    Image.fromarray(np.hstack(tiles)[:, :-GAP]).save(drawn, "JPEG", quality=85)
     write_file(root / PICTURE_FILE, drawn.getvalue())  # through no link, which may lead into the Hub's cache
-
-
-def _tile(rgb: NDArray[np.uint8]) -> Image.Image:
-    height, width, _ = rgb.shape
-    return Image.fromarray(rgb).resize((round(width * TILE_HEIGHT / height), TILE_HEIGHT))

@@ -9,13 +9,11 @@ with the same hash that both pass `dataset verify` train the same policy.
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.reader import TASK_INDEX, RecordedDataset, RecordedEpisode
+from lerobot_bimanual.dataset.reader import TASK_INDEX, RecordedEpisode
 
 
 class EpisodeHash:
@@ -43,36 +41,6 @@ class EpisodeHash:
         for _, images in sorted(self._images.items()):
             digest.update(images.digest())
         return digest.hexdigest()
-
-
-def content_hash(root: str | Path) -> str:
-    """SHA-256 of one view, in hexadecimal; decodes every image, and holds one episode's table and one image.
-
-    Raises:
-        DatasetError: there is no dataset, or something in it cannot be read.
-    """
-    dataset, reader = RecordedDataset(root), ImageReader(root)
-    return combined_hash(
-        episode_hash(episode, {key: reader.images(episode.index, key) for key in reader.shapes}, reader.units)
-        for episode in dataset.episodes()
-    )
-
-
-def episode_hash(
-    episode: RecordedEpisode, images: Mapping[str, Iterable[NDArray]], units: Mapping[str, object]
-) -> str:
-    """SHA-256 of one episode.
-
-    Args:
-        episode: its columns.
-        images: key -> decoded images in the order of the rows.
-        units: as for `EpisodeHash`.
-    """
-    digest = EpisodeHash(episode, units)
-    for key, stream in images.items():
-        for image in stream:
-            digest.add_image(key, image)
-    return digest.hexdigest()
 
 
 def combined_hash(episode_hashes: Iterable[str]) -> str:

@@ -27,33 +27,12 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 
 TransportError: type[Exception] = HfHubHTTPError.__bases__[0]
 """Base of the errors of the HTTP library that this version of huggingface-hub uses."""
+REASONS = {
+    HTTPStatus.UNAUTHORIZED: "it does not accept the token; run `hf auth login`",
+    HTTPStatus.FORBIDDEN: "the token may not write there; check its rights, and the owner in the name",
+}
 DATASET_FILES = ("data/*", "meta/*", "videos/*")
 """Everything that a LeRobotDataset consists of; the Hub's patterns cross folders."""
-
-
-def pushable_folder(root: Path) -> Path:
-    """`root`, if it is one whole dataset of this package with its provenance.
-
-    Raises:
-        DatasetError: there is none, there are two, it has no provenance, or it is not as it was published.
-        SchemaMismatch: the dataset is of another package or version.
-    """
-    if views := views_below(root):
-        raise DatasetError(
-            f"{root} holds {' and '.join(map(str, views))}; push each to a repository of its own, "
-            f"for example with --root={views[-1]}"
-        )
-    if RecordedDataset(root).provenance is None:
-        raise DatasetError(
-            f"{root} does not say where it comes from, as after an edit with LeRobot's tools, so it can have no card. "
-            "Generate a dataset of what you want to share, or push this one with LeRobotDataset.push_to_hub"
-        )
-    if problem := next(checksum_problems(root, rewritten=(CARD_FILE, PICTURE_FILE)), None):
-        raise DatasetError(
-            f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
-            "it, or generate it again"
-        )
-    return root
 
 
 def check_repo_id(repo_id: str) -> None:
@@ -70,25 +49,10 @@ def check_repo_id(repo_id: str) -> None:
         raise BimanualError(f"repo_id is {repo_id!r}, but must be USER/NAME or ORGANISATION/NAME")
 
 
-def open_repository(repo_id: str, *, private: bool = False) -> None:
-    """Make a dataset repository unless it exists.
-
-    Args:
-        repo_id: USER/NAME or ORGANISATION/NAME.
-        private: hide a new repository from others; an existing one stays as it is.
-
-    Raises:
-        BimanualError: the name is malformed, no user is logged in, or the Hub refuses or cannot be reached.
-    """
-    check_repo_id(repo_id)
-    if get_token() is None:
-        raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
-    with _plain_errors(repo_id):
-        HfApi().create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
-
-
-def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags: Sequence[str] = ()) -> str:
-    """Make an existing repository hold exactly this dataset, with its card, in one commit.
+def push_dataset(
+    root: Path, repo_id: str, *, private: bool = False, branch: str | None = None, tags: Sequence[str] = ()
+) -> str:
+    """Make a repository, new or not, hold exactly this dataset, with its card, in one commit.
 
     The commit on `main` gets LeRobot's version tag, the revision that `LeRobotDataset(repo_id)` asks for. One on
     another branch gets none, and is loaded with `revision=branch`.
@@ -96,6 +60,7 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
     Args:
         root: folder of the dataset; its card and its checksums are written again with the name of the repository.
         repo_id: USER/NAME or ORGANISATION/NAME.
+        private: hide a new repository from others; an existing one stays as it is.
         branch: branch instead of `main`; made if it does not exist.
         tags: further tags of the card.
 
@@ -103,12 +68,18 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
         Address of the dataset.
 
     Raises:
-        BimanualError: the Hub refuses or cannot be reached; what was uploaded so far is not uploaded again.
+        BimanualError: the folder is not one dataset as it was published, with its provenance; the name is malformed, no
+            user is logged in, or the Hub refuses or cannot be reached; what was uploaded so far is not uploaded again.
     """
-    write_card(root, repo_id, tags)
-    write_checksums(root)
+    _check_pushable(root)
+    check_repo_id(repo_id)
+    if get_token() is None:
+        raise BimanualError("not logged in to the Hugging Face Hub; run `hf auth login`, or set HF_TOKEN")
     hub = HfApi()
     with _plain_errors(repo_id):
+        hub.create_repo(repo_id, repo_type="dataset", private=private or None, exist_ok=True)
+        write_card(root, repo_id, tags)
+        write_checksums(root)
         if branch is not None:
             hub.create_branch(repo_id, branch=branch, repo_type="dataset", exist_ok=True)
         hub.upload_folder(
@@ -128,6 +99,25 @@ def upload_dataset(root: Path, repo_id: str, *, branch: str | None = None, tags:
     return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
 
 
+def _check_pushable(root: Path) -> None:
+    """Refuse a folder that is not one whole dataset of this package with its provenance."""
+    if views := views_below(root):
+        raise DatasetError(
+            f"{root} holds {' and '.join(map(str, views))}; push each to a repository of its own, "
+            f"for example with --root={views[-1]}"
+        )
+    if RecordedDataset(root).provenance is None:
+        raise DatasetError(
+            f"{root} does not say where it comes from, as after an edit with LeRobot's tools, so it can have no card. "
+            "Generate a dataset of what you want to share, or push this one with LeRobotDataset.push_to_hub"
+        )
+    if problem := next(checksum_problems(root, rewritten=(CARD_FILE, PICTURE_FILE)), None):
+        raise DatasetError(
+            f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
+            "it, or generate it again"
+        )
+
+
 @contextlib.contextmanager
 def _plain_errors(repo_id: str) -> Iterator[None]:
     """Turn every refusal of the Hub and of the network into one clear message."""
@@ -137,12 +127,7 @@ def _plain_errors(repo_id: str) -> Iterator[None]:
         raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
     except HfHubHTTPError as error:
         status = error.response.status_code
-        if status == HTTPStatus.UNAUTHORIZED:
-            reason = "it does not accept the token; run `hf auth login`"
-        elif status == HTTPStatus.FORBIDDEN:
-            reason = "the token may not write there; check its rights, and the owner in the name"
-        else:
-            reason = f"{error.server_message or error}"
+        reason = REASONS.get(status) or error.server_message or error
         raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error
     except TransportError as error:
         raise BimanualError(f"cannot reach {constants.ENDPOINT}: {error}") from error

@@ -13,6 +13,7 @@ import shutil
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,8 +29,7 @@ from lerobot.datasets.io_utils import (
     write_table_one_row_group_per_episode,
     write_tasks,
 )
-from lerobot.datasets.utils import DEFAULT_EPISODES_PATH
-from numpy.typing import ArrayLike, NDArray
+from lerobot.datasets.utils import DEFAULT_DATA_PATH, DEFAULT_EPISODES_PATH, DEFAULT_VIDEO_PATH
 
 from lerobot_bimanual.errors import DatasetError
 
@@ -69,7 +69,9 @@ def merge_datasets(sources: Sequence[Path], root: Path) -> None:
     first.total_episodes, first.total_frames = merger.episodes, merger.rows
     first.total_tasks, first.splits = len(sentences), {"train": f"0:{merger.episodes}"}
     write_info(first, root)
-    write_stats(aggregate_stats([stats for source in sources if (stats := load_stats(source))]), root)
+    statistics = aggregate_stats([stats for source in sources if (stats := load_stats(source))])
+    # LeRobot's are in the order of a set, which differs between processes.
+    write_stats({key: dict(sorted(statistics[key].items())) for key in sorted(statistics)}, root)
 
 
 class _Merger:
@@ -92,82 +94,67 @@ class _Merger:
 
     def add(self, source: Path) -> pa.Table:
         """Take over a dataset; returns its table of episodes with the numbers that hold in the new one."""
-        tables = [pq.read_table(path) for path in sorted(source.glob("meta/episodes/*/*.parquet"))]
-        episodes = pa.concat_tables(tables)
-        new_task = np.array([self._sentences.index(sentence) for sentence in load_tasks(source).index])
-        for name in episodes.column_names:
-            kind, _, number = name.rpartition("/")
-            if number != CHUNK:
-                continue
-            if kind == "meta/episodes":  # all in one file
-                episodes = _with(_with(episodes, f"{kind}/{CHUNK}", 0), f"{kind}/{FILE}", 0)
-                continue
-            moves, episodes = self._renumbered(episodes, kind)
-            for old, new in moves:
-                (self._root / new).parent.mkdir(parents=True, exist_ok=True)
-                if kind == "data":
-                    self._write_rows(pq.read_table(source / old), self._root / new, new_task)
-                else:
-                    _link(source / old, self._root / new)
-        episodes = self._numbered(episodes)
-        self.episodes += len(episodes)
-        self.rows += int(_values(episodes, "length").sum())
-        return episodes
-
-    def _renumbered(self, episodes: pa.Table, kind: str) -> tuple[list[tuple[str, str]], pa.Table]:
-        """Old and new path of each file of a kind, and the episodes with the new numbers."""
-        suffix = ".parquet" if kind == "data" else ".mp4"
-        old = np.stack([_values(episodes, f"{kind}/{CHUNK}"), _values(episodes, f"{kind}/{FILE}")], axis=1)
-        files, of_episode = np.unique(old, axis=0, return_inverse=True)
-        new = np.stack(np.divmod(self._files[kind] + np.arange(len(files)), self._chunk_size), axis=1)
-        self._files[kind] += len(files)
-        for column, name in enumerate((CHUNK, FILE)):
-            episodes = _with(episodes, f"{kind}/{name}", new[of_episode.ravel(), column])
-        paths = [
-            [f"{kind}/chunk-{c:03d}/file-{f:03d}{suffix}" for c, f in numbers] for numbers in (files, new)
-        ]
-        return list(zip(*paths, strict=True)), episodes
-
-    def _write_rows(self, table: pa.Table, path: Path, new_task: NDArray[np.integer]) -> None:
-        table = _with(table, "episode_index", _values(table, "episode_index") + self.episodes)
-        table = _with(table, "index", _values(table, "index") + self.rows)
-        table = _with(table, "task_index", new_task[_values(table, "task_index")])
-        write_table_one_row_group_per_episode(_without_fingerprint(table), path)
-
-    def _numbered(self, episodes: pa.Table) -> pa.Table:
-        """The table of episodes, which also holds statistics of the columns that get new numbers."""
+        paths = sorted(source.glob("meta/episodes/*/*.parquet"))
+        table = pa.concat_tables([pq.read_table(path) for path in paths])
+        episodes: dict[str, list[Any]] = table.to_pydict()
+        for kind in (name.removesuffix(f"/{CHUNK}") for name in episodes if name.endswith(CHUNK)):
+            if kind != "meta/episodes":  # all in one file
+                self._take_files(source, kind, episodes)
+        length = len(table)
         offsets = {"episode_index": self.episodes, "index": self.rows}
-        for name in ("dataset_from_index", "dataset_to_index"):
-            episodes = _with(episodes, name, _values(episodes, name) + self.rows)
-        episodes = _with(episodes, "episode_index", _values(episodes, "episode_index") + self.episodes)
-        tasks = [self._sentences.index(sentence) for (sentence,) in episodes["tasks"].to_pylist()]
-        for statistic in SHIFTED_STATISTICS:
+        shifts = {"episode_index": self.episodes} | dict.fromkeys(
+            ("dataset_from_index", "dataset_to_index"), self.rows
+        )
+        changed = {name: [number + shift for number in episodes[name]] for name, shift in shifts.items()}
+        changed |= {f"meta/episodes/{name}": [0] * length for name in (CHUNK, FILE)}
+        for statistic in SHIFTED_STATISTICS:  # of the columns that get new numbers
             for column, offset in offsets.items():
                 name = f"stats/{column}/{statistic}"
-                shifted = [[value + offset for value in values] for values in episodes[name].to_pylist()]
-                episodes = _with(episodes, name, shifted)
-            episodes = _with(episodes, f"stats/task_index/{statistic}", [[float(task)] for task in tasks])
-        return episodes
+                changed[name] = [[value + offset for value in values] for values in episodes[name]]
+            numbers = [float(self._sentences.index(sentence)) for (sentence,) in episodes["tasks"]]
+            changed[f"stats/task_index/{statistic}"] = [[number] for number in numbers]
+        self.episodes += length
+        self.rows += sum(episodes["length"])
+        return pa.Table.from_pydict(episodes | changed, table.schema)
 
+    def _take_files(self, source: Path, kind: str, episodes: dict[str, list[Any]]) -> None:
+        """Take over the files of a kind, and give the episodes their new numbers."""
+        template = DEFAULT_DATA_PATH if kind == "data" else DEFAULT_VIDEO_PATH
+        of_episode = list(zip(episodes[f"{kind}/{CHUNK}"], episodes[f"{kind}/{FILE}"], strict=True))
+        new = {
+            old: divmod(self._files[kind] + number, self._chunk_size)
+            for number, old in enumerate(sorted(set(of_episode)))
+        }
+        self._files[kind] += len(new)
+        for place, name in enumerate((CHUNK, FILE)):
+            episodes[f"{kind}/{name}"] = [new[old][place] for old in of_episode]
+        for pair in new.items():
+            old_path, path = (
+                folder / template.format(video_key=kind.removeprefix("videos/"), chunk_index=c, file_index=f)
+                for folder, (c, f) in zip((source, self._root), pair, strict=True)
+            )
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if kind == "data":
+                self._write_rows(source, pq.read_table(old_path), path)
+            else:
+                _link(old_path, path)
 
-def _values(table: pa.Table, name: str) -> NDArray[np.int64]:
-    return table[name].to_numpy()
-
-
-def _with(table: pa.Table, name: str, values: ArrayLike) -> pa.Table:
-    """The table with other values in a column; one value stands for all."""
-    index = table.column_names.index(name)
-    column = [values] * len(table) if np.isscalar(values) else values
-    return table.set_column(
-        index, table.schema.field(index), pa.array(column, table.schema.field(index).type)
-    )
-
-
-def _without_fingerprint(table: pa.Table) -> pa.Table:
-    """The table without a key of the `datasets` cache that differs each time it is written."""
-    described = json.loads(table.schema.metadata[DESCRIPTION])
-    described.pop("fingerprint", None)
-    return table.replace_schema_metadata({**table.schema.metadata, DESCRIPTION: json.dumps(described)})
+    def _write_rows(self, source: Path, table: pa.Table, path: Path) -> None:
+        new_task = np.array([self._sentences.index(sentence) for sentence in load_tasks(source).index])
+        values = {
+            "episode_index": table["episode_index"].to_numpy() + self.episodes,
+            "index": table["index"].to_numpy() + self.rows,
+            "task_index": new_task[table["task_index"].to_numpy()],
+        }
+        for name, numbers in values.items():
+            place = table.column_names.index(name)
+            field = table.schema.field(place)
+            table = table.set_column(place, field, pa.array(numbers, field.type))
+        # A key of the `datasets` cache differs each time a table is written.
+        described = json.loads(table.schema.metadata[DESCRIPTION])
+        described.pop("fingerprint", None)
+        metadata = {**table.schema.metadata, DESCRIPTION: json.dumps(described)}
+        write_table_one_row_group_per_episode(table.replace_schema_metadata(metadata), path)
 
 
 def _link(old: Path, new: Path) -> None:

@@ -5,9 +5,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
-from lerobot_bimanual.errors import SchemaMismatch
-from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, Version, installed_versions
 
 PROVENANCE_FILE = Path("meta", "bimanual.json")
@@ -74,24 +73,10 @@ class Provenance(Record):
         """Provenance of a dataset; `None` where there is none, as after a merge by LeRobot's own tools.
 
         Raises:
-            SchemaMismatch: the file has another form than this version writes.
+            BadRecord: the file has another form than this version writes.
         """
         path = root / PROVENANCE_FILE
-        return cls.load(path) if path.is_file() else None
-
-    @classmethod
-    def load(cls, path: Path) -> Self:
-        """Provenance from its file, wherever it is stored.
-
-        Raises:
-            SchemaMismatch: the file has another form than this version writes, or cannot be read.
-        """
-        try:
-            return cls.read(path)
-        except BadRecord as error:
-            raise SchemaMismatch(
-                f"not what schema version {SCHEMA_VERSION} of lerobot_bimanual writes: {error}"
-            ) from error
+        return cls.read(path) if path.is_file() else None
 
     @property
     def perturb(self) -> str:

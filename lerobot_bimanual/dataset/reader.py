@@ -1,18 +1,20 @@
 """Reads exported datasets back, without decoding an image and without importing LeRobot or torch.
 
-Files may come from a stranger or be damaged: whatever is not as it should be is a `DatasetError` or a
-`SchemaMismatch` that says what and where.
+Files may come from a stranger or be damaged: whatever is not as it should be is a `BimanualError` that says what and
+where.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+import json
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, PositiveInt, model_validator
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import Provenance
@@ -20,11 +22,12 @@ from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
 from lerobot_bimanual.files import read_json
+from lerobot_bimanual.results.record import Record, require
 
 INFO_FILE = Path("meta", "info.json")
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-"""Where LeRobot's tools store tables and videos; other places, which could lie anywhere, are not read."""
+"""Where LeRobot's tools store tables and videos; a dataset that names other places is not read."""
 
 MAX_TABLE_BYTES = 2**31
 """Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
@@ -33,13 +36,8 @@ IMAGE_TYPES = ("video", "image")
 MAX_HINTS = 3
 """Datasets that an error message names."""
 
-TIMESTAMP, FRAME_INDEX, EPISODE_INDEX, INDEX, TASK_INDEX = (
-    "timestamp",
-    "frame_index",
-    "episode_index",
-    "index",
-    "task_index",
-)
+TIMESTAMP, FRAME_INDEX, EPISODE_INDEX = "timestamp", "frame_index", "episode_index"
+INDEX, TASK_INDEX = "index", "task_index"
 BOOKKEEPING: dict[str, str] = {
     TIMESTAMP: "float32",
     FRAME_INDEX: "int64",
@@ -51,7 +49,7 @@ BOOKKEEPING: dict[str, str] = {
 
 COLUMN_TYPES: dict[str, pa.DataType] = {
     **{
-        key: pa.float32() if len(names) == 1 else pa.list_(pa.float32())
+        key: pa.float32() if len(names) == 1 else pa.list_(pa.float32(), len(names))
         for key, names in schema.VECTORS.items()
     },
     **{key: pa.type_for_alias(dtype) for key, dtype in (schema.SCALARS | BOOKKEEPING).items()},
@@ -96,6 +94,7 @@ class RecordedDataset:
 
     Raises:
         DatasetError: there is no dataset at `root`, or its table of episodes is damaged.
+        BadRecord: its provenance is damaged.
         SchemaMismatch: the dataset is not ours, or of another schema version; the message lists what differs.
     """
 
@@ -126,12 +125,9 @@ class RecordedDataset:
         if not 0 <= index < len(self):
             raise DatasetError(f"{self.root} has episodes 0 to {len(self) - 1}, but not {index}")
         entry = self._index.slice(index, 1).to_pylist()[0]
-        tasks = entry["tasks"]
-        if not (isinstance(tasks, list) and len(tasks) == 1 and isinstance(tasks[0], str)):
-            raise DatasetError(
-                f"the table of episodes gives episode {index} the tasks {tasks}, not one sentence"
-            )
-        path = data_file(self.root, self.info, entry)
+        if not (isinstance(tasks := entry["tasks"], list) and len(tasks) == 1):
+            raise DatasetError(f"meta/episodes gives episode {index} the tasks {tasks}, not one sentence")
+        path = data_file(self.root, entry)
         table = read_table(path, columns=[*COLUMN_TYPES], filters=[(EPISODE_INDEX, "=", index)])
         if table.num_rows != entry["length"] or not table.num_rows:
             raise DatasetError(
@@ -145,36 +141,61 @@ class RecordedDataset:
             variation=int(arrays[schema.VARIATION][0]),
             split=str(arrays[schema.SPLIT][0]),
             seed=int(arrays[schema.SEED][0]),
-            instruction=tasks[0],
+            instruction=str(tasks[0]),
         )
         return RecordedEpisode(index, meta, arrays, bookkeeping)
 
-    def episodes(self, indices: Iterable[int] | None = None) -> Iterator[RecordedEpisode]:
-        """Read some episodes, or all of them, one after the other."""
-        yield from map(self.episode, range(len(self)) if indices is None else indices)
+    def episodes(self) -> Iterator[RecordedEpisode]:
+        """Read all episodes, one after the other."""
+        yield from map(self.episode, range(len(self)))
+
+
+class _Feature(Record):
+    """Of a feature of LeRobot, what is read here."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    dtype: str
+    shape: list[PositiveInt]
+    info: dict[str, Any] | None = None
+
+
+class _Info(Record):
+    """Of LeRobot's `meta/info.json`, what is read here."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    fps: Annotated[int, Field(gt=0, le=1000)]
+    data_path: str
+    video_path: str | None = None
+    features: dict[str, _Feature]
+
+    @model_validator(mode="after")
+    def _can_be_read(self) -> Self:
+        require(self.data_path == DATA_PATH, f"data_path must be {DATA_PATH}")
+        require(self.video_path in (None, VIDEO_PATH), f"video_path must be {VIDEO_PATH}")
+        for key, feature in self.features.items():
+            is_image = feature.dtype in IMAGE_TYPES
+            require(
+                not is_image or len(feature.shape) == 3, f"{key} must have a height, a width and channels"
+            )
+        return self
 
 
 def read_info(root: Path) -> dict[str, Any]:
-    """LeRobot's description of a dataset, `meta/info.json`, whose features have a type and a shape each.
+    """LeRobot's description of a dataset, `meta/info.json`, with rows per second, places of files, and features.
 
     Raises:
         DatasetError: it is missing or damaged.
     """
     path = root / INFO_FILE
     try:
-        info = read_json(path)
+        _Info.read(path)
+        return read_json(path)
     except BimanualError as error:
-        raise DatasetError(f"no LeRobot dataset at {root}: cannot read {path} ({error})") from error
-    features = info.get("features") if isinstance(info, dict) else None
-    if not isinstance(features, dict):
         raise DatasetError(
-            f"{path} does not describe the features of a dataset: restore it, or generate it again"
-        )
-    if wrong := [key for key, feature in features.items() if not _is_feature(feature)]:
-        raise DatasetError(
-            f"{path} does not give type, shape and info of {', '.join(wrong)}: restore it, or generate it again"
-        )
-    return info
+            f"no LeRobot dataset at {root}: {error}. Restore the file, or generate the dataset again"
+        ) from error
 
 
 def is_depth(feature: dict[str, Any]) -> bool:
@@ -182,37 +203,29 @@ def is_depth(feature: dict[str, Any]) -> bool:
     return bool((feature.get("info") or {}).get("is_depth_map"))
 
 
-def data_file(root: Path, info: dict[str, Any], entry: dict[str, Any]) -> Path:
+def data_file(root: Path, entry: dict[str, Any]) -> Path:
     """The file of an episode's rows.
 
     Args:
         root: folder of the dataset.
-        info: content of `meta/info.json`.
         entry: the episode's row in the table of episodes.
 
     Raises:
-        DatasetError: the dataset names another place than LeRobot does, or no file.
+        DatasetError: the entry names no file.
     """
-    return _stored_file(root, info, "data_path", DATA_PATH, entry, "data")
+    return root / DATA_PATH.format(**_file_numbers(entry, "data"))
 
 
-def video_file(root: Path, info: dict[str, Any], entry: dict[str, Any], key: str) -> Path:
+def video_file(root: Path, entry: dict[str, Any], key: str) -> Path:
     """The file of an episode's video, as `data_file` for key `key`."""
-    return _stored_file(root, info, "video_path", VIDEO_PATH, entry, f"videos/{key}", video_key=key)
+    return root / VIDEO_PATH.format(video_key=key, **_file_numbers(entry, f"videos/{key}"))
 
 
-def frames_per_second(info: dict[str, Any]) -> int:
-    """Rows per second.
-
-    Raises:
-        DatasetError: there is no such number.
-    """
-    fps = info.get("fps")
-    if type(fps) is not int or not 0 < fps <= 1000:
-        raise DatasetError(
-            f"{INFO_FILE} gives the fps {fps!r}, but must give a whole number, here {schema.FPS}"
-        )
-    return fps
+def _file_numbers(entry: dict[str, Any], prefix: str) -> dict[str, int]:
+    try:
+        return {part: int(entry[f"{prefix}/{part}"]) for part in ("chunk_index", "file_index")}
+    except (TypeError, ValueError) as error:
+        raise DatasetError(f"the table of episodes gives no file of {prefix}: {error}") from error
 
 
 def views_below(root: Path) -> list[Path]:
@@ -245,15 +258,11 @@ def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
     Raises:
         SchemaMismatch: a vector or scalar is missing or different, or the version is another one.
     """
-    expected = schema.features((), 0, 0, "frames")
-    differences = []
-    for key, wanted in expected.items():
-        found = features.get(key)
-        if found is None:
-            differences.append(f"{key} is missing")
-            continue
+    expected = json.loads(json.dumps(schema.features((), 0, 0, "frames")))
+    differences = [f"{key} is missing" for key in expected if key not in features]
+    for key in (key for key in expected if key in features):
         for aspect in ("dtype", "shape", "names"):
-            ours, theirs = _plain(wanted[aspect]), _plain(found.get(aspect))
+            ours, theirs = expected[key][aspect], features[key].get(aspect)
             if ours != theirs:
                 differences.append(f"{aspect} of {key} is {theirs}, not {ours}")
     found_version = ((features.get(schema.TASK_NAME) or {}).get("info") or {}).get(schema.VERSION_INFO)
@@ -307,40 +316,6 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     return table
 
 
-def _stored_file(
-    root: Path,
-    info: dict[str, Any],
-    option: str,
-    place: str,
-    entry: dict[str, Any],
-    prefix: str,
-    **names: str,
-) -> Path:
-    if info.get(option) != place:
-        raise DatasetError(
-            f"{INFO_FILE} gives the {option} {info.get(option)!r}, but LeRobot's tools write {place!r}"
-        )
-    numbers = {part: entry.get(f"{prefix}/{part}") for part in ("chunk_index", "file_index")}
-    if not all(type(number) is int and number >= 0 for number in numbers.values()):
-        raise DatasetError(f"the table of episodes gives no file of {prefix}, but {numbers}")
-    return root / place.format(**numbers, **names)
-
-
-def _is_feature(feature: object) -> bool:
-    if not (isinstance(feature, dict) and isinstance(feature.get("dtype"), str)):
-        return False
-    shape = feature.get("shape")
-    if not (isinstance(shape, list) and all(type(size) is int and size > 0 for size in shape)):
-        return False
-    if feature["dtype"] in IMAGE_TYPES and len(shape) != 3:
-        return False
-    return isinstance(feature.get("info"), dict | None)
-
-
-def _plain(value: object) -> object:
-    return list(value) if isinstance(value, tuple) else value
-
-
 def _to_numpy(table: pa.Table, key: str, path: Path) -> NDArray:
     """A column as (rows,) or (rows, n)."""
     kind = COLUMN_TYPES[key]
@@ -348,13 +323,9 @@ def _to_numpy(table: pa.Table, key: str, path: Path) -> NDArray:
         column = table[key].combine_chunks().cast(kind)
     except pa.ArrowException as error:
         raise DatasetError(f"{key} in {path} holds {table[key].type}, not {kind}: {error}") from error
-    if column.null_count:
+    is_vector = pa.types.is_fixed_size_list(kind)
+    values = column.flatten() if is_vector else column
+    if column.null_count or values.null_count:
         raise DatasetError(f"{key} in {path} has empty cells")
-    if not pa.types.is_list(kind):
-        return np.asarray(column.to_numpy(zero_copy_only=False))
-    size, numbers = len(schema.VECTORS[key]), column.flatten()
-    if (np.diff(column.offsets) != size).any():
-        raise DatasetError(f"{key} in {path} has a row whose length is not {size}")
-    if numbers.null_count:
-        raise DatasetError(f"{key} in {path} has empty cells")
-    return np.asarray(numbers.to_numpy(zero_copy_only=False)).reshape(-1, size)
+    array = np.asarray(values.to_numpy(zero_copy_only=False))
+    return array.reshape(len(column), -1) if is_vector else array

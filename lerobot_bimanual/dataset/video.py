@@ -22,11 +22,8 @@ from lerobot.datasets.video_utils import StreamingVideoEncoder
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M, FPS
-from lerobot_bimanual.errors import DatasetError
 
 TICK = Fraction(1, FPS)
-
-GENERATE_AGAIN = "Delete the dataset and generate it again; if it happens twice, the encoder loses frames."
 
 STATISTICS_EVERY = 10
 """Image statistics are estimated from every tenth frame and every second pixel in both directions."""
@@ -70,7 +67,15 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
 
     def __init__(self):
         super().__init__(FPS, rgb_encoder(), depth_encoder(), encoder_threads=1)
-        self._depth_codes = _depth_codes()
+        self._depth_codes = np.asarray(
+            quantize_depth(
+                np.arange(2**16, dtype=np.uint16),
+                depth_min=DEPTH_MIN_M,
+                depth_max=DEPTH_MAX_M,
+                use_log=False,
+                video_backend=None,
+            )
+        )  # (65536,) stored code of every depth in millimetres
         self._streams: dict[str, _Stream] = {}
 
     def start_episode(
@@ -100,18 +105,7 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
             stream.abandon()
         self._streams.clear()
 
-    def close(self) -> None:
-        """Give up what was not finished."""
-        self.cancel_episode()
-
-
-def _depth_codes() -> NDArray[np.uint16]:
-    """(65536,) stored code of every depth in millimetres."""
-    millimetres = np.arange(2**16, dtype=np.uint16)
-    codes = quantize_depth(
-        millimetres, depth_min=DEPTH_MIN_M, depth_max=DEPTH_MAX_M, use_log=False, video_backend=None
-    )
-    return np.asarray(codes)
+    close = cancel_episode
 
 
 class _Stream:
@@ -158,21 +152,3 @@ class _Stream:
         frame = av.VideoFrame(image.shape[1], image.shape[0], self._config.pix_fmt)
         write_u16_plane(frame.planes[0], self._codes.take(image[..., 0]), fill_value=0)
         return frame
-
-
-def check_video(path: Path, rows: int) -> None:
-    """Whether a video holds a frame for every row of its episodes; none is decoded.
-
-    Raises:
-        DatasetError: a frame is missing or too many, or the file is damaged.
-    """
-    frames = 0
-    try:
-        with av.open(str(path)) as container:
-            frames = sum(1 for packet in container.demux(video=0) if packet.size)
-    except (OSError, IndexError, av.error.FFmpegError) as error:
-        raise DatasetError(f"cannot read {path}: {error}. {GENERATE_AGAIN}") from error
-    if frames != rows:
-        raise DatasetError(
-            f"{path} holds {frames} frames, but its episodes have {rows} rows. {GENERATE_AGAIN}"
-        )

@@ -1,22 +1,22 @@
 """Writes episodes as LeRobotDataset v3, one dataset per view."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
+import av
 from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
 from lerobot.datasets.dataset_writer import DatasetWriter
 from lerobot.datasets.image_writer import AsyncImageWriter, image_array_to_pil_image, save_kwargs_for_path
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import episode_table, read_info
+from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, check_video, depth_encoder, rgb_encoder
+from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration
+from lerobot_bimanual.errors import DatasetError
 
 PNG_LEVEL = 5
 """Of zlib. LeRobot compresses at level 6, which takes 15.6 ms for a view of 256x256 where level 5 takes 8.7, for 5 % more
@@ -71,7 +71,7 @@ class ViewWriter:
     ):
         self.root = root
         self.view: View = view
-        self._intermediate = tuple(intermediate)
+        self.intermediate = intermediate
         self._cameras = tuple(cameras)
         self._depth = depth
         self._meta = LeRobotDatasetMetadata.create(
@@ -96,21 +96,20 @@ class ViewWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Finish the dataset unless the block failed."""
-        if error is None:
-            self.finish()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Write what makes the folder a dataset, unless the block failed.
+
+        Raises:
+            DatasetError: a video lost a frame.
+        """
+        if kind is None:
+            self._writer.finalize()
+            check_videos(self.root)
         else:
             self._writer.cancel_pending_videos()
 
-    def rows(self, episode: Demonstration) -> list[int]:
-        """Rows of an episode that this view stores."""
-        return rows_of_view(episode, self.view, self._intermediate)
-
     def add_row(self, episode: Demonstration, row: int, images: dict[str, NDArray]) -> None:
-        """Append a row of the running episode; rows come in the order of `rows`."""
+        """Append a row of the running episode; rows ascend."""
         frame = row_columns(episode, row, self.view)
         for camera in self._cameras:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
@@ -123,19 +122,10 @@ class ViewWriter:
         """Store the rows added since the last call as an episode."""
         self._writer.save_episode()
 
-    def finish(self) -> None:
-        """Write what makes the folder a dataset, and check that no video lost a frame.
-
-        Raises:
-            DatasetError: a video has not exactly the frames of its episodes.
-        """
-        self._writer.finalize()
-        check_videos(self.root)
-
 
 def write_episode(episode: Demonstration, writers: Sequence[ViewWriter]) -> None:
     """Write an episode into several views at once, asking for the images of each row only once."""
-    wanted = [set(writer.rows(episode)) for writer in writers]
+    wanted = [set(rows_of_view(episode, writer.view, writer.intermediate)) for writer in writers]
     for row in range(episode.rows):
         users = [writer for writer, rows in zip(writers, wanted, strict=True) if row in rows]
         images = episode.images(row) if users else {}
@@ -146,17 +136,19 @@ def write_episode(episode: Demonstration, writers: Sequence[ViewWriter]) -> None
 
 
 def check_videos(root: Path) -> None:
-    """Whether the videos of a dataset hold every row of its episodes; see `check_video`.
+    """Count the frames in the videos of a dataset; none is decoded.
 
     Raises:
-        DatasetError: one does not; the message names the file.
+        DatasetError: those of a camera do not hold one frame for every row.
     """
     info = read_info(root)
     for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
-        chunk, file = f"videos/{key}/chunk_index", f"videos/{key}/file_index"
-        rows: Counter[tuple[int, int]] = Counter()
-        for episode in episode_table(root, ["episode_index", "length", chunk, file]).to_pylist():
-            rows[episode[chunk], episode[file]] += episode["length"]
-        for (chunk_index, file_index), count in rows.items():
-            path = info["video_path"].format(video_key=key, chunk_index=chunk_index, file_index=file_index)
-            check_video(root / path, count)
+        frames = 0
+        for path in root.glob(f"videos/{key}/*/*.mp4"):
+            with av.open(str(path)) as container:
+                frames += sum(1 for packet in container.demux(video=0) if packet.size)
+        if frames != info["total_frames"]:
+            raise DatasetError(
+                f"the videos of {key} in {root} hold {frames} frames, but its episodes have {info['total_frames']} rows. "
+                "Delete the dataset and generate it again; if it happens twice, the encoder loses frames"
+            )

@@ -70,25 +70,20 @@ def test_columns_have_the_types_and_shapes_of_the_schema(make_episode, view: sch
 
 
 @pytest.mark.parametrize(("view", "keyframes"), [("frames", [12, 20]), ("keyframes", [12, 21])])
-def test_keyframes_are_the_rows_after_completed_keyposes_and_the_last_one(
+def test_a_row_has_its_label_and_flag_and_the_last_one_repeats_action_keypose_and_hash(
     make_episode, view: schema.View, keyframes: list[int]
 ) -> None:
     episode = make_episode(0)
-    rows = rows_of_view(episode, view)
-    assert [row for row in rows if row_columns(episode, row, view)[schema.KEYFRAME]] == keyframes
-
-
-def test_the_label_is_the_keypose_under_way_and_at_the_end_the_last_one(make_episode) -> None:
-    episode = make_episode(0)
-    labels = [row_columns(episode, row, "keyframes")[schema.NEXT_KEYPOSE] for row in range(episode.rows)]
-    for row, label in enumerate(labels):
-        assert np.array_equal(label, episode.keyposes[0 if row < FIRST_STAGE else 1]), row
-
-
-def test_the_last_row_shows_the_last_observation_and_repeats_action_and_hash(make_episode) -> None:
-    episode = make_episode(0)
-    before, last = (row_columns(episode, row, "keyframes") for row in (TICKS - 1, TICKS))
-    assert np.array_equal(last[schema.STATE], episode.final_observation[schema.STATE])
-    for key in (schema.ACTION, schema.STATE_HASH):
-        assert np.array_equal(before[key], last[key])
-    assert [int(row[schema.TICK][0]) for row in (before, last)] == [TICKS - 1, TICKS]
+    rows = {row: row_columns(episode, row, view) for row in rows_of_view(episode, view)}
+    assert [row for row in rows if rows[row][schema.KEYFRAME]] == keyframes
+    for row, columns in rows.items():
+        tick = min(row, TICKS - 1)
+        stage = 0 if tick < FIRST_STAGE else 1
+        assert np.array_equal(columns[schema.NEXT_KEYPOSE], episode.keyposes[stage])
+        assert np.array_equal(columns[schema.ACTION], episode.steps[tick].action)
+        assert (int(columns[schema.TICK][0]), int(columns[schema.STATE_HASH][0])) == (
+            row,
+            episode.steps[tick].state_hash,
+        )
+        seen = episode.final_observation if row == TICKS else episode.steps[row].observation
+        assert np.array_equal(columns[schema.STATE], seen[schema.STATE])

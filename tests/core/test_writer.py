@@ -71,7 +71,7 @@ def test_a_lost_frame_is_noticed(datasets, tmp_path, make_episode) -> None:
     with ViewWriter(tmp_path / "short", "local/x", "frames", CAMERAS, *SIZE) as short:
         write_episode(make_episode(0), [short])
     shutil.copy(next((tmp_path / "short").glob("videos/*front/chunk-000/*.mp4")), video)
-    with pytest.raises(DatasetError, match=f"holds {TICKS} frames, but its episodes have {2 * TICKS} rows"):
+    with pytest.raises(DatasetError, match=f"hold {TICKS} frames, but its episodes have {2 * TICKS} rows"):
         check_videos(broken)
 
 

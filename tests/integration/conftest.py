@@ -39,7 +39,7 @@ def generation(root: Path, **options) -> DatasetGenerateConfig:
         "view": "both",
         "image_size": "24x32",
         "cameras": ("front", "left_wrist"),
-        "intermediate": ("0.5",),
+        "intermediate": (0.5,),
         "episodes_per_shard": 2,
         "workers": 1,
         "repo_id": "local/small",

@@ -9,7 +9,8 @@ import pytest
 
 from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-from lerobot_bimanual.errors import DatasetError, SchemaMismatch
+from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.results.record import BadRecord
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_regenerate import DatasetRegenerateConfig, dataset_regenerate
 
@@ -60,7 +61,11 @@ def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
 @pytest.mark.parametrize(
     ("field", "other", "message"),
     [
-        ("versions", {"mujoco": "1.2.3", "lerobot": "0.0.1"}, r"pip install mujoco==1\.2\.3`"),
+        (
+            "versions",
+            {"mujoco": "1.2.3", "lerobot": "0.0.1"},
+            r"generated with mujoco 1\.2\.3 \(installed: 3",
+        ),
         ("worlds", {"lift_ball": "0123456789ab"}, "lift_ball in world 0123456789ab"),
     ],
 )
@@ -69,13 +74,6 @@ def test_the_provenance_of_another_simulation_is_refused(provenance, never, fiel
     with pytest.raises(DatasetError, match=message):
         dataset_regenerate(never)
     assert not never.root.exists()
-
-
-@pytest.mark.parametrize("version", ["3.3; rm -rf ~", "3.3`id`", ""])
-def test_a_version_is_nothing_but_a_version(provenance, never, version) -> None:
-    rewrite(provenance, lambda origin: origin["versions"].update(mujoco=version))
-    with pytest.raises(SchemaMismatch, match=r"versions\.mujoco: String should match"):
-        dataset_regenerate(never)
 
 
 def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, records_here, monkeypatch) -> None:
@@ -116,22 +114,13 @@ def test_settings_of_no_dataset_are_refused(provenance, never, changes, message)
     assert not never.root.exists()
 
 
-@pytest.mark.parametrize("content", [b"{}", b"", b"\xff\xfe{}", b"[" * 100_000])
-def test_a_file_that_is_no_provenance_is_refused(provenance, never, content) -> None:
-    provenance.write_bytes(content)
-    with pytest.raises(SchemaMismatch, match=r"not what schema version .*small\.json"):
+@pytest.mark.parametrize("content", [b"{}", b"", b"\xff\xfe{}", b"[" * 100_000, "3.3; rm -rf ~", "3.3`id`"])
+def test_a_file_that_is_no_provenance_or_names_no_version_is_refused(provenance, never, content) -> None:
+    if isinstance(content, bytes):
+        provenance.write_bytes(content)
+    else:
+        rewrite(provenance, lambda origin: origin["versions"].update(mujoco=content))
+    with pytest.raises(
+        BadRecord, match=r"small\.json: (.*is missing|.*JSON|versions\.mujoco: String should)"
+    ):
         dataset_regenerate(never)
-
-
-def test_a_recipe_that_was_changed_in_its_dataset_is_refused_and_a_damaged_dataset_is_not(
-    generated, tmp_path, monkeypatch
-) -> None:
-    monkeypatch.setattr("lerobot_env_bimanual.commands.dataset_generate.make_dataset", lambda *_: None)
-    dataset = Path(shutil.copytree(generated / "keyframes", tmp_path / "small"))
-    config = DatasetRegenerateConfig(provenance=dataset / PROVENANCE_FILE, root=tmp_path / "never")
-    shutil.rmtree(dataset / "data")
-    with pytest.raises(DatasetError, match="no dataset at"):  # it went as far as to look at what was made
-        dataset_regenerate(config)
-    rewrite(dataset / PROVENANCE_FILE, lambda origin: origin["settings"].update(first_seed=5))
-    with pytest.raises(DatasetError, match="is not the file that was published with its dataset"):
-        dataset_regenerate(config)

@@ -4,13 +4,14 @@ import errno
 import json
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, write_checksums
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.writer import ViewWriter
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate, make_dataset, settings_of
@@ -28,11 +29,7 @@ def edit(path: Path, change: Callable[[dict], object]) -> None:
 @pytest.fixture(scope="module")
 def options(small_generation):
     """Options of a dataset of two shards with one episode each."""
-
-    def build(root: Path):
-        return small_generation(root, view="keyframes", episodes=2, episodes_per_shard=1)
-
-    return build
+    return partial(small_generation, view="keyframes", episodes=2, episodes_per_shard=1)
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +55,10 @@ def test_finished_shards_are_taken_over_and_the_rest_recorded(begun, records_her
     executor = records_here()
     make_dataset(settings_of(config), config.root, executor)
     assert executor.recorded == ["000001"]
-    assert [episode["seed"] for episode in provenance_of(config.root)["episodes"]] == [0, 1]
+    made = Provenance.read(config.root / PROVENANCE_FILE)
+    assert [episode.seed for episode in made.episodes] == [0, 1]
     assert not folder.exists()
     assert Path("/etc").is_dir()
-
-
-def provenance_of(root: Path) -> dict:
-    return json.loads((root / PROVENANCE_FILE).read_text())
 
 
 @pytest.mark.parametrize(
@@ -166,7 +160,7 @@ def of_other_settings(root: Path) -> None:
         (lambda root: (root / "frames" / VIDEO).write_bytes(b"0"), f"{VIDEO} has changed"),
         (lambda root: (root / "keyframes/data/link").symlink_to("/etc/passwd"), "data/link is a link"),
         (lambda root: (root / "frames" / CHECKSUMS_FILE).unlink(), f"{CHECKSUMS_FILE} is missing"),
-        (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), "not what schema version"),
+        (lambda root: (root / "frames" / PROVENANCE_FILE).write_text(""), r"frames/meta/bimanual\.json: "),
         (of_other_settings, "first_seed is 9, not 0"),
     ],
 )
@@ -187,6 +181,6 @@ def test_what_git_and_the_hub_add_does_no_harm(generated, tmp_path, capsys) -> N
     for view in ("frames", "keyframes"):
         (published / view / ".gitattributes").write_text("*.mp4 filter=lfs")
         (published / view / ".cache/huggingface").mkdir(parents=True)
-    words = provenance_of(published / "frames")["command"].split()[1:]
+    words = Provenance.read(published / "frames" / PROVENANCE_FILE).command.split()[1:]
     assert main([*words, f"--root={published}"]) == 0
     assert "already complete" in capsys.readouterr().out

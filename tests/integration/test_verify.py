@@ -1,23 +1,21 @@
 """A generated dataset passes every check, and each corruption is found by the check that is meant for it."""
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import corruptions as c
 import pytest
-from lerobot.datasets.language import language_feature_info
-from lerobot.utils.constants import DEFAULT_FEATURES
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
-from lerobot_bimanual.dataset.content_hash import content_hash
-from lerobot_bimanual.dataset.reader import BOOKKEEPING, read_info
+from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
-from lerobot_env_bimanual.verification.metadata import LANGUAGE_COLUMNS, verify_metadata
+from lerobot_env_bimanual.verification.metadata import verify_metadata
 from lerobot_env_bimanual.verification.rendering import ALL_ROWS
 from lerobot_env_bimanual.verification.simulation import Player
 from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier
@@ -64,11 +62,6 @@ def test_a_video_that_is_only_encoded_again_passes_and_a_pixel_is_found_at_its_r
     assert [(fault.row, fault.text) for fault in faults] == [(3, f"{c.FRONT_DEPTH} is wrong by up to 5 mm")]
 
 
-def test_lerobots_own_columns_are_known() -> None:
-    assert BOOKKEEPING.keys() == DEFAULT_FEATURES.keys()
-    assert set(LANGUAGE_COLUMNS) == language_feature_info().keys()
-
-
 def test_no_cell_and_no_playlist_leads_to_another_file(copy, player, tmp_path, monkeypatch) -> None:
     secret = tmp_path / "secret.png"
     secret.write_bytes(c.png(32, 24))
@@ -102,8 +95,7 @@ def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys
     assert dataset_verify(DatasetVerifyConfig(root=generated, render="2", workers=1)) == 0
     printed = capsys.readouterr().out
     assert "not replayed" not in printed
-    for view in schema.VIEWS:
-        assert f"content hash: {content_hash(generated / view)}" in printed
+    assert len(set(re.findall(r"content hash: ([0-9a-f]{64})\n", printed))) == 2
     for check in ("replay", "rendered RGB", "rendered depth", "LeRobot's loader"):
         assert check in printed
 
@@ -155,7 +147,7 @@ def test_a_dataset_without_depth_holds_colours_alone_and_passes(small_generation
     assert "not replayed" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("rows", ["-1", "some"])
-def test_rows_that_are_no_number_are_refused(generated, rows: str) -> None:
-    with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
-        dataset_verify(DatasetVerifyConfig(root=generated, render=rows))
+def test_rows_that_are_no_number_are_refused(generated) -> None:
+    for rows in ("-1", "some"):
+        with pytest.raises(BimanualError, match="number of rows per episode, such as 3, or 'all'"):
+            dataset_verify(DatasetVerifyConfig(root=generated, render=rows))

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Literal
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.dataset.schema import VIEWS, View
-from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.errors import check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.build import Executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
-
-BOTH_VIEWS = "both"
 
 START_S, EPISODE_S = 20.0, 0.7
 VIEW_S: dict[View, float] = {"frames": 1.9, "keyframes": 0.4}
@@ -49,7 +47,7 @@ class DatasetGenerateConfig:
     # train on a dataset without depth as it is.
     depth: bool = True
     # Further rows of `keyframes`, at these fractions of each stage's motion, e.g. 0.35,0.7.
-    intermediate: tuple[str, ...] = ()
+    intermediate: tuple[float, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
     discretise: int = 0
     # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
@@ -106,8 +104,7 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     from lerobot_env_bimanual.options import EnvOptions
     from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
-    if config.view not in (*VIEWS, BOTH_VIEWS):
-        raise InvalidChoice("view", config.view, (*VIEWS, BOTH_VIEWS))
+    check_range("workers", config.workers, 0)
     if config.repo_id is not None:
         check_repo_id(config.repo_id)
     options = EnvOptions(
@@ -119,12 +116,12 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
         episodes=config.episodes,
         split=config.split,
         first_seed=config.first_seed,
-        views=VIEWS if config.view == BOTH_VIEWS else (config.view,),
+        views=VIEWS if config.view == "both" else (config.view,),
         cameras=options.camera_names,
         height=options.size[0],
         width=options.size[1],
         depth=config.depth,
-        intermediate=tuple(map(_fraction, config.intermediate)),
+        intermediate=config.intermediate,
         discretise=config.discretise,
         perturb=options.perturb,
         episodes_per_shard=config.episodes_per_shard,
@@ -167,7 +164,7 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
             return
         try:
             with executor as record:
-                reports = build_dataset(settings, staging, record)
+                reports = build_dataset(staging, record)
         except KeyboardInterrupt:
             print(
                 f"\nfinished shards are kept in {staging.folder}; the same command goes on", file=sys.stderr
@@ -182,10 +179,3 @@ def make_dataset(settings: GenerationSettings, root: Path, executor: Executor) -
     for seed in skipped:
         print(f"  {seed.task} seed {seed.seed} (variation {seed.variation}): {seed.reason}")
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={root}")
-
-
-def _fraction(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InvalidChoice("intermediate", text, "fractions between 0 and 1, such as 0.35,0.7") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,42 +21,25 @@ def dataset_regenerate(config: DatasetRegenerateConfig) -> None:
     """Make a dataset again from its provenance, a file of about a hundred bytes per episode.
 
     The file is `meta/bimanual.json`, which `dataset generate` writes into every view; one view's file makes all views. The
-    installed simulation must have the versions that it names. Can be interrupted and repeated as `dataset generate`. In the
-    folder of its dataset the file must be the one that was published; the rest of the dataset may be damaged or gone.
+    installed simulation must have the versions that it names. Can be interrupted and repeated as `dataset generate`.
 
     Only the settings of the dataset are taken from the file. Its command is for people to read and is never run.
 
     Examples:
         lerobot-bimanual dataset regenerate --provenance=lift_ball.json --root=data/lift_ball
     """
-    from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, is_as_published
-    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+    from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_bimanual.dataset.reader import find_view
     from lerobot_env_bimanual.commands.dataset_generate import make_dataset
-    from lerobot_env_bimanual.experts.world_version import other_worlds
+    from lerobot_env_bimanual.experts.world_version import other_simulation
     from lerobot_env_bimanual.generation.build import process_executor
     from lerobot_env_bimanual.generation.settings import GenerationSettings
 
-    provenance = Provenance.load(config.provenance)
-    place = Path(os.path.abspath(config.provenance))  # noqa: PTH100  without `..`, but through no link
-    dataset = place.parent.parent
-    is_in_place = place == dataset / PROVENANCE_FILE
-    if is_in_place and (dataset / CHECKSUMS_FILE).exists() and not is_as_published(dataset, PROVENANCE_FILE):
+    provenance = Provenance.read(config.provenance)
+    if difference := other_simulation(provenance):
         raise DatasetError(
-            f"{config.provenance} is not the file that was published with its dataset, as {dataset / CHECKSUMS_FILE} shows: "
-            "restore it, or copy it elsewhere to make what it says now"
-        )
-    if others := provenance.other_versions():
-        found = ", ".join(f"{package} {installed}" for package, (_, installed) in others.items())
-        wanted = " ".join(f"{package}=={recorded}" for package, (recorded, _) in others.items())
-        raise DatasetError(
-            f"{config.provenance} was made with another simulation, in which seeds mean other episodes; installed: "
-            f"{found}. Make it in an environment with `pip install {wanted}`"
-        )
-    if worlds := other_worlds(provenance.worlds, provenance.perturb):
-        raise DatasetError(
-            f"{config.provenance} lists {worlds}, where the same seeds mean other episodes. Make it with the version of "
-            "this package that made it"
+            f"{config.provenance} is of another simulation: {difference}. Install the versions that it names, and the "
+            "version of this package that made it"
         )
     try:
         settings = GenerationSettings.of(**provenance.settings)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_bimanual.dataset.schema import View
     from lerobot_bimanual.episode import EpisodeMeta
     from lerobot_env_bimanual.replay import Replayer, ReplayMode, ReplayResult
@@ -39,6 +38,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
         lerobot-bimanual dataset replay --root=data/lift_ball --replay=keypose --episode_indices=0:10
     """
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
+    from lerobot_env_bimanual.experts.world_version import other_simulation
     from lerobot_env_bimanual.workers import WorkerPool
 
     preferred: tuple[View, ...] = ("frames",) if config.replay == "joint" else ("frames", "keyframes")
@@ -48,15 +48,17 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
             f"{dataset.root} is a {dataset.view!r} view, which does not store every action. Replay the 'frames' view "
             "of the same episodes, or use --replay=keypose"
         )
-    _warn_of_other_versions(dataset)
+    if difference := other_simulation(dataset.provenance):
+        print(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
-    with WorkerPool(config.workers, _prepare, (dataset.root, config.replay)) as pool:
-        results = pool.map(_replay, indices, "replay", "episode", failed=lambda _, reason: reason)
+    jobs = [(dataset.root, config.replay, index) for index in indices]
+    with WorkerPool(config.workers) as pool:
+        results = pool.map(_replay, jobs, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))
     _print({index: result for index, result in played.items() if not isinstance(result, str)})
-    unplayed = {index: result for index, result in played.items() if isinstance(result, str)}
-    for index, reason in unplayed.items():
-        print(f"episode {index}: not played: {reason}")
+    for index, result in played.items():
+        if isinstance(result, str):
+            print(f"episode {index}: not played: {result}")
     matches = all(not isinstance(result, str) and result[1].matches for result in played.values())
     print(f"next: lerobot-bimanual dataset verify --root={config.root}")
     return 0 if matches else 1
@@ -68,12 +70,17 @@ def parse_episodes(text: str, count: int) -> list[int]:
     Raises:
         BimanualError: the text is invalid, or there is no such episode.
     """
+    indices: Sequence[int] = ()
     try:
-        indices = _read_indices(text, count)
-    except ValueError:
-        indices = []
-    ends = (indices[0], indices[-1]) if isinstance(indices, range) and indices else indices
-    if not indices or not all(0 <= index < count for index in ends):
+        if text == "all":
+            indices = range(count)
+        elif ":" in text:
+            indices = range(*map(int, text.split(":")))
+        else:
+            indices = [int(index) for index in text.split(",")]
+    except (ValueError, TypeError):
+        pass
+    if not indices or not all(0 <= index < count for index in indices):
         raise BimanualError(
             f"episode_indices is {text!r}, but must be 'all', indices such as 0,3,7 or a range such as 0:10, from 0 to "
             f"{count - 1}"
@@ -81,60 +88,38 @@ def parse_episodes(text: str, count: int) -> list[int]:
     return list(indices)
 
 
-def _read_indices(text: str, count: int) -> Sequence[int]:
-    """What a text means, as a range where it may be longer than memory."""
-    if text == "all":
-        return range(count)
-    if ":" in text:
-        first, end = text.split(":")
-        return range(int(first), int(end))
-    return [int(index) for index in text.split(",")]
-
-
-def _warn_of_other_versions(dataset: RecordedDataset) -> None:
-    from lerobot_env_bimanual.experts.world_version import other_worlds
-
-    if dataset.provenance is None:
-        print(f"warning: {dataset.root} does not say with which versions it was generated")
-        return
-    for package, (recorded, installed) in dataset.provenance.other_versions().items():
-        print(
-            f"warning: generated with {package} {recorded}, but {installed} is installed: "
-            "trajectories may differ"
-        )
-    if worlds := other_worlds(dataset.provenance.worlds, dataset.provenance.perturb):
-        print(f"warning: it holds {worlds}: trajectories differ")
-
-
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
+    import pandas as pd
+
     from lerobot_bimanual.tables import print_table
 
-    groups: dict[tuple[str, int], list[ReplayResult]] = defaultdict(list)
-    for meta, result in played.values():
-        groups[meta.task, meta.variation].append(result)
-    rows = []
-    for (task, variation), group in sorted(groups.items()):
-        same = sum(result.divergence is None for result in group)
-        solved = sum(result.success for result in group)
-        ticks = sum(result.ticks for result in group)
-        rows.append((task, variation, len(group), ticks, same, solved))
-    print_table(("task", "variation", "episodes", "ticks", "same states", "solved"), rows)
+    rows = [
+        {
+            "task": meta.task,
+            "variation": meta.variation,
+            "episodes": 1,
+            "ticks": result.ticks,
+            "same states": result.divergence is None,
+            "solved": result.success,
+        }
+        for meta, result in played.values()
+    ]
+    if rows:
+        table = pd.DataFrame(rows).groupby(["task", "variation"], as_index=False).sum()
+        print_table([*table], table.values)
     for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
             print(f"episode {index} ({meta.task}, seed {meta.seed}): {result.comparison}, {end}")
 
 
-_replayer: Replayer | None = None
-
-
-def _prepare(root: Path, mode: ReplayMode) -> None:
+@lru_cache(maxsize=1)
+def _replayer(root: Path, mode: ReplayMode) -> Replayer:
     from lerobot_env_bimanual.replay import Replayer
 
-    global _replayer
-    _replayer = Replayer(root, mode)
+    return Replayer(root, mode)
 
 
-def _replay(index: int) -> tuple[EpisodeMeta, ReplayResult] | str:
-    assert _replayer is not None
-    return _replayer.replay(index)
+def _replay(job: tuple[Path, ReplayMode, int]) -> tuple[EpisodeMeta, ReplayResult] | str:
+    root, mode, index = job
+    return _replayer(root, mode).replay(index)

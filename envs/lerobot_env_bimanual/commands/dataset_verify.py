@@ -6,8 +6,9 @@ import contextlib
 import os
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,6 @@ from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.dataset.provenance import Provenance
     from lerobot_env_bimanual.verification.fault import Fault
     from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness, Verifier
 
@@ -58,13 +58,42 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
         lerobot-bimanual dataset verify --root=data/lift_ball
         lerobot-bimanual dataset verify --root=data/lift_ball --episode_indices=0:20 --render=all
     """
+    import numpy as np
+
+    from lerobot_env_bimanual.verification.rendering import ALL_ROWS
+    from lerobot_env_bimanual.verification.verifier import Thoroughness
+    from lerobot_env_bimanual.workers import WorkerPool
+
     check_range("sample_seed", config.sample_seed, 0)
+    if config.render != "all" and not config.render.isdecimal():
+        raise BimanualError(
+            f"render is {config.render!r}, but must be a number of rows per episode, such as 3, or 'all'"
+        )
+    rows = ALL_ROWS if config.render == "all" else int(config.render)
     os.environ["HF_HUB_OFFLINE"] = "1"  # for LeRobot's loader in workers
-    rows = _parse_rows(config.render)
-    roots = _views(config.root)
-    with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:
-        views = [_look_at(root, config, rows, Path(cache)) for root in roots]
-        _verify_episodes(views, config.workers)
+    views = [_ViewReport(root) for root in _views(config.root)]
+    readable = [view for view in views if view.n_episodes]
+    if readable:
+        indices = parse_episodes(config.episode_indices, max(view.n_episodes for view in readable))
+        sampled = int(np.random.default_rng(config.sample_seed).choice(indices))
+        with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:
+            plans = [
+                Thoroughness(
+                    simulate=not view.remark,
+                    rendered_rows=rows,
+                    seed=config.sample_seed,
+                    sampled=sampled if view.is_loadable else None,
+                    cache=Path(cache),
+                )
+                for view in readable
+            ]
+            arguments = ([view.root for view in readable], plans)
+            # Both views of an episode are verified in one go, which plays it once.
+            with WorkerPool(config.workers, _prepare, arguments, PRELOADED) as pool:
+                failed = partial(_unverified, len(readable))
+                for reports in pool.map(_verify, indices, "verifying", "episode", failed=failed):
+                    for view, report in zip(readable, reports, strict=True):
+                        view.add(report)
     for view in views:
         view.print()
     if any(view.is_wrong for view in views):
@@ -93,62 +122,73 @@ def _views(root: Path) -> list[Path]:
     return [root / view for view in VIEWS if view in promised]
 
 
-@dataclass
 class _ViewReport:
-    """What was found in one view.
+    """What was found in one view; its metadata are checked at once.
+
+    Args:
+        root: its folder.
 
     Attributes:
         root: its folder.
-        metadata: faults of the dataset as a whole, by check.
+        n_episodes: number of its episodes, 0 if none can be read.
         remark: what is not checked, and why; may be empty.
-        indices: episodes that are checked.
-        is_whole: whether these are all.
-        thoroughness: how they are checked.
-        episodes: reports of them.
+        is_loadable: whether LeRobot's loader may be used; see `LOADED_AFTER`.
     """
 
-    root: Path
-    metadata: Mapping[str, tuple[Fault, ...]]
-    remark: str
-    indices: Sequence[int]
-    is_whole: bool
-    thoroughness: Thoroughness
-    episodes: list[EpisodeReport] = field(default_factory=list)
+    def __init__(self, root: Path):
+        from lerobot_bimanual.dataset.reader import RecordedDataset
+        from lerobot_env_bimanual.experts.world_version import other_simulation
+        from lerobot_env_bimanual.verification.fault import Fault
+        from lerobot_env_bimanual.verification.metadata import READABLE, verify_metadata
+
+        self.root, self.n_episodes, self.remark = root, 0, ""
+        self._episodes: list[EpisodeReport] = []
+        self._faults: dict[str, list[tuple[int | None, tuple[Fault, ...]]]] = defaultdict(list)
+        metadata = verify_metadata(root)
+        self.is_loadable = not any(metadata.get(check) for check in LOADED_AFTER)
+        if READABLE not in metadata:
+            try:
+                dataset = RecordedDataset(root)
+                self.n_episodes = len(dataset)
+                if difference := other_simulation(dataset.provenance):
+                    self.remark = f"not replayed, so not passed: {difference}"
+            except BimanualError as error:
+                metadata[READABLE] = (Fault(str(error)),)
+        for check, faults in metadata.items():
+            self._faults[check].append((None, faults))
+
+    def add(self, report: EpisodeReport) -> None:
+        """Add what was found in an episode."""
+        self._episodes.append(report)
+        for check, faults in report.faults.items():
+            self._faults[check].append((report.index, faults))
 
     @property
     def is_wrong(self) -> bool:
         """Whether any check failed."""
-        return any(faults for _, _, faults in self._results())
-
-    def _results(self) -> Iterator[tuple[str, int | None, tuple[Fault, ...]]]:
-        """(check, episode, faults) of everything that was checked."""
-        yield from ((check, None, faults) for check, faults in self.metadata.items())
-        for episode in self.episodes:
-            yield from ((check, episode.index, faults) for check, faults in episode.faults.items())
+        return any(faults for outcomes in self._faults.values() for _, faults in outcomes)
 
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
         from lerobot_bimanual.dataset.content_hash import combined_hash
         from lerobot_bimanual.tables import print_table
 
-        results: dict[str, list[tuple[int | None, tuple[Fault, ...]]]] = defaultdict(list)
-        for check, episode, faults in self._results():
-            results[check].append((episode, faults))
         rows = []
-        for check, outcomes in results.items():
+        for check, outcomes in self._faults.items():
             failed = sum(bool(faults) for _, faults in outcomes)
             rows.append((check, len(outcomes) - failed, failed))
         print_table(("check", "passed", "failed"), rows, str(self.root))
         if self.remark:
             print(self.remark)
-        for check, outcomes in results.items():
+        for check, outcomes in self._faults.items():
             lines = [_line(episode, fault) for episode, faults in outcomes for fault in faults]
             for line in lines[:MAX_LINES_PER_CHECK]:
                 print(f"{check}: {line}")
             if len(lines) > MAX_LINES_PER_CHECK:
                 print(f"{check}: {len(lines) - MAX_LINES_PER_CHECK} more")
-        hashes = [episode.content_hash for episode in self.episodes]
-        if self.is_whole and all(hashes):
+        is_whole = [report.index for report in self._episodes] == [*range(self.n_episodes)]
+        hashes = [report.content_hash for report in self._episodes]
+        if is_whole and hashes and all(hashes):
             print(f"content hash: {combined_hash(hashes)}")
 
 
@@ -160,88 +200,10 @@ def _line(episode: int | None, fault: Fault) -> str:
     return place + (fault.text if fault.text.isprintable() else repr(fault.text))
 
 
-def _look_at(root: Path, config: DatasetVerifyConfig, rows: int, cache: Path) -> _ViewReport:
-    """Check a view as a whole, and plan what is done with its episodes: nothing if none can be found."""
-    import numpy as np
-
-    from lerobot_bimanual.dataset.reader import RecordedDataset
-    from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.metadata import READABLE, verify_metadata
-    from lerobot_env_bimanual.verification.verifier import Thoroughness
-
-    metadata = verify_metadata(root)
-    if metadata.get(READABLE):
-        return _ViewReport(root, metadata, "", [], False, Thoroughness(False, 0))
-    try:
-        dataset = RecordedDataset(root)
-    except BimanualError as error:
-        metadata = {**metadata, READABLE: (Fault(str(error)),)}
-        return _ViewReport(root, metadata, "", [], False, Thoroughness(False, 0))
-    indices = parse_episodes(config.episode_indices, len(dataset))
-    remark = _why_not_replayed(dataset.provenance)
-    sampled = None
-    if not any(metadata[check] for check in LOADED_AFTER):
-        sampled = int(np.random.default_rng(config.sample_seed).choice(indices))
-    thoroughness = Thoroughness(not remark, rows, config.sample_seed, sampled, cache)
-    return _ViewReport(root, metadata, remark, indices, indices == list(range(len(dataset))), thoroughness)
+_verifiers: list[Verifier] = []
 
 
-def _why_not_replayed(provenance: Provenance | None) -> str:
-    """Empty if this installation can play the dataset's episodes."""
-    from lerobot_env_bimanual.experts.world_version import other_worlds
-
-    if provenance is None:
-        return "not replayed, so not passed: the dataset does not say with which versions it was generated"
-    if others := provenance.other_versions():
-        listing = ", ".join(
-            f"{package} {versions[0]} (installed: {versions[1]})" for package, versions in others.items()
-        )
-        return f"not replayed, so not passed: generated with {listing}"
-    if worlds := other_worlds(provenance.worlds, provenance.perturb):
-        return f"not replayed, so not passed: it holds {worlds}, where the same seeds mean other episodes"
-    return ""
-
-
-def _parse_rows(text: str) -> int:
-    from lerobot_env_bimanual.verification.rendering import ALL_ROWS
-
-    if text == "all":
-        return ALL_ROWS
-    if not text.isdecimal():
-        raise BimanualError(
-            f"render is {text!r}, but must be a number of rows per episode, such as 3, or 'all'"
-        )
-    return int(text)
-
-
-def _verify_episodes(views: Sequence[_ViewReport], workers: int) -> None:
-    """Check the episodes of all views, both views of an episode in one go, which plays it once."""
-    from lerobot_env_bimanual.verification.fault import Fault
-    from lerobot_env_bimanual.verification.metadata import READABLE
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport
-    from lerobot_env_bimanual.workers import WorkerPool
-
-    plans = [(view.root, view.thoroughness, frozenset(view.indices)) for view in views]
-    indices = list(dict.fromkeys(index for view in views for index in view.indices))
-    if not indices:
-        return
-
-    def unverified(index: int, reason: str) -> list[EpisodeReport | None]:
-        """The reports of an episode whose checks came to no end."""
-        report = EpisodeReport(index, "", {READABLE: (Fault(reason),)})
-        return [report if index in view.indices else None for view in views]
-
-    with WorkerPool(workers, _prepare, (plans,), PRELOADED) as pool:
-        for reports in pool.map(_verify, indices, "verifying", "episode", failed=unverified):
-            for view, report in zip(views, reports, strict=True):
-                if report is not None:
-                    view.episodes.append(report)
-
-
-_verifiers: list[tuple[Verifier, frozenset[int]]] = []
-
-
-def _prepare(plans: Sequence[tuple[Path, Thoroughness, frozenset[int]]]) -> None:
+def _prepare(roots: Sequence[Path], plans: Sequence[Thoroughness]) -> None:
     import av.logging
     import datasets
     import pyarrow
@@ -253,8 +215,17 @@ def _prepare(plans: Sequence[tuple[Path, Thoroughness, frozenset[int]]]) -> None
     datasets.disable_progress_bars()
     pyarrow.set_cpu_count(1)
     player = Player()
-    _verifiers[:] = [(Verifier(root, thoroughness, player), indices) for root, thoroughness, indices in plans]
+    _verifiers[:] = [Verifier(root, plan, player) for root, plan in zip(roots, plans, strict=True)]
 
 
-def _verify(index: int) -> list[EpisodeReport | None]:
-    return [verifier.verify(index) if index in indices else None for verifier, indices in _verifiers]
+def _verify(index: int) -> list[EpisodeReport]:
+    return [verifier.verify(index) for verifier in _verifiers]
+
+
+def _unverified(n_views: int, index: int, reason: str) -> list[EpisodeReport]:
+    """The reports of an episode whose checks came to no end."""
+    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.metadata import READABLE
+    from lerobot_env_bimanual.verification.verifier import EpisodeReport
+
+    return [EpisodeReport(index, "", {READABLE: (Fault(reason),)})] * n_views

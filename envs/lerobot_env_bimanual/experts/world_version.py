@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.env import BimanualEnv
@@ -101,19 +102,24 @@ def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:
     return {task: world_version(task, perturb) if task in list_tasks() else "none" for task in bar}
 
 
-def other_worlds(recorded: Mapping[str, str], perturb: str) -> str:
-    """Tasks that are another world here, such as "lift_ball in world 0123456789ab (here: ba9876543210)"; may be empty.
+def other_simulation(provenance: Provenance | None) -> str:
+    """How the simulation of a dataset differs from the installed one, in words; empty if its episodes replay here.
 
     Args:
-        recorded: task -> version of the world in which something was played.
-        perturb: perturbations of the recorded world, `AXIS:LEVEL,...`.
+        provenance: of the dataset; None if it has none.
     """
-    here = world_versions(recorded, perturb)
-    return ", ".join(
+    if provenance is None:
+        return "the dataset does not say with which versions it was generated"
+    if others := provenance.other_versions():
+        packages = (f"{name} {recorded} (installed: {here})" for name, (recorded, here) in others.items())
+        return f"generated with {', '.join(packages)}"
+    here = world_versions(provenance.worlds, provenance.perturb)
+    other = [
         f"{task} in world {version} (here: {here[task]})"
-        for task, version in recorded.items()
+        for task, version in provenance.worlds.items()
         if version != here[task]
-    )
+    ]
+    return f"it holds {', '.join(other)}, where the same seeds mean other episodes" if other else ""
 
 
 def _task_facts(task: Task) -> Iterator[str]:

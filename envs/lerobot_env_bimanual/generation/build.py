@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
@@ -10,10 +9,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
 from lerobot_bimanual.dataset.schema import View
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport, next_round
-from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.shard import Job, record_shard
 from lerobot_env_bimanual.generation.staging import Staging, new_folder, plain_write_errors, view_folder
 from lerobot_env_bimanual.workers import WorkerPool
@@ -41,11 +39,10 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
         )
 
 
-def build_dataset(settings: GenerationSettings, staging: Staging, record: RecordShards) -> list[ShardReport]:
+def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
     """Record what is missing, merge everything, and publish the dataset.
 
     Args:
-        settings: what the dataset holds.
         staging: where it grows; shards of an earlier run are taken over.
         record: records the shards.
 
@@ -56,13 +53,25 @@ def build_dataset(settings: GenerationSettings, staging: Staging, record: Record
         DatasetError: something cannot be written, an expert fails too often, or workers died. What is finished stays
             for the next run.
     """
-    finished = _record(settings, staging, record)
+    settings = staging.settings
+    finished: list[tuple[Shard, ShardReport]] = []
+    with tqdm(total=settings.total_episodes, unit="demo", smoothing=0) as bar:
+        while shards := next_round(settings, [report for _, report in finished]):
+            folders = [staging.shard_folder(shard) for shard in shards]
+            missing = [
+                (settings, shard, folder)
+                for shard, folder in zip(shards, folders, strict=True)
+                if not folder.exists()
+            ]
+            for episodes in record(missing):
+                bar.update(episodes)
+            finished += [(shard, staging.report(shard)) for shard in shards]
     reports = [report for _, report in finished]
-    folders = [staging.shard_folder(shard.name) for shard, report in finished if report.episodes]
+    recorded = [staging.shard_folder(shard) for shard, report in finished if report.episodes]
     with new_folder(staging.folder) as temporary:
         merged = temporary / "dataset"
         jobs = [
-            (folders, view_folder(merged, settings, view), _provenance(settings, staging, view, reports))
+            (recorded, view_folder(merged, settings, view), _provenance(staging, view, reports))
             for view in settings.views
         ]
         with WorkerPool(len(jobs), preload=PRELOADED) as pool:
@@ -83,65 +92,23 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
     from lerobot_bimanual.dataset.card import write_card
     from lerobot_bimanual.dataset.checksums import write_checksums
     from lerobot_bimanual.dataset.merging import merge_datasets
-    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 
     shards, folder, provenance = job
     with plain_write_errors(folder):
         merge_datasets([shard / provenance.view for shard in shards], folder)
-        _sort_keys(folder / "meta" / "stats.json")
         provenance.write(folder / PROVENANCE_FILE)
         write_card(folder, provenance.settings["repo_id"])
         write_checksums(folder)
 
 
-def _record(
-    settings: GenerationSettings, staging: Staging, record: RecordShards
-) -> list[tuple[Shard, ShardReport]]:
-    """Record missing shards, round by round, until none is missing."""
-    finished, missing = _survey(settings, staging)
-    there = sum(len(report.episodes) for _, report in finished)
-    with tqdm(total=settings.total_episodes, initial=there, unit="demo", smoothing=0) as bar:
-        while missing:
-            jobs = [(settings, shard, staging.shard_folder(shard.name)) for shard in missing]
-            for episodes in record(jobs):
-                bar.update(episodes)
-            finished, missing = _survey(settings, staging)
-    return finished
-
-
-def _survey(
-    settings: GenerationSettings, staging: Staging
-) -> tuple[list[tuple[Shard, ShardReport]], list[Shard]]:
-    """Finished shards and, of the first round that lacks some, the missing ones."""
-    finished: list[tuple[Shard, ShardReport]] = []
-    missing: list[Shard] = []
-    planned_before = 0
-    while not missing and (planned := next_round(settings, [r for _, r in finished], planned_before)):
-        planned_before += len(planned)
-        for shard in planned:
-            if (report := staging.report(shard)) is None:
-                missing.append(shard)
-            else:
-                finished.append((shard, report))
-    return finished, missing
-
-
-def _provenance(
-    settings: GenerationSettings, staging: Staging, view: View, reports: Sequence[ShardReport]
-) -> Provenance:
+def _provenance(staging: Staging, view: View, reports: Sequence[ShardReport]) -> Provenance:
     return Provenance(
         schema_version=2,
         view=view,
         versions=staging.origin.versions,
         worlds=staging.origin.worlds,
         settings=staging.origin.settings,
-        command=settings.command(staging.root.name),
+        command=staging.settings.command(staging.root.name),
         episodes=tuple(episode for report in reports for episode in report.episodes),
         skipped=tuple(seed for report in reports for seed in report.skipped),
     )
-
-
-def _sort_keys(path: Path) -> None:
-    """LeRobot writes the statistics in the order of a set, which differs between processes."""
-    content = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(content, indent=4, sort_keys=True) + "\n", encoding="utf-8")

@@ -9,7 +9,7 @@ replaces the failures of the rounds before.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
@@ -47,53 +47,43 @@ class ShardReport(Record):
     skipped: tuple[SkippedSeed, ...]
 
 
-def next_round(
-    settings: GenerationSettings, reports: Iterable[ShardReport], shards_before: int
-) -> list[Shard]:
+def next_round(settings: GenerationSettings, reports: Sequence[ShardReport]) -> list[Shard]:
     """Shards of the next round; empty when every episode is there.
 
     Args:
         settings: what is wanted.
         reports: of all shards of the rounds before.
-        shards_before: number of shards in the rounds before.
 
     Raises:
         DatasetError: an expert failed too often; the message lists the reasons.
     """
-    found, skipped = Counter(), Counter()
-    reasons: dict[str, list[str]] = {}
-    for report in reports:
-        found.update((episode.task, episode.variation) for episode in report.episodes)
-        skipped.update((seed.task, seed.variation) for seed in report.skipped)
-        for seed in report.skipped:
-            reasons.setdefault(seed.task, []).append(f"seed {seed.seed}: {seed.reason}")
+    found = Counter((key.task, key.variation) for report in reports for key in report.episodes)
+    skipped = [seed for report in reports for seed in report.skipped]
+    tried = found + Counter((seed.task, seed.variation) for seed in skipped)
+    allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE * settings.episodes)
     shards: list[Shard] = []
     for task in settings.tasks:
-        _refuse_broken_expert(settings, task, reasons.get(task, []))
-        candidates = sorted(_candidates(settings, task, found, skipped), key=lambda candidate: candidate.seed)
+        failures = [f"seed {seed.seed}: {seed.reason}" for seed in skipped if seed.task == task]
+        if len(failures) > allowed:
+            raise DatasetError(
+                f"the expert of {task!r} failed on {len(failures)} seeds, more than the {allowed:.0f} allowed for "
+                f"{settings.episodes} episodes. Last failures: {'; '.join(failures[-3:])}"
+            )
+        candidates = sorted(_candidates(settings, task, found, tried), key=lambda candidate: candidate.seed)
         for start in range(0, len(candidates), settings.episodes_per_shard):
-            name = f"{shards_before + len(shards):06d}"
+            name = f"{len(reports) + len(shards):06d}"
             shards.append(Shard(name, tuple(candidates[start : start + settings.episodes_per_shard])))
     return shards
 
 
 def _candidates(
-    settings: GenerationSettings, task: str, found: Counter, skipped: Counter
+    settings: GenerationSettings, task: str, found: Counter, tried: Counter
 ) -> Iterator[EpisodeKey]:
     """As many untried candidates of each variation as it lacks episodes."""
     variations = settings.variations_of(task)
     for place, variation in enumerate(variations):
         wanted = len(range(place, settings.episodes, len(variations)))
-        tried = found[task, variation] + skipped[task, variation]
-        for turn in range(tried, tried + wanted - found[task, variation]):
+        first = tried[task, variation]
+        for turn in range(first, first + wanted - found[task, variation]):
             seed = settings.first_seed + place + turn * len(variations)
             yield EpisodeKey(task=task, variation=variation, split=settings.split, seed=seed)
-
-
-def _refuse_broken_expert(settings: GenerationSettings, task: str, reasons: list[str]) -> None:
-    allowed = max(MIN_FAILURES_ALLOWED, MAX_FAILURES_PER_EPISODE * settings.episodes)
-    if len(reasons) > allowed:
-        raise DatasetError(
-            f"the expert of {task!r} failed on {len(reasons)} seeds, more than the {allowed:.0f} allowed for "
-            f"{settings.episodes} episodes. Last failures: {'; '.join(reasons[-3:])}"
-        )

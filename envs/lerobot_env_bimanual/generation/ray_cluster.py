@@ -1,16 +1,14 @@
 """Records shards on a ray cluster: one task per shard, on any machine; finished shards travel home through ray.
 
-The machines share no file system. A task records into the temporary folder of its machine and returns the shard as
-the bytes of a tar archive, which the driver unpacks. Ray runs the task of a dead worker again, and the driver takes
+The machines share no file system. A task records into the temporary folder of its machine and returns the files of the
+shard, which the driver writes. Ray runs the task of a dead worker again, and the driver takes
 one result per shard, so nothing is lost and nothing is there twice.
 """
 
 from __future__ import annotations
 
-import io
 import logging
 import socket
-import tarfile
 import tempfile
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -80,8 +78,8 @@ def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
             finished, _ = ray.wait([*running])
             for task in finished:
                 _, shard, target = running.pop(task)
-                archive, episodes = _result(task, shard)
-                unpack(archive, target)
+                files, episodes = _result(task, shard)
+                unpack(files, target)
                 yield episodes
     finally:
         for task in running:
@@ -90,8 +88,8 @@ def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
 
 def record_packed(
     settings: GenerationSettings, shard: Shard, versions: Mapping[str, str]
-) -> tuple[bytes, int]:
-    """A shard's folder as a tar archive, and its number of episodes; the task that ray runs on some machine.
+) -> tuple[dict[str, bytes], int]:
+    """The files of a shard, and its number of episodes; the task that ray runs on some machine.
 
     Raises:
         DatasetError: the shard cannot be recorded, or this machine has other versions than the driver.
@@ -102,25 +100,24 @@ def record_packed(
         finished = folder / "shards" / shard.name
         finished.parent.mkdir()
         episodes = record_shard((settings, shard, finished))
-        archive = io.BytesIO()
-        with tarfile.open(fileobj=archive, mode="w") as tar:
-            tar.add(finished, arcname=".")
-    return archive.getvalue(), episodes
+        files = [path for path in finished.rglob("*") if path.is_file()]
+        return {str(path.relative_to(finished)): path.read_bytes() for path in files}, episodes
 
 
-def unpack(packed: bytes, target: Path) -> None:
+def unpack(files: Mapping[str, bytes], target: Path) -> None:
     """Put a shard that came home to its place in one piece.
 
     Raises:
         DatasetError: the place cannot be written.
     """
     with plain_write_errors(target), new_folder(target.parent.parent) as folder:
-        with tarfile.open(fileobj=io.BytesIO(packed)) as tar:
-            tar.extractall(folder, filter="data")
+        for name, content in files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
         place_shard(folder, target)
 
 
-def _result(task: Any, shard: Shard) -> tuple[bytes, int]:
+def _result(task: Any, shard: Shard) -> tuple[dict[str, bytes], int]:
     try:
         return ray.get(task)
     except (RayTaskError, RayError) as error:

@@ -70,7 +70,7 @@ class Staging:
                 f"{self.root} exists and was not made by this command; choose another --root or remove it"
             )
         for place in found:
-            self.origin.refuse_at(self.root, Provenance.load(place / PROVENANCE_FILE))
+            self.origin.refuse_at(self.root, Provenance.read(place / PROVENANCE_FILE))
         for view in self.settings.views:
             folder = view_folder(self.root, self.settings, view)
             problem = next(checksum_problems(folder), None) if folder.is_dir() else "the view is missing"
@@ -81,24 +81,22 @@ class Staging:
                 )
         return True
 
-    def report(self, shard: Shard) -> ShardReport | None:
-        """Report of a finished shard, `None` if it is not finished.
+    def report(self, shard: Shard) -> ShardReport:
+        """Report of a finished shard.
 
         Raises:
             DatasetError: the shard holds other candidates than planned.
         """
-        path = self.shard_folder(shard.name) / REPORT
-        if not path.parent.exists():
-            return None
+        path = self.shard_folder(shard) / REPORT
         report = ShardReport.read(path)
         tried = (*report.episodes, *report.skipped)
         if sorted(map(str, tried)) != sorted(map(str, shard.candidates)):
             raise DatasetError(f"{path} does not list the planned candidates: remove {path.parent}")
         return report
 
-    def shard_folder(self, shard: str) -> Path:
-        """Where a finished shard is stored."""
-        return self.folder / SHARDS / shard
+    def shard_folder(self, shard: Shard) -> Path:
+        """Where a shard is stored as soon as it is finished."""
+        return self.folder / SHARDS / shard.name
 
     def publish(self, folder: Path) -> None:
         """Move a finished dataset to its final place and remove the staging folder."""

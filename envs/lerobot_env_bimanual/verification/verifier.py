@@ -17,7 +17,6 @@ from lerobot_bimanual.dataset.reader import (
     RecordedDataset,
     RecordedEpisode,
     episode_table,
-    frames_per_second,
     read_table,
 )
 from lerobot_bimanual.episode import Demonstration
@@ -102,7 +101,7 @@ class Verifier:
 
     def _check_bookkeeping(self, episode: RecordedEpisode) -> Iterator[Fault]:
         entry = self._entries[episode.index]
-        yield from check_bookkeeping(episode, entry, self._sentences, frames_per_second(self._dataset.info))
+        yield from check_bookkeeping(episode, entry, self._sentences, self._dataset.info["fps"])
 
     def _play(self, episode: RecordedEpisode, faults: dict[str, tuple[Fault, ...]]) -> Demonstration | None:
         """The episode, played again and compared, if it can be."""
