@@ -26,40 +26,32 @@ def scene(shared: Scene) -> Scene:
     return shared
 
 
-def test_a_tick_is_fifty_milliseconds_of_physics(scene):
-    assert STEPS_PER_TICK == 25
+def test_a_tick_is_fifty_milliseconds_of_physics_and_an_episode_begins_at_home_with_open_hands(scene):
+    for arm in Arm:
+        assert scene.joint_positions(arm) == pytest.approx(scene.arm_pair.home_joints)
+        assert scene.gripper_opening(arm) == 1.0
+    assert not scene.data.qvel.any()
+    assert scene.commanded[[7, 15]] == pytest.approx((1.0, 1.0))
     before = scene.data.time
     scene.tick(scene.commanded)
-    assert scene.data.time - before == pytest.approx(TICK_S)
+    assert scene.data.time - before == pytest.approx(TICK_S) == STEPS_PER_TICK * PHYSICS_STEP_S
     assert not scene.data.timer.duration.any()  # no clock is read while physics runs
     assert scene.model.opt.timestep == PHYSICS_STEP_S == 0.002
 
 
-def test_a_placed_block_rests_on_the_table(scene):
+def test_props_are_placed_and_rest_on_the_table_and_reset_takes_them_back(scene):
+    pose = Pose.upright((0.1, 0.2, 0.75), 0.4)
+    scene.place("target", pose)
     scene.place("item", ON_TABLE)
     assert scene.pose("item").distance_to(ON_TABLE)[0] < 1e-12
     scene.settle()
     assert scene.data.time < MAX_SETTLE_TICKS * TICK_S
     assert scene.pose("item").distance_to(ON_TABLE)[0] < 2e-3
     assert scene.speed("item") < 1e-4
-    assert not scene.unstable
-
-
-def test_a_static_prop_is_placed_and_reset_takes_it_back(scene):
-    pose = Pose.upright((0.1, 0.2, 0.75), 0.4)
-    scene.place("target", pose)
-    scene.settle()
     assert max(scene.pose("target").distance_to(pose)) < 1e-6
+    assert not scene.unstable
     scene.reset()
     assert np.abs(scene.pose("target").position).max() == 0
-
-
-def test_reset_starts_with_arms_at_home_and_open_hands(scene):
-    for arm in Arm:
-        assert scene.joint_positions(arm) == pytest.approx(scene.arm_pair.home_joints)
-        assert scene.gripper_opening(arm) == 1.0
-    assert not scene.data.qvel.any()
-    assert scene.commanded[[7, 15]] == pytest.approx((1.0, 1.0))
 
 
 def test_poses_and_contacts_belong_to_the_current_positions_after_a_tick(scene):
@@ -109,15 +101,11 @@ def test_friction_alone_holds_a_block_and_lets_it_go(scene, arm):
         scene.tick(command)
     assert not scene.arm_touches(arm, "item")
     assert not scene.unstable
-
-
-def test_a_block_jammed_between_wide_open_fingers_is_not_held(scene):
-    tcp = scene.tcp(Arm.RIGHT)
-    across = Pose.looking(tcp.position, approach=tcp.rotation[:, 1], opening=tcp.rotation[:, 2])
-    scene.place("item", across)
+    tcp = scene.tcp(arm)  # a block jammed between wide open fingers is not held
+    scene.place("item", Pose.looking(tcp.position, approach=tcp.rotation[:, 1], opening=tcp.rotation[:, 2]))
     scene.tick(scene.commanded)
-    assert all(scene.contacts(f"right_finger{finger}", "item") for finger in (1, 2))
-    assert not scene.held(Arm.RIGHT, "item")
+    assert all(scene.contacts(f"{arm}_finger{finger}", "item") for finger in (1, 2))
+    assert not scene.held(arm, "item")
 
 
 def test_a_diverging_state_is_reported_until_reset(scene, caplog, tmp_path, monkeypatch):
