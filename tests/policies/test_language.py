@@ -30,10 +30,3 @@ def test_no_sentence_is_refused(instruction):
 def test_word_slots_do_not_depend_on_case_punctuation_or_process():
     assert word_ids("Lift the BALL!") == word_ids("lift the ball")
     assert word_ids("lift ball") == [0, 1918, 118]  # a checkpoint relies on these
-
-
-def test_words_of_every_script_are_read():
-    assert len(word_ids("подними мяч")) == len(word_ids("ボールを 持ち上げる")) == 3
-    assert word_ids("подними мяч") != word_ids("толкни ящик")
-    assert len(word_ids("défense")) == 2
-    assert word_ids("lift_the ball, 2x") == word_ids("lift the ball 2x")

@@ -26,15 +26,6 @@ def test_grid_equals_averaging_point_by_point():
     torch.testing.assert_close(actual, expected)
 
 
-def test_order_of_points_does_not_matter():
-    points, colours = random_cloud()
-    order = torch.randperm(points.shape[-1])
-    torch.testing.assert_close(
-        voxelise(points[..., order], colours[..., order], workspace=VOXEL_WORKSPACE, voxels=10),
-        voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=10),
-    )
-
-
 def test_samples_of_a_batch_do_not_mix():
     points, colours = random_cloud(samples=3)
     together = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=10)

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
+from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
@@ -19,7 +20,7 @@ from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyCon
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
-from lerobot_policy_bimanual.keypose.weights import load_weights
+from lerobot_policy_bimanual.keypose.weights import check_weights
 from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -93,7 +94,8 @@ class KeyposePolicy(PreTrainedPolicy):
         Raises:
             CheckpointError: weights are missing, unknown, of another shape or not finite.
         """
-        load_weights(model, Path(model_file))
+        check_weights(Path(model_file), model.state_dict())
+        model.load_state_dict(load_file(model_file))
         return model
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]

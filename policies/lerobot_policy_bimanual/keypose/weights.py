@@ -5,20 +5,9 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file
-from torch import Tensor, nn
+from torch import Tensor
 
 from lerobot_policy_bimanual.errors import CheckpointError
-
-
-def load_weights(model: nn.Module, file: Path) -> None:
-    """Give a model the weights of a file.
-
-    Raises:
-        CheckpointError: as in `check_weights`; the model is unchanged then.
-    """
-    check_weights(file, model.state_dict())
-    model.load_state_dict(load_file(file))
 
 
 def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> int:

@@ -18,7 +18,7 @@ from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
 from lerobot.scripts import lerobot_train
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
-from lerobot_bimanual.dataset.reader import INFO_FILE, datasets_below, views_below
+from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
@@ -119,7 +119,7 @@ def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConf
         load: LeRobot's function. Where there is no dataset, it looks for one on the Hub.
 
     Raises:
-        DatasetError: the folder is the one above a dataset, or there is none, neither here nor on the Hub.
+        DatasetError: the folder is the one above the views, or there is no dataset, neither here nor on the Hub.
     """
     root, repo_id = cfg.dataset.root, cfg.dataset.repo_id
     if root is None or (Path(root) / INFO_FILE).is_file():
@@ -129,11 +129,6 @@ def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConf
             f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
             f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
             "policies of joint actions from `frames`"
-        )
-    if below := datasets_below(Path(root)):
-        raise DatasetError(
-            f"--dataset.root={root} is not a dataset ({Path(root) / INFO_FILE} does not exist). Did you mean "
-            f"{' or '.join(f'--dataset.root={path}' for path in below[:3])}?"
         )
     try:
         return load(cfg)
