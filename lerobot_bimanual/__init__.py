@@ -14,14 +14,15 @@ if TYPE_CHECKING:
     from lerobot_bimanual.errors import BimanualError
     from lerobot_bimanual.geometry.pose import Pose
     from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M, VOXEL_WORKSPACE, Workspace
-    from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
+    from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+    from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 
 __version__ = "0.1.0"
 
 _MODULES = {
     "ARMS": "arms",
     "CAMERA_NAMES": "cameras",
-    "KEYPOSE_DIM": "keypose",
+    "KEYPOSE_DIM": "keypose_layout",
     "TABLE_HEIGHT_M": "geometry.workspace",
     "VOXEL_WORKSPACE": "geometry.workspace",
     "Arm": "arms",

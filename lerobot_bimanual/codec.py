@@ -4,7 +4,6 @@ The same discretisation that the policies predict (`codec_torch` is its torch tw
 keyposes when the expert's success with rounded keyposes is measured.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +15,15 @@ from lerobot_bimanual.geometry.rotations import (
     quat_wxyz_canonical,
     quat_wxyz_to_euler_xyz,
 )
-from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
-from lerobot_bimanual.keypose import (
+from lerobot_bimanual.keypose import BimanualKeypose
+from lerobot_bimanual.keypose_grid import KeyposeGrid
+from lerobot_bimanual.keypose_layout import (
     ARM_KEYPOSE_DIM,
     GRIPPER_OPEN,
     IGNORE_COLLISIONS,
     KEYPOSE_DIM,
     POSITION,
     QUATERNION,
-    BimanualKeypose,
 )
 
 
@@ -45,36 +44,8 @@ class DiscreteKeypose:
     ignore_collisions: NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class KeyposeCodec:
-    """Between continuous keyposes and bins.
-
-    Attributes:
-        workspace: the box that the voxels fill.
-        voxels: voxels per axis (paper: 100, so 1 cm; 50 on the paper's real robot).
-        rotation_bin_deg: width of a rotation bin (paper: 5 degrees, 72 bins per axis).
-    """
-
-    workspace: Workspace = VOXEL_WORKSPACE
-    voxels: int = 100
-    rotation_bin_deg: float = 5.0
-
-    def __post_init__(self):
-        """Refuse bins that do not divide the circle."""
-        if self.voxels < 1 or not divides_circle(self.rotation_bin_deg):
-            raise ValueError(
-                f"voxels={self.voxels} must be at least 1 and rotation_bin_deg={self.rotation_bin_deg} must divide 360"
-            )
-
-    @property
-    def voxel_size_m(self) -> NDArray[np.float64]:
-        """Edge lengths (3,) of one voxel."""
-        return self.workspace.size / self.voxels
-
-    @property
-    def rotation_bins(self) -> int:
-        """Bins per rotation axis."""
-        return round(360 / self.rotation_bin_deg)
+class KeyposeCodec(KeyposeGrid):
+    """Between continuous keyposes and bins."""
 
     def encode(self, vectors: ArrayLike) -> DiscreteKeypose:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
@@ -106,11 +77,6 @@ class KeyposeCodec:
             np.clip(bins.voxel, 0, self.voxels - 1), bins.rotation, bins.gripper_open, bins.ignore_collisions
         )
         return BimanualKeypose.from_vector(self.decode(inside))
-
-
-def divides_circle(angle_deg: float) -> bool:
-    """Whether an angle fits into 360 degrees a whole number of times, but for rounding: 3.6 does, and 7 does not."""
-    return angle_deg > 0 and math.isclose(round(360 / angle_deg) * angle_deg, 360)
 
 
 def _per_arm(vectors: ArrayLike) -> NDArray[np.float64]:

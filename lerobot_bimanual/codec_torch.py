@@ -6,13 +6,13 @@ import torch
 from torch import Tensor
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.rotations_torch import (
     euler_xyz_to_quat_wxyz,
     quat_wxyz_canonical,
     quat_wxyz_to_euler_xyz,
 )
-from lerobot_bimanual.keypose import (
+from lerobot_bimanual.keypose_grid import KeyposeGrid
+from lerobot_bimanual.keypose_layout import (
     ARM_KEYPOSE_DIM,
     GRIPPER_OPEN,
     IGNORE_COLLISIONS,
@@ -31,22 +31,15 @@ class KeyposeBins:
     ignore_collisions: Tensor
 
 
-@dataclass(frozen=True)
-class TorchKeyposeCodec:
-    """A `codec.KeyposeCodec` on tensors of any device.
-
-    Attributes:
-        bins: the same in NumPy, which says how space and angles are cut.
-    """
-
-    bins: KeyposeCodec
+class TorchKeyposeCodec(KeyposeGrid):
+    """Between continuous keyposes and bins, on tensors of any device."""
 
     def encode(self, vectors: Tensor) -> KeyposeBins:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
         voxel = self.in_voxels(vectors).floor().long()
         euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
-        rotation = ((euler_deg + 180) / self.bins.rotation_bin_deg).round().long() % self.bins.rotation_bins
+        rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
         return KeyposeBins(
             voxel,
             rotation,
@@ -61,18 +54,18 @@ class TorchKeyposeCodec:
     def in_voxels(self, vectors: Tensor) -> Tensor:
         """Positions of flat keyposes (..., 18) in voxels from the grid's corner, (..., 2, 3)."""
         position = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))[..., POSITION]
-        lower = vectors.new_tensor(self.bins.workspace.lower)
-        return (position - lower) / vectors.new_tensor(self.bins.voxel_size_m)
+        lower = vectors.new_tensor(self.workspace.lower)
+        return (position - lower) / vectors.new_tensor(self.voxel_size_m)
 
     def voxel_centers(self, voxel: Tensor) -> Tensor:
         """World positions (..., 3) of voxel indices (..., 3); fractions of a voxel are allowed."""
-        lower = torch.tensor(self.bins.workspace.lower, dtype=torch.float32, device=voxel.device)
-        size = torch.tensor(self.bins.voxel_size_m, dtype=torch.float32, device=voxel.device)
+        lower = torch.tensor(self.workspace.lower, dtype=torch.float32, device=voxel.device)
+        size = torch.tensor(self.voxel_size_m, dtype=torch.float32, device=voxel.device)
         return lower + (voxel + 0.5) * size
 
     def assemble(self, position: Tensor, discrete: KeyposeBins) -> Tensor:
         """Flat keyposes (..., 18) from positions (..., 2, 3) in metres and the other bins."""
-        euler_rad = torch.deg2rad(discrete.rotation * self.bins.rotation_bin_deg - 180)
+        euler_rad = torch.deg2rad(discrete.rotation * self.rotation_bin_deg - 180)
         flags = torch.stack([discrete.gripper_open, discrete.ignore_collisions], dim=-1).to(position)
         arms = torch.cat([position, euler_xyz_to_quat_wxyz(euler_rad).to(position), flags], dim=-1)
         return arms.flatten(-2)

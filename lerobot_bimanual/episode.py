@@ -6,9 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-CONTROL_HZ = 20
-"""Control ticks per second; one tick is one dataset frame (RLBench records one observation per 0.05 s)."""
-
 
 @dataclass(frozen=True)
 class EpisodeMeta:

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 
+CONTROL_HZ = 20
+"""Control ticks per second; one tick is one dataset frame (RLBench records one observation per 0.05 s)."""
+
 ARM_ACTION_DIM = JOINTS_PER_ARM + 1
 JOINT_ACTION_DIM = len(ARMS) * ARM_ACTION_DIM
 GRIPPERS = slice(JOINTS_PER_ARM, None, ARM_ACTION_DIM)

@@ -1,8 +1,4 @@
-"""Keyposes: the targets that experts command and keypose policies predict.
-
-Flat layout, 18 numbers, left arm first; per arm `[x, y, z, qw, qx, qy, qz, gripper_open, ignore_collisions]`
-in the world frame, metres. (PerAct2's reference lists the right arm first and quaternions xyzw.)
-"""
+"""Keyposes: the targets that experts command and keypose policies predict; `keypose_layout` has them as numbers."""
 
 from dataclasses import dataclass
 
@@ -13,17 +9,16 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
-
-ARM_KEYPOSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "gripper_open", "ignore_collisions")
-ARM_KEYPOSE_DIM = len(ARM_KEYPOSE_NAMES)
-KEYPOSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ARM_KEYPOSE_NAMES)
-KEYPOSE_DIM = len(KEYPOSE_NAMES)
-
-POSITION = slice(0, 3)
-QUATERNION = slice(3, 7)
-GRIPPER_OPEN = 7
-IGNORE_COLLISIONS = 8
-"""Where each part stands in one arm's nine numbers."""
+from lerobot_bimanual.keypose_layout import (
+    ARM_KEYPOSE_DIM,
+    ARM_KEYPOSE_NAMES,
+    GRIPPER_OPEN,
+    IGNORE_COLLISIONS,
+    KEYPOSE_DIM,
+    KEYPOSE_NAMES,
+    POSITION,
+    QUATERNION,
+)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from lerobot.envs.configs import EnvConfig
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
-from lerobot_bimanual.keypose import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:  # Gymnasium's vector environments are slow to import

@@ -18,7 +18,7 @@ from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import IMAGE_TYPES, RecordedDataset, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import write_file
-from lerobot_bimanual.keypose import ARM_KEYPOSE_NAMES
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_NAMES
 from lerobot_bimanual.pages import render
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.keypose import KEYPOSE_NAMES
+from lerobot_bimanual.joint_action import CONTROL_HZ
+from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
 SCHEMA_VERSION = 2
 VERSION_INFO = "bimanual_schema_version"

@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from lerobot_bimanual.geometry.rotations import SINGULAR_COSINE
+SINGULAR_COSINE = 1e-6
+"""That of `rotations`."""
 
 
 def quat_wxyz_canonical(quat_wxyz: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.results.episode import Episode, EpisodeCount, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from lerobot.teleoperators.config import TeleoperatorConfig
 
-from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.joint_action import CONTROL_HZ
 
 MAX_STEP_M, MAX_STEP_DEG = 0.05, 15.0
 """Largest movement and turn of a hand from one action to the next: how far a servo may be sent at once."""

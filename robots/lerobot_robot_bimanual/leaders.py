@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig
 from lerobot_robot_bimanual.gamepad import Gamepad, HalfState

@@ -8,7 +8,7 @@ import pytest
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
-from lerobot_bimanual.keypose import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 
 STAGE_TICKS = (12, 9)
 MOTION_TICKS = (8, 5)

@@ -82,7 +82,7 @@ def test_discretise_clips_into_the_grid():
 def test_torch_twin_gives_the_same_bins_and_poses():
     vectors = random_keyposes(200).astype(np.float32)
     ours = KeyposeCodec(voxels=50)
-    twin = codec_torch.TorchKeyposeCodec(ours)
+    twin = codec_torch.TorchKeyposeCodec(voxels=50)
     expected, got = ours.encode(vectors), twin.encode(torch.from_numpy(vectors).double())
     np.testing.assert_array_equal(got.voxel.numpy(), expected.voxel)
     np.testing.assert_array_equal(got.rotation.numpy(), expected.rotation)

@@ -9,7 +9,8 @@ import pytest
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
-from lerobot_bimanual.keypose import KEYPOSE_NAMES, BimanualKeypose, Keypose
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes, noop
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert

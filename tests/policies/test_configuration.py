@@ -35,7 +35,7 @@ def test_command_line_flags_reach_the_config():
     )
     assert config.cameras == ("front", "left_wrist")
     assert config.augmentation_shift_m == (0.1, 0.1, 0.05)
-    assert config.codec.bins.voxels == 25
+    assert config.codec.voxels == 25
 
 
 def test_config_survives_saving(tmp_path):
@@ -121,18 +121,3 @@ def test_learning_rate_warms_up_and_ends_low_whatever_the_number_of_steps(steps)
     assert rates.index(max(rates)) == pytest.approx(0.05 * steps, abs=2)
     assert max(rates) == pytest.approx(1e-3, rel=0.01)
     assert rates[-1] == pytest.approx(0.02e-3, rel=0.02)
-
-
-def test_the_references_optimizer_is_one_choice_away():
-    config = PerAct2Config(
-        device="cpu", optimizer="lamb", lr_schedule="constant", optimizer_grad_clip_norm=0.0
-    )
-    assert config.get_optimizer_preset().type == "lamb"
-    assert config.get_scheduler_preset() is None
-
-
-@pytest.mark.parametrize("width_deg", [3.6, 0.9, 7.2])
-def test_rotation_bins_may_divide_the_circle_but_for_rounding(width_deg):
-    assert PerAct2Config(device="cpu", rotation_bin_deg=width_deg).codec.bins.rotation_bins == round(
-        360 / width_deg
-    )

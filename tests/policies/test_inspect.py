@@ -169,18 +169,6 @@ def test_voxel_probabilities_are_one_distribution_whose_peak_is_chosen(make_poli
     torch.testing.assert_close(at_best, probabilities.amax(dim=(2, 3, 4)))
 
 
-def test_voxel_probabilities_of_peract_are_those_of_its_loss(tiny, make_batch):
-    for head in ("dense", "factorised"):
-        policy = PerAct2Policy(PerAct2Config(**tiny | {"translation_head": head})).eval()
-        observation, prediction, chosen = policy.infer(make_batch(samples=2))
-        target = policy.codec.encode(chosen)  # in a patch that the factorised head scores
-        with torch.no_grad():
-            loss = policy.predict(observation, target).translation.cross_entropy(target.voxel)
-        probabilities = prediction.translation.probabilities()
-        at_target = probabilities[torch.arange(2)[:, None], torch.arange(2), *target.voxel.unbind(-1)]
-        torch.testing.assert_close(-at_target.log(), loss)
-
-
 def test_views_are_taken_from_the_side_that_their_title_says():
     left, right = (pose.position for pose in PANDA_PAIR.base_poses)
     for title, (azimuth_deg, elevation_deg) in VIEW_DIRECTIONS.items():

@@ -36,14 +36,6 @@ def test_time_runs_from_one_to_minus_one_over_the_horizon(tiny, make_batch):
     assert proprio[:, :, 3].tolist() == [[1.0] * 2, [0.0] * 2, [-1.0] * 2, [-1.0] * 2]
 
 
-def test_keypose_step_may_come_without_its_last_axis_as_lerobots_loader_gives_it(tiny, make_batch):
-    policy = PerAct2Policy(PerAct2Config(**tiny))
-    batch = make_batch(samples=3)
-    expected = policy.observe(batch).proprio
-    batch["observation.keypose_step"] = batch["observation.keypose_step"].squeeze(1)
-    assert torch.equal(policy.observe(batch).proprio, expected)
-
-
 def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny))
     batch = make_batch(samples=1)

@@ -5,10 +5,9 @@ import torch
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
-from lerobot_policy_bimanual.nn.prediction import VoxelCandidates
+from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
-from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.peract.factorised_head import (
     FactorisedTranslation,
     FactorisedTranslationHead,
@@ -57,9 +56,15 @@ def pose_logits(prediction) -> torch.Tensor:
     )
 
 
-@pytest.mark.parametrize("arms", [1, 2])
-@pytest.mark.parametrize("checkpointing", [False, True])
-def test_dense_network_and_its_gradients_equal_the_written_out_formulation(make_network, arms, checkpointing):
+@pytest.mark.parametrize(
+    ("arms", "checkpointing", "chunk"),
+    [(1, False, 2**21), (2, False, 2**21), (2, True, 2**21), (2, False, 900)],
+)
+def test_dense_network_and_its_gradients_equal_the_written_out_formulation(
+    make_network, monkeypatch, arms, checkpointing, chunk
+):
+    for module in ("pooling", "upsample"):
+        monkeypatch.setattr(f"lerobot_policy_bimanual.peract.{module}.CHUNK_CPU", chunk)
     network = make_network(arms, activation_checkpointing=checkpointing)
     inputs = make_inputs(arms)
     voxel = torch.randint(0, 10, (2, arms, 3))
@@ -74,13 +79,8 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(make_
     prediction = network(*inputs, labels(voxel))
     torch.testing.assert_close(prediction.translation.logits, translation)
     torch.testing.assert_close(pose_logits(prediction), pose)
-    loss = prediction.translation.cross_entropy(voxel).sum(1).mean()
-    for logits, column in zip(
-        pose_logits(prediction).split([BINS] * 3 + [2, 2], dim=-1), range(5), strict=True
-    ):
-        target = classes[..., column].flatten()
-        loss = loss + arms * torch.nn.functional.cross_entropy(logits.flatten(0, 1), target)
-    loss.backward()
+    angles, flags = classes.split((3, 2), dim=-1)
+    sum(keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1))).values()).backward()
     for name, parameter in parameters.items():
         torch.testing.assert_close(
             parameter.grad, expected[name], msg=lambda text, name=name: f"{name}: {text}"
@@ -105,47 +105,6 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(size):
         torch.testing.assert_close(got, want)
 
 
-def test_upsampling_in_chunks_changes_nothing(monkeypatch):
-    layer = UpsampledConv3d(3, 2).double()
-    x = torch.randn(2, 3, 5, 2, 2, dtype=torch.float64, requires_grad=True)
-    weights = (x, layer.conv.weight, layer.conv.bias)
-    whole = layer(x, layer.kernel())
-    probe = torch.randn_like(whole)
-    gradients = torch.autograd.grad(whole, weights, probe)
-    monkeypatch.setattr(
-        "lerobot_policy_bimanual.peract.upsample.CHUNK_CPU", 2 * 5 * 12 * 12 * 2
-    )  # two coarse planes
-    parts = layer(x, layer.kernel())
-    torch.testing.assert_close(parts, whole)
-    for got, want in zip(torch.autograd.grad(parts, weights, probe), gradients, strict=True):
-        torch.testing.assert_close(got, want)
-
-
-def test_skip_convolution_equals_convolving_the_joined_maps():
-    layer = SkipConv3d(3).double()
-    skip, x = torch.randn(2, 2, 3, 4, 4, 4, dtype=torch.float64)
-    joined = torch.cat([skip, x], dim=1)
-    expected = reference.leaky(reference.conv(joined, layer.conv.weight, layer.conv.bias))
-    torch.testing.assert_close(layer(layer.skip_half(skip), pad_replicate(x, 1, 1)), expected)
-
-
-def test_logit_convolution_equals_a_plain_convolution():
-    layer = LogitConv3d(5).double()
-    x = torch.randn(2, 5, 4, 3, 6, dtype=torch.float64)
-    expected = torch.nn.functional.conv3d(pad_replicate(x, 1, 1), layer.weight, layer.bias)[:, 0]
-    torch.testing.assert_close(layer(x), expected)
-
-
-def test_pooling_equals_a_softmax_over_all_voxels_with_gradients():
-    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
-    expected, actual = reference.pool(x), pool(x)
-    torch.testing.assert_close(actual, expected)
-    probe = torch.randn_like(actual)
-    torch.testing.assert_close(
-        torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
-    )
-
-
 @pytest.mark.parametrize(("before", "after"), [(2, 2), (2, 0), (0, 1), (2, -1)])
 def test_padding_and_its_gradient_equal_torchs_own(before, after):
     x = torch.randn(2, 3, 4, 2, 6, dtype=torch.float64, requires_grad=True)
@@ -156,16 +115,6 @@ def test_padding_and_its_gradient_equal_torchs_own(before, after):
     torch.testing.assert_close(
         torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
     )
-
-
-def test_pooling_in_chunks_changes_nothing(monkeypatch):
-    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64, requires_grad=True)
-    whole = pool(x)
-    probe = torch.randn_like(whole)
-    gradient = torch.autograd.grad(whole, x, probe)[0]
-    monkeypatch.setattr("lerobot_policy_bimanual.peract.pooling.CHUNK_CPU", 200)  # two planes of 90
-    torch.testing.assert_close(pool(x), whole)
-    torch.testing.assert_close(torch.autograd.grad(pool(x), x, probe)[0], gradient)
 
 
 def test_pooling_keeps_the_ranking_of_bfloat16_features():
@@ -251,13 +200,6 @@ def test_cells_add_the_likelihood_of_the_place_within_the_voxel(make_network):
     torch.testing.assert_close((-losses).exp().sum(0), (-whole.cross_entropy(voxel)).exp())
 
 
-def test_cells_move_the_local_mean_by_the_expected_offset():
-    voxels, scores = torch.tensor([[[[3, 3, 3], [3, 3, 4], [9, 9, 9]]]]), torch.tensor([[[1.0, 1.0, 0.0]]])
-    offset = torch.tensor([[[[0.25, 0.0, 0.5], [0.25, 0.0, -0.5], [0.5, 0.5, 0.5]]]])
-    mean = VoxelCandidates(voxels, scores, offset).local_mean()
-    torch.testing.assert_close(mean, torch.tensor([[[3.25, 3.0, 3.5]]]))
-
-
 def test_a_network_with_cells_learns_a_position_finer_than_a_voxel(make_network):
     torch.manual_seed(0)
     network = make_network(translation_head="factorised", voxel_cells=5).float()
@@ -274,13 +216,6 @@ def test_a_network_with_cells_learns_a_position_finer_than_a_voxel(make_network)
         optimizer.step()
     mean = network.eval()(*inputs).translation.candidates().local_mean()
     torch.testing.assert_close(mean, voxel + offset, atol=0.05, rtol=0)
-
-
-def test_factorised_loss_without_target_voxels_is_refused(make_network):
-    network = make_network(translation_head="factorised").eval()
-    prediction = network(*make_inputs())
-    with pytest.raises(ValueError, match="without target voxels"):
-        prediction.translation.cross_entropy(torch.zeros(2, 2, 3, dtype=torch.long))
 
 
 @pytest.mark.parametrize("head", ["dense", "factorised"])
@@ -317,13 +252,6 @@ def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
     candidates = prediction.translation.candidates()
     assert candidates.best().tolist() == [[[0, 9, 5]] * 2] * 2
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
-
-
-def test_pointwise_convolution_equals_a_plain_one():
-    layer = PointwiseConv3d(3, 4).double()
-    x = torch.randn(2, 3, 4, 5, 6, dtype=torch.float64)
-    expected = reference.leaky(torch.nn.functional.conv3d(x, layer.conv.weight, layer.conv.bias))
-    torch.testing.assert_close(layer(x), expected)
 
 
 @pytest.mark.parametrize("centred", [False, True])

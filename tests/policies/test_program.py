@@ -3,11 +3,8 @@
 import platform
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
-
-from lerobot_policy_bimanual.training import program
 
 FAULTS = """
 import resource, sys
@@ -33,16 +30,3 @@ def test_kept_memory_is_not_asked_for_again():
         return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
     assert faults("keep") < faults("give back") / 5
-
-
-def test_the_program_speaks_and_then_trains(monkeypatch, capsys):
-    heard = []
-
-    def train() -> int:
-        heard.append(capsys.readouterr().err)
-        return 7
-
-    monkeypatch.setitem(sys.modules, "lerobot_policy_bimanual.training.train", SimpleNamespace(main=train))
-    monkeypatch.setattr(program, "keep_freed_memory", lambda: heard.append("kept"))
-    assert program.main() == 7
-    assert heard == ["kept", "lerobot-bimanual-train: importing LeRobot\n"]

@@ -8,10 +8,10 @@ import torch.nn.functional as F  # noqa: N812
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
-from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation, best_voxel
-from lerobot_policy_bimanual.rvt.layers import SkipConv2d, UpsampledConv2d
-from lerobot_policy_bimanual.rvt.network import RVTNetwork
-from lerobot_policy_bimanual.rvt.views import VIEWS, pixels_of_voxels, sum_over_views
+from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
+from lerobot_policy_bimanual.rvt_lf.layers import UpsampledConv2d
+from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
+from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels, sum_over_views
 
 HEADS = 2
 
@@ -190,14 +190,6 @@ def test_upsampled_convolution_equals_interpolation_then_convolution(factor, siz
         torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-6)
 
 
-def test_skip_convolution_equals_convolving_the_joined_maps():
-    layer = SkipConv2d(3).double()
-    torch.nn.init.normal_(layer.conv.bias)
-    x, skip = torch.randn(2, 2, 3, 4, 5, dtype=torch.float64)
-    expected = leaky(conv(torch.cat([x, skip], dim=1), layer.conv.weight, layer.conv.bias))
-    torch.testing.assert_close(layer(x, skip), expected)
-
-
 def test_the_pose_does_not_train_the_heatmap():
     network = tiny_network()
     pose_logits(network(*make_inputs())).sum().backward()
@@ -218,17 +210,6 @@ def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
     )
 
 
-def test_loss_is_zero_at_the_target_and_larger_everywhere_else():
-    voxel = torch.tensor([5, 6, 4])
-    prediction = HeatmapTranslation(gaussians(voxel, 12)[None, None].clamp(min=1e-30).log(), 1.5)
-    best = prediction.cross_entropy(voxel[None, None])
-    torch.testing.assert_close(best, torch.zeros_like(best))
-    for axis, step in itertools.product(range(3), (-1, 1)):
-        neighbour = voxel.clone()
-        neighbour[axis] += step
-        assert prediction.cross_entropy(neighbour[None, None]) > 0.1
-
-
 def test_planes_hold_what_a_voxel_gets_from_all_views():
     images = torch.rand(5, 6, 6, dtype=torch.float64)
     xy, xz, yz = sum_over_views(images)
@@ -239,7 +220,7 @@ def test_planes_hold_what_a_voxel_gets_from_all_views():
 @pytest.mark.parametrize("levels", [2, 1000])
 @pytest.mark.parametrize("chunk", [1, 200, 2**18])
 def test_best_voxel_is_the_first_maximum_of_the_whole_lattice(monkeypatch, levels, chunk):
-    monkeypatch.setattr("lerobot_policy_bimanual.rvt.heatmaps.CHUNK_VOXELS", chunk)
+    monkeypatch.setattr("lerobot_policy_bimanual.rvt_lf.heatmaps.CHUNK_VOXELS", chunk)
     xy, xz, yz = torch.randint(0, levels, (3, 4, 9, 9)) / 10  # few levels: many voxels are equally good
     scores = xy[:, :, :, None] + (xz[:, :, None, :] + yz[:, None, :, :])
     first = scores.flatten(1).argmax(1)
@@ -267,15 +248,6 @@ def test_a_planted_target_is_decoded(voxel):
     candidates = HeatmapTranslation(gaussians(voxel, 12)[None, None].log(), 1.5).candidates()
     assert torch.equal(candidates.best()[0, 0], voxel)
     assert (candidates.local_mean()[0, 0] - voxel).abs().max() < 1
-
-
-def test_the_mean_around_the_best_voxel_leans_towards_a_second_good_one():
-    images = torch.full((5, 12, 12), 1e-9, dtype=torch.float64)
-    for voxel, weight in ((torch.tensor([5, 6, 4]), 3.0), (torch.tensor([6, 6, 4]), 1.0)):
-        images[torch.arange(5), *pixels_of_voxels(voxel, 12)] += weight
-    mean = HeatmapTranslation(images.log()[None, None], 1.5).candidates().local_mean()[0, 0]
-    assert 5.05 < mean[0] < 5.5
-    torch.testing.assert_close(mean[1:], torch.tensor([6.0, 4.0], dtype=torch.float64), atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize(

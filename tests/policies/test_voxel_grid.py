@@ -2,7 +2,6 @@
 
 import torch
 
-from lerobot_bimanual import codec
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_policy_bimanual.peract import reference
@@ -26,16 +25,6 @@ def test_grid_equals_averaging_point_by_point():
     torch.testing.assert_close(actual, expected)
 
 
-def test_samples_of_a_batch_do_not_mix():
-    points, colours = random_cloud(samples=3)
-    together = voxelise(points, colours, workspace=VOXEL_WORKSPACE, voxels=10)
-    for sample in range(3):
-        alone = voxelise(
-            points[sample : sample + 1], colours[sample : sample + 1], workspace=VOXEL_WORKSPACE, voxels=10
-        )
-        assert torch.equal(together[sample], alone[0])
-
-
 def test_points_outside_and_invalid_points_leave_the_grid_empty():
     outside = torch.tensor([[[-0.31, 0.7, torch.nan, torch.inf]] * 3])
     grid = voxelise(outside, torch.ones_like(outside), workspace=Workspace((-0.3,) * 3, (0.7,) * 3), voxels=5)
@@ -54,7 +43,7 @@ def test_squares_of_colours_and_places_come_behind_the_grid():
 
 def test_grid_and_codec_agree_on_the_voxel_of_a_point(random_keyposes):
     keyposes = random_keyposes(20)
-    bins = TorchKeyposeCodec(codec.KeyposeCodec(voxels=50)).encode(keyposes)
+    bins = TorchKeyposeCodec(voxels=50).encode(keyposes)
     for keypose, voxel in zip(keyposes, bins.voxel, strict=True):
         left = keypose[:3].view(1, 3, 1)
         grid = voxelise(left, torch.zeros_like(left), workspace=VOXEL_WORKSPACE, voxels=50)

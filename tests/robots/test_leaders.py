@@ -13,8 +13,8 @@ from lerobot.utils.keyboard_input import init_keyboard_listener
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual import leaders
 from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig

@@ -18,13 +18,8 @@ from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_bimanual.keypose import (
-    ARM_KEYPOSE_DIM,
-    KEYPOSE_DIM,
-    QUATERNION,
-    BimanualKeypose,
-    Keypose,
-)
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, QUATERNION
 from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.replanning import replanning

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.keypose import KEYPOSE_DIM, BimanualKeypose, Keypose
+from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.world.scene_view import SceneView

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion.joint_path import JointPath
 from lerobot_env_bimanual.robots.kinematics import ArmKinematics
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.joint_action import by_arm
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start
 from lerobot_env_bimanual.perturbations.registry import data, register
 from lerobot_env_bimanual.world.scene import Scene

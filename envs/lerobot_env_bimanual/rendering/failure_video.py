@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
-from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.experts.replanning import expert_of
 from lerobot_env_bimanual.rendering.rollout import recorded, rollout

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.episode import Episode, success_rate

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.interrupts import interrupts_ignored
-from lerobot_bimanual.keypose import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder

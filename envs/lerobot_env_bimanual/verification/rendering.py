@@ -11,7 +11,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedEpisode
 from lerobot_bimanual.episode import Demonstration
-from lerobot_bimanual.keypose import POSITION
+from lerobot_bimanual.keypose_layout import POSITION
 from lerobot_env_bimanual.verification.fault import Fault
 
 RGB, DEPTH = "rendered RGB", "rendered depth"

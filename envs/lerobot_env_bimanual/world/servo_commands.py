@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
-from lerobot_bimanual.episode import CONTROL_HZ
-from lerobot_bimanual.joint_action import ARM_ACTION_DIM, JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM, CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S

@@ -7,7 +7,7 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.dataset.schema import EE_POSE, KEYPOSE_STEP, NEXT_KEYPOSE, VECTORS
-from lerobot_bimanual.keypose import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_policy_blind_mlp.configuration_blind_mlp import BlindMlpConfig
 
 INPUTS = (EE_POSE, KEYPOSE_STEP)

@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
-from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
 from lerobot_policy_bimanual.inspection.loading import Batch, batch_of
 from lerobot_policy_bimanual.keypose.losses import distances
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy

@@ -120,7 +120,7 @@ def _inspect_arms(
         kept = heat >= MIN_HEAT_SHARE * heat[0]
         voxel = torch.stack(torch.unravel_index(flat[kept].flip(0), volume.shape), dim=1)
         x, y, z = true_voxel[arm.ordinal].tolist()
-        within = all(0 <= place < codec.bins.voxels for place in (x, y, z))
+        within = all(0 <= place < codec.voxels for place in (x, y, z))
         arms.append(
             ArmInspection(
                 arm=arm,

@@ -18,7 +18,7 @@ from lerobot_bimanual.geometry.rotations_torch import (
     quat_wxyz_multiply,
 )
 from lerobot_bimanual.geometry.workspace import Workspace
-from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, POSITION, QUATERNION
 
 MAX_DRAWS = 100
 """Draws per sample before the identity is used (as in PerAct2 code)."""

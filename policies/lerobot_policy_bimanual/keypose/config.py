@@ -13,7 +13,6 @@ from lerobot.optim import (
 )
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
-from lerobot_bimanual import codec
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.dataset.schema import (
@@ -27,14 +26,10 @@ from lerobot_bimanual.dataset.schema import (
 )
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
+from lerobot_bimanual.keypose_grid import divides_circle
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
-from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
-DTYPES = ("float32", "bfloat16")
-DECODINGS = ("voxel", "expectation")
-OPTIMIZERS = ("adamw", "lamb")
-LR_SCHEDULES = ("cosine", "constant")
 LEARNED_LANGUAGE = "learned"
 CLIP_PREFIX = "clip:"
 
@@ -76,7 +71,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     keypose_horizon: int | None = number(None, 2, 1000, unset=True)
     # `voxel` commands the centre of the most probable voxel (the paper's), `expectation` the mean over the 3x3x3 voxels
     # around it: with 4 cm voxels 19 instead of 13 of 20 episodes (docs/pitfalls.md).
-    decode: str = choice("voxel", DECODINGS)
+    decode: str = choice("voxel", "expectation")
 
     # Channels of the features of a voxel or pixel.
     channels: int = number(64, 1, 1024)
@@ -98,7 +93,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     language_filters: bool = False
 
     # `bfloat16` runs the network under autocast. Geometry, softmax and losses stay in `float32`.
-    dtype: str = choice("float32", DTYPES)
+    dtype: str = choice("float32", "bfloat16")
     # Compile the network with torch.compile at its first use.
     compile: bool = False
 
@@ -113,7 +108,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     augmentation_yaw_step_deg: float = number(5.0, 0.01, 180)
 
     # `adamw`, or `lamb` as in PerAct2's code, which trained at 5e-4 without warm-up.
-    optimizer: str = choice("adamw", OPTIMIZERS)
+    optimizer: str = choice("adamw", "lamb")
     # Learning rate.
     optimizer_lr: float = number(5e-4, 0, 10)
     # Weight decay.
@@ -121,7 +116,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Largest gradient norm; 0 for no clipping.
     optimizer_grad_clip_norm: float = number(5.0, 0, 1e6)
     # `cosine` (with warm-up) or `constant` (PerAct2 code).
-    lr_schedule: str = choice("cosine", LR_SCHEDULES)
+    lr_schedule: str = choice("cosine", "constant")
     # Share of the training steps in which the learning rate rises.
     warmup_fraction: float = number(0.05, 0, 1)
     # Learning rate at the end over the one at the peak.
@@ -153,7 +148,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 f"workspace_lower={list(self.workspace_lower)} must be below "
                 f"workspace_upper={list(self.workspace_upper)} on every axis"
             )
-        if not codec.divides_circle(self.rotation_bin_deg):
+        if not divides_circle(self.rotation_bin_deg):
             raise BadConfig(f"rotation_bin_deg={self.rotation_bin_deg} must divide 360")
         if self.n_obs_steps != 1 or set(self.normalization_mapping.values()) != {NormalizationMode.IDENTITY}:
             raise BadConfig(
@@ -169,7 +164,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
     @property
     def codec(self) -> TorchKeyposeCodec:
         """The discretisation of keyposes."""
-        return TorchKeyposeCodec(codec.KeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg))
+        return TorchKeyposeCodec(self.workspace, self.voxel_size, self.rotation_bin_deg)
 
     @property
     def observation_keys(self) -> tuple[str, ...]:
@@ -236,6 +231,11 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""
+        from lerobot_policy_bimanual.keypose.optimizers import (  # no network needs them
+            FusedAdamWConfig,
+            LambConfig,
+        )
+
         shared: dict[str, Any] = {
             "lr": self.optimizer_lr,
             "weight_decay": self.optimizer_weight_decay,

@@ -3,7 +3,6 @@
 The ranges are wide. They exclude what cannot work, and sizes that would fill the memory of a machine.
 """
 
-from collections.abc import Sequence
 from dataclasses import field, fields
 from numbers import Integral, Real
 from typing import Any
@@ -44,14 +43,14 @@ def number(default: float | tuple[float, ...] | None, low: float, high: float, u
     return field(default=default, metadata={CHECK: check})
 
 
-def choice(default: str, choices: Sequence[str]) -> Any:
-    """Make a field for one of a few words."""
+def choice(*choices: str) -> Any:
+    """Make a field for one of a few words; the first is the default."""
 
     def check(name: str, value: Any) -> None:
         if value not in choices:
             raise InvalidChoice(name, value, choices)
 
-    return field(default=default, metadata={CHECK: check})
+    return field(default=choices[0], metadata={CHECK: check})
 
 
 def check_fields(config: Any) -> None:

@@ -7,7 +7,7 @@ from torch import Tensor
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.geometry.rotations_torch import rotation_angle_rad
-from lerobot_bimanual.keypose import ARM_KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, POSITION, QUATERNION
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
 FAR_M = 0.05

@@ -21,7 +21,7 @@ from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losse
 from lerobot_policy_bimanual.keypose.observation import Observation, observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import check_weights
-from lerobot_policy_bimanual.nn.language import ClipLanguage, LearnedLanguage
+from lerobot_policy_bimanual.nn.language import LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 
@@ -78,14 +78,16 @@ class KeyposePolicy(PreTrainedPolicy):
         """Convert the cloud to the network's input."""
 
     def predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
-        """Run the network.
+        """Run the network, in the precision of the config.
 
         Args:
             observation: the cloud, proprioception and instructions.
             target: the label in training, for heads that are conditioned on it; None at inference.
         """
-        language = self.language(observation.instructions)
-        return self.network(self.scene(observation), observation.proprio, language, target)
+        enabled = self.config.dtype == "bfloat16"
+        with torch.autocast(observation.points.device.type, torch.bfloat16, enabled=enabled):
+            language = self.language(observation.instructions)
+            return self.network(self.scene(observation), observation.proprio, language, target)
 
     @classmethod
     def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -131,7 +133,7 @@ class KeyposePolicy(PreTrainedPolicy):
             observation = self.observe(batch, motion)
             target = self.target_bins(keyposes)
             offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
-        prediction = self._predict(observation, target)
+        prediction = self.predict(observation, target)
         with full_precision(keyposes.device):
             losses = keypose_losses(prediction, target, offset)
             loss = torch.stack(list(losses.values())).sum()
@@ -164,7 +166,7 @@ class KeyposePolicy(PreTrainedPolicy):
         device = next(self.parameters()).device
         with full_precision(device):
             observation = self.observe(batch)
-        prediction = self._predict(observation, None)
+        prediction = self.predict(observation, None)
         with full_precision(device):
             return observation, prediction, self._decode(prediction)
 
@@ -182,12 +184,7 @@ class KeyposePolicy(PreTrainedPolicy):
     def target_bins(self, keyposes: Tensor) -> KeyposeBins:
         """Bins of the labels, with positions outside the workspace in its nearest voxel."""
         bins = self.codec.encode(keyposes)
-        return replace(bins, voxel=bins.voxel.clamp(0, self.codec.bins.voxels - 1))
-
-    def _predict(self, observation: Observation, target: KeyposeBins | None) -> KeyposePrediction:
-        enabled = self.config.dtype == "bfloat16"
-        with torch.autocast(observation.points.device.type, torch.bfloat16, enabled=enabled):
-            return self.predict(observation, target)
+        return replace(bins, voxel=bins.voxel.clamp(0, self.codec.voxels - 1))
 
     def _decode(self, prediction: KeyposePrediction) -> Tensor:
         candidates = prediction.translation.candidates()
@@ -201,6 +198,8 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
     sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
     if not config.language_encoder.startswith(CLIP_PREFIX):
         return LearnedLanguage(**sizes)
+    from lerobot_policy_bimanual.nn.clip import ClipLanguage  # for the configs that ask for it
+
     try:
         return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
     except Exception as error:  # transformers, safetensors and the Hub raise many kinds

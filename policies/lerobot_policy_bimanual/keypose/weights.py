@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import torch
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
@@ -24,17 +23,20 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
         CheckpointError: the file is missing, truncated or of another format, its tensors are not those that are
             expected, or numbers in it are not finite.
     """
-    if not file.is_file():
-        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
     elements = 0
     try:
         with safe_open(file, framework="pt") as tensors:
-            names = tensors.keys()
-            if expected is not None and (differ := set(names) ^ set(expected)):
-                word = "lacks" if differ - set(names) else "has unknown"
-                shown = ", ".join(sorted(differ - set(names) or differ)[:3])
-                raise CheckpointError(f"{file} {word} tensors for the network of its config, such as {shown}")
-            for name in names:
+            names = set(tensors.keys())
+            if expected is not None and names != expected.keys():
+                word, which = (
+                    ("lacks", expected.keys() - names)
+                    if expected.keys() - names
+                    else ("has unknown", names - expected.keys())
+                )
+                raise CheckpointError(
+                    f"{file} {word} tensors for the network of its config, such as {min(which)}"
+                )
+            for name in sorted(names):
                 tensor = tensors.get_tensor(name)
                 own = tensor if expected is None else expected[name]
                 if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
@@ -42,11 +44,11 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
                         f"{name} in {file} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
                         f"{tuple(own.shape)} {own.dtype}"
                     )
-                if not torch.isfinite(tensor).all():
+                if not tensor.isfinite().all():
                     raise CheckpointError(f"{name} in {file} holds numbers that are not finite")
                 elements += tensor.numel()
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
         raise CheckpointError(
-            f"{file} is not a valid safetensors file (truncated or corrupt): {error}"
+            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {error}"
         ) from error
     return elements

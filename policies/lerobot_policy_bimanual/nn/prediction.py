@@ -1,13 +1,11 @@
 """Predictions of a keypose network: one categorical distribution per part of the discrete keypose."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol, cast
+from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.codec_torch import KeyposeBins
 
 
@@ -95,51 +93,3 @@ def neighbours(voxel: Tensor, size: int) -> tuple[Tensor, Tensor]:
     step = torch.arange(-1, 2, device=voxel.device)
     around = voxel[..., None, :] + torch.cartesian_prod(step, step, step)
     return around, ((around >= 0) & (around < size)).all(dim=-1)
-
-
-@dataclass(frozen=True, eq=False)
-class JointTranslation:
-    """Distributions of several one-arm networks as one.
-
-    Attributes:
-        parts: one distribution per arm, each over (b, 1, ...), with equally many candidates.
-    """
-
-    parts: tuple[TranslationPrediction, ...]
-
-    def cross_entropy(self, voxel: Tensor, offset: Tensor | None = None) -> Tensor:
-        """Negative log-likelihood (b, arms) of targets in voxels (b, arms, 3)."""
-        voxels = voxel.split(1, dim=1)
-        offsets = [None] * len(voxels) if offset is None else offset.split(1, dim=1)
-        parts = zip(self.parts, voxels, offsets, strict=True)
-        return torch.cat([part.cross_entropy(inside, where) for part, inside, where in parts], dim=1)
-
-    def candidates(self) -> VoxelCandidates:
-        """The candidates of all arms."""
-        return _joined([part.candidates() for part in self.parts])
-
-    def probabilities(self) -> Tensor:
-        """Probabilities (b, arms, v, v, v) of all voxels."""
-        return torch.cat([part.probabilities() for part in self.parts], dim=1)
-
-
-def join_arms(predictions: Sequence[KeyposePrediction]) -> KeyposePrediction:
-    """Join one-arm predictions to one for all arms."""
-    # Not one tensor of all logits: the softmax of a CPU rounds another way for another number of rows.
-    translation = JointTranslation(tuple(prediction.translation for prediction in predictions))
-    return _joined([replace(prediction, translation=translation) for prediction in predictions])
-
-
-def _joined[T](parts: Sequence[T]) -> T:
-    """One dataclass of several, with their tensors concatenated along axis 1, the arms, and all else of the first."""
-    joined = {}
-    for field in fields(cast(Any, parts[0])):
-        values = [getattr(part, field.name) for part in parts]
-        joined[field.name] = torch.cat(values, dim=1) if isinstance(values[0], Tensor) else values[0]
-    return type(parts[0])(**joined)
-
-
-def one_arm(keypose: KeyposeBins, arm: Arm) -> KeyposeBins:
-    """One arm's bins (b, 1, ...) of both arms' (b, 2, ...)."""
-    index = slice(arm.ordinal, arm.ordinal + 1)
-    return KeyposeBins(*(getattr(keypose, field.name)[:, index] for field in fields(keypose)))

@@ -6,7 +6,6 @@ from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.fields import choice, number, require_multiple
 
-TRANSLATION_HEADS = ("dense", "factorised")
 PATCH = 5
 """Voxels per patch along each axis (PerAct2 code)."""
 
@@ -28,7 +27,7 @@ class PerActConfig(KeyposePolicyConfig):
     depth: int = number(6, 1, 64)
     # `dense`, the paper's softmax over all voxels, or `factorised`, the same distribution as patch times voxel in patch,
     # several times cheaper.
-    translation_head: str = choice("dense", TRANSLATION_HEADS)
+    translation_head: str = choice("dense", "factorised")
     # With the factorised head, sub-voxel bins per axis, so that `decode=expectation` is finer than a voxel; 0 for none
     # (departure from the paper).
     voxel_cells: int = number(0, 0, 100)

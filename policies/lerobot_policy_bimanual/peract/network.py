@@ -10,7 +10,6 @@ from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.config import PATCH, PerActConfig
 from lerobot_policy_bimanual.peract.convolutions import ActivatedLinear, PatchConv3d, PointwiseConv3d
 from lerobot_policy_bimanual.peract.dense_head import DenseTranslationHead
-from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
 from lerobot_policy_bimanual.peract.voxel_grid import GRID_CHANNELS, QUADRATIC, with_quadratic_features
 
 CROSS_HEAD_DIM = 64
@@ -79,7 +78,7 @@ class PerActNetwork(nn.Module):
     def __init__(self, config: PerActConfig, *, arms: int, proprio_dim: int):
         super().__init__()
         channels, token_dim = config.channels, config.token_dim
-        self.rotation_bins = config.codec.bins.rotation_bins
+        self.rotation_bins = config.codec.rotation_bins
         self.patches = config.voxel_size // PATCH
         dense = config.translation_head == "dense"
         self.quadratic_features = config.quadratic_features
@@ -97,7 +96,7 @@ class PerActNetwork(nn.Module):
         # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
         self.positions = nn.Parameter(torch.randn(config.language_tokens + self.patches**3, token_dim))
         self.perceiver = PerceiverIO(config, streams=arms)
-        self.translation = (DenseTranslationHead if dense else FactorisedTranslationHead)(config, arms=arms)
+        self.translation = _translation_head(config, arms)
         outputs = 3 * self.rotation_bins + 2 + 2
         self.pose_heads = nn.ModuleList(
             _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
@@ -134,6 +133,15 @@ class PerActNetwork(nn.Module):
         )
         rotation = rotation.unflatten(-1, (3, self.rotation_bins))
         return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
+
+
+def _translation_head(config: PerActConfig, arms: int) -> nn.Module:
+    """The paper's head, or the cheaper one, which is imported for the configs that ask for it."""
+    if config.translation_head == "dense":
+        return DenseTranslationHead(config, arms=arms)
+    from lerobot_policy_bimanual.peract.factorised_head import FactorisedTranslationHead
+
+    return FactorisedTranslationHead(config, arms=arms)
 
 
 def _pose_head(inputs: int, outputs: int) -> nn.Sequential:

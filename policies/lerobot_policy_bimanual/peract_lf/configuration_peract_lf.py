@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
-from lerobot_bimanual.arms import ARMS
 from lerobot_policy_bimanual.keypose.fields import choice
 from lerobot_policy_bimanual.peract.config import PerActConfig
 
@@ -14,4 +13,4 @@ from lerobot_policy_bimanual.peract.config import PerActConfig
 class PerActLFConfig(PerActConfig):
     """PerAct-LF: one PerAct per arm, the follower's being told the leader's next keypose."""
 
-    leader: str = choice("right", ARMS)  # the arm that decides first, `left` or `right` (the paper's)
+    leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)

@@ -8,7 +8,7 @@ from functools import partial
 
 from lerobot_bimanual.arms import Arm
 from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM
-from lerobot_policy_bimanual.nn.leader_follower import LeaderFollower
+from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.peract.network import PerActNetwork
 from lerobot_policy_bimanual.peract.policy import PerActPolicy
 from lerobot_policy_bimanual.peract_lf.configuration_peract_lf import PerActLFConfig

@@ -1,1 +1,1 @@
-"""RVT-LF: a leader and a follower, each a Robotic View Transformer."""
+"""RVT-LF: a leader and a follower, each a Robotic View Transformer: point clouds rendered to views, keyposes out."""

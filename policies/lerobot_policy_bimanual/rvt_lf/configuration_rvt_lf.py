@@ -1,17 +1,48 @@
-"""Config of RVT-LF."""
+"""Config of RVT-LF, with the sizes of its networks."""
 
 from dataclasses import dataclass
 
 from lerobot.configs import PreTrainedConfig
 
-from lerobot_bimanual.arms import ARMS
-from lerobot_policy_bimanual.keypose.fields import choice
-from lerobot_policy_bimanual.rvt.config import RVTConfig
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.fields import choice, number, require_multiple
 
 
 @PreTrainedConfig.register_subclass("rvt_lf")
 @dataclass
-class RVTLFConfig(RVTConfig):
-    """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose."""
+class RVTLFConfig(KeyposePolicyConfig):
+    """RVT-LF: one five-view RVT per arm, the follower's being told the leader's next keypose.
 
-    leader: str = choice("right", ARMS)  # the arm that decides first, `left` or `right` (the paper's)
+    The defaults are the networks of PerAct2's baseline.
+    The recipe `small` of `lerobot-bimanual policy benchmark` has the flags of networks that train on a laptop's CPU.
+    """
+
+    # Pixels per side of every view, and so the voxels per axis from which positions are chosen (RVT code: 220 of both).
+    voxel_size: int = number(220, 1, 512)
+    # Pixels per side of a patch; odd, so that kernels of this width have a centre.
+    patch: int = number(11, 1, 99)
+    # Radius of a rendered point in units of the workspace's half edge.
+    point_radius: float = number(0.012, 0, 0.2)
+    # Width of the image tokens outside the attention, half pixels and half proprioception.
+    token_dim: int = number(128, 8, 8192)
+    # Width of the tokens within it.
+    attention_dim: int = number(512, 1, 8192)
+    # Attention blocks; the first half within each view, the second half over all of them.
+    depth: int = number(8, 2, 64)
+    heatmap_sigma_px: float = number(1.5, 0.01, 20)  # deviation of the Gaussian that heatmaps are to be
+    leader: str = choice("right", "left")  # the arm that decides first, `left` or `right` (the paper's)
+
+    def __post_init__(self):
+        """Refuse sizes that do not fit together, too.
+
+        Raises:
+            BadConfig: as in the base, or they do not.
+        """
+        super().__post_init__()
+        if self.patch % 2 == 0:
+            raise BadConfig(f"patch={self.patch} must be odd: kernels of this width need a centre")
+        require_multiple(self, "voxel_size", self.patch, "an image is cut into whole patches")
+        require_multiple(self, "token_dim", 8, "each half is normalised in four groups")
+        require_multiple(self, "attention_dim", self.heads, "the heads share the width evenly")
+        require_multiple(self, "depth", 2, "half of the blocks stay within a view")

@@ -11,10 +11,10 @@ from torch import Tensor
 from lerobot_bimanual.arms import Arm
 from lerobot_policy_bimanual.keypose.observation import PROPRIO_PER_ARM, Observation
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
-from lerobot_policy_bimanual.nn.leader_follower import LeaderFollower
-from lerobot_policy_bimanual.rvt.network import RVTNetwork
-from lerobot_policy_bimanual.rvt.point_renderer import render_views
+from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
+from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
+from lerobot_policy_bimanual.rvt_lf.point_renderer import render_views
 
 
 class RVTLFPolicy(KeyposePolicy):

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.episode import CONTROL_HZ
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import by_arm
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import run_expert
 from lerobot_env_bimanual.motion.pace import BESIDE_M, FREE, HEAVY_KG, is_beside_heavy

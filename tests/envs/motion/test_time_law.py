@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion.joint_path import JointPath
 from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace
 from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from lerobot_policy_bimanual.nn.prediction import VoxelCandidates, neighbours
-from lerobot_policy_bimanual.rvt.views import pixels_of_voxels, sum_over_views
+from lerobot_policy_bimanual.rvt_lf.views import pixels_of_voxels, sum_over_views
 
 CUT_SIGMAS = 3
 """Radius at which the target of a heatmap ends, in standard deviations (RVT code)."""

@@ -7,17 +7,17 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.layers import Block, LanguageFilters, activate, init_linear
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
-from lerobot_policy_bimanual.rvt.config import RVTConfig
-from lerobot_policy_bimanual.rvt.heatmaps import HeatmapTranslation
-from lerobot_policy_bimanual.rvt.layers import (
+from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
+from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation
+from lerobot_policy_bimanual.rvt_lf.layers import (
     Conv2d,
     NormedLinear,
     PatchConv2d,
     SkipConv2d,
     UpsampledConv2d,
 )
-from lerobot_policy_bimanual.rvt.point_renderer import VIEW_CHANNELS
-from lerobot_policy_bimanual.rvt.views import VIEWS
+from lerobot_policy_bimanual.rvt_lf.point_renderer import VIEW_CHANNELS
+from lerobot_policy_bimanual.rvt_lf.views import VIEWS
 
 
 class RVTNetwork(nn.Module):
@@ -32,10 +32,10 @@ class RVTNetwork(nn.Module):
         proprio_dim: numbers in the proprioception vector.
     """
 
-    def __init__(self, config: RVTConfig, *, proprio_dim: int):
+    def __init__(self, config: RVTLFConfig, *, proprio_dim: int):
         super().__init__()
         channels, token_dim, patch = config.channels, config.token_dim, config.patch
-        self.rotation_bins = config.codec.bins.rotation_bins
+        self.rotation_bins = config.codec.rotation_bins
         self.heatmap_sigma_px = config.heatmap_sigma_px
         self.patches = config.voxel_size // patch
         self.stem = Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
@@ -129,7 +129,7 @@ class RVTNetwork(nn.Module):
         return answers.transpose(1, 2).unflatten(2, (self.patches, self.patches))
 
 
-def _blocks(config: RVTConfig) -> nn.Sequential:
+def _blocks(config: RVTLFConfig) -> nn.Sequential:
     """Half of the attention blocks."""
     return nn.Sequential(
         *(

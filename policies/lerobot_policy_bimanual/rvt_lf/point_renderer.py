@@ -5,7 +5,7 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 from lerobot_bimanual.geometry.workspace import Workspace
-from lerobot_policy_bimanual.rvt.views import MINUS_X, VIEWS
+from lerobot_policy_bimanual.rvt_lf.views import MINUS_X, VIEWS
 
 VIEW_CHANNELS = 10
 """xyz in [-1, 1], RGB in [0, 1], depth less its mean, and view, row and column in [-1, 1] (RVT code)."""

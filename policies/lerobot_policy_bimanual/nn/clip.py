@@ -1,0 +1,65 @@
+"""The paper's language encoder: the frozen text tower of CLIP."""
+
+import torch
+from torch import Tensor, nn
+
+
+class ClipLanguage(nn.Module):
+    """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.
+
+    The tower is not among the policy's parameters and checkpoints, and stays on the CPU in float32: every instruction is
+    encoded once. Padding is symbol 0 and not masked (CLIP and PerAct2 code).
+
+    Args:
+        source: local path or hub id of a CLIP model in the transformers format.
+        tokens: tokens per instruction.
+        dim: expected width of the token features.
+
+    Raises:
+        ImportError: if transformers is not installed.
+        ValueError: if the tower has another width or context length.
+    """
+
+    def __init__(self, source: str, *, tokens: int, dim: int):
+        super().__init__()
+        try:
+            from transformers import CLIPTextModel, CLIPTokenizer
+        except ImportError as error:
+            raise ImportError(
+                f"the CLIP text tower {source} needs the package transformers: "
+                "pip install 'lerobot_policy_bimanual[clip]', or use language_encoder='learned'"
+            ) from error
+        # Without a dtype it would be that of the file, often half precision.
+        model = CLIPTextModel.from_pretrained(source, dtype=torch.float32).eval().requires_grad_(False)
+        limit = model.config.max_position_embeddings
+        if model.config.hidden_size != dim or tokens > limit:
+            raise ValueError(
+                f"{source} gives up to {limit} tokens of width {model.config.hidden_size}, but the policy has "
+                f"language_tokens={tokens} and language_dim={dim}: set these to fit"
+            )
+        # A bound method, because nn.Module would register the tower and save it with every checkpoint.
+        self._encode_ids = model.forward
+        self._tokenizer = CLIPTokenizer.from_pretrained(source)
+        self._tokens = tokens
+        self._cache: dict[str, Tensor] = {}
+        self.register_buffer("_place", torch.empty(0), persistent=False)
+
+    def forward(self, instructions: list[str]) -> Tensor:
+        """Instructions -> (b, tokens, dim), without gradient."""
+        return torch.stack([self._recall(instruction) for instruction in instructions])
+
+    def _recall(self, instruction: str) -> Tensor:
+        tokens = self._cache.get(instruction)
+        # A cached tensor must also serve training, though the first call may be in inference mode or under autocast.
+        with torch.inference_mode(False), torch.no_grad(), torch.autocast("cpu", enabled=False):
+            if tokens is None:
+                tokens = self._encode(instruction)
+            self._cache[instruction] = tokens.to(self._place.device)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return self._cache[instruction]
+
+    def _encode(self, instruction: str) -> Tensor:
+        ids = self._tokenizer(instruction, truncation=True, max_length=self._tokens).input_ids
+        padded = torch.tensor([ids + [0] * (self._tokens - len(ids))])
+        features = self._encode_ids(input_ids=padded).last_hidden_state
+        assert features is not None  # optional only in transformers' annotations
+        return features[0]

@@ -1,1 +1,0 @@
-"""RVT: rendered views of the scene in, keyposes out."""
