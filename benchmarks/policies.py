@@ -20,18 +20,17 @@ from typing import Any
 import draccus
 import numpy as np
 import torch
-import torch.nn.functional as F  # noqa: N812
 from harness import Figures, parser, report
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
-from torch import Tensor
 
 from lerobot_bimanual.benchmark.recipes import Recipe
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset import schema
 from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract import reference
-from lerobot_policy_bimanual.peract.dense_head import DenseTranslation
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 from lerobot_policy_bimanual.training.program import keep_freed_memory
 
@@ -122,11 +121,10 @@ def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> 
     language = torch.randn(batch_size, config.language_tokens, config.language_dim, device=device)
     voxel = torch.full((batch_size, 2, 3), voxels // 2, device=device)
     classes = torch.ones(batch_size, 2, 5, dtype=torch.long, device=device)
+    target = KeyposeBins(voxel, classes[..., :3], classes[..., 3], classes[..., 4])
 
     def ours() -> None:
-        prediction = network(grid, proprio, language)
-        parts = (prediction.rotation.flatten(2), prediction.gripper_open, prediction.ignore_collisions)
-        _index_loss(prediction.translation.logits, torch.cat(parts, dim=-1), voxel, classes).backward()
+        sum(keypose_losses(network(grid, proprio, language), target).values()).backward()
 
     def written_out() -> None:
         outputs = reference.network(parameters, grid, proprio, language, arms=2, heads=config.heads)
@@ -143,15 +141,6 @@ def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> 
         "times faster": times_faster,
         "memory, of the reference": memory,
     }
-
-
-def _index_loss(translation: Tensor, pose: Tensor, voxel: Tensor, classes: Tensor) -> Tensor:
-    """What `reference.one_hot_loss` computes, by the translation's own loss and from indices."""
-    loss = DenseTranslation(translation).cross_entropy(voxel).sum(1).mean()
-    bins = (pose.shape[-1] - 4) // 3
-    for logits, target in zip(pose.split([bins] * 3 + [2, 2], dim=-1), classes.unbind(-1), strict=True):
-        loss = loss + pose.shape[1] * F.cross_entropy(logits.flatten(0, 1), target.flatten())
-    return loss
 
 
 def main() -> None:

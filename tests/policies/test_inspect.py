@@ -119,9 +119,9 @@ def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, datase
     policy = get_policy_class(policy_type)(PreTrainedConfig.get_choice_class(policy_type)(**options))
     checkpoint = save(policy, tmp_path / "pretrained_model")
     policy, preprocess = load_policy(checkpoint)
-    found = measure(policy, preprocess, open_dataset(dataset, policy.config))
+    found = measure(policy, preprocess, open_dataset(dataset))
     assert found["after"].tolist() == [row for row in range(ROWS) for _ in ARMS]
-    dataset_rows = open_dataset(dataset, policy.config)
+    dataset_rows = open_dataset(dataset)
     for row in range(ROWS):
         batch = preprocess(batch_of(dataset_rows, [row]))
         action, label = policy.select_action(batch), batch[schema.NEXT_KEYPOSE]
@@ -148,13 +148,11 @@ def test_what_is_shown_is_the_prediction_and_the_label(make_policy, make_batch):
         assert shown.arm == arm
         np.testing.assert_array_equal(shown.predicted.pose.position, predicted[arm].pose.position)
         np.testing.assert_array_equal(shown.true.pose.quat_wxyz, true[arm].pose.quat_wxyz)
-        assert shown.position_error_cm == pytest.approx(float(errors[f"{arm}_position_cm"]), rel=1e-4)
-        assert shown.rotation_error_deg == pytest.approx(float(errors[f"{arm}_rotation_deg"]), rel=1e-3)
+        assert f"{float(errors[f'{arm}_position_cm']):.1f} cm off" in shown.numbers
+        assert f"{float(errors[f'{arm}_rotation_deg']):.0f}° off" in shown.numbers
         # The hottest voxel, drawn last, is the one that is commanded.
         np.testing.assert_allclose(shown.hot_m[-1], predicted[arm].pose.position, atol=1e-6)
         assert (np.diff(shown.heat) >= 0).all()
-        assert all(1 / 72 <= probability <= 1 for probability in shown.rotation_probabilities)
-        assert 0.5 <= shown.gripper_probability <= 1
     assert inspection.instruction == batch["task"][0]
     assert all(policy.config.workspace.contains(inspection.scene_m))
 

@@ -38,7 +38,7 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
 
     policy, preprocess = load_policy(config.checkpoint)
-    dataset = open_dataset(config.root, policy.config)
+    dataset = open_dataset(config.root)
     table = summary(measure(policy, preprocess, dataset))
     print_table(list(table.columns), table.to_numpy().tolist(), f"{policy.name} on {config.root}")
     paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")

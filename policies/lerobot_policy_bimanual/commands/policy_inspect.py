@@ -50,9 +50,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     from lerobot_policy_bimanual.inspection.sheet import draw_sheet
 
     policy, preprocess = load_policy(config.checkpoint)
-    inspection = inspect_sample(
-        policy, preprocess(batch_of(open_dataset(root, policy.config), [config.index]))
-    )
+    inspection = inspect_sample(policy, preprocess(batch_of(open_dataset(root), [config.index])))
     picture = BytesIO()
     draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
     write_file(path, picture.getvalue())

@@ -1,5 +1,6 @@
 """What a policy saw in one sample, what it predicted, and the label, as plain arrays."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
-from lerobot_bimanual.geometry.rotations import rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
+from lerobot_policy_bimanual.keypose.losses import distances
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
 from lerobot_policy_bimanual.peract.voxel_grid import voxelise
@@ -36,10 +37,7 @@ class ArmInspection:
         true: the label.
         hot_m: (n, 3) centres of the most probable voxels in the world frame, the most probable last.
         heat: (n,) their probabilities.
-        true_voxel_probability: probability of the label's voxel; 0 outside the workspace.
-        rotation_probabilities: probability of the chosen bin of each Euler axis.
-        gripper_probability: probability of the chosen state of the gripper.
-        collision_probability: probability of the chosen collision flag.
+        numbers: errors and probabilities, in one line.
     """
 
     arm: Arm
@@ -47,20 +45,7 @@ class ArmInspection:
     true: Keypose
     hot_m: NDArray[np.float64]
     heat: NDArray[np.float64]
-    true_voxel_probability: float
-    rotation_probabilities: tuple[float, ...]
-    gripper_probability: float
-    collision_probability: float
-
-    @property
-    def position_error_cm(self) -> float:
-        """Distance between the predicted and the true hand."""
-        return 100 * float(np.linalg.norm(self.predicted.pose.position - self.true.pose.position))
-
-    @property
-    def rotation_error_deg(self) -> float:
-        """Angle between the predicted and the true hand."""
-        return float(np.rad2deg(rotation_angle_rad(self.predicted.pose.quat_wxyz, self.true.pose.quat_wxyz)))
+    numbers: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,31 +92,33 @@ def _inspect_arms(
     prediction: KeyposePrediction, codec: TorchKeyposeCodec, chosen: torch.Tensor, label: torch.Tensor
 ) -> tuple[ArmInspection, ...]:
     predicted, true = (BimanualKeypose.from_vector(vectors[0].cpu()) for vectors in (chosen, label))
+    distance_m, angle_rad = (errors[0].tolist() for errors in distances(chosen[:1], label[:1].float()))
     true_voxel = codec.encode(label[:1].float()).voxel[0]
     volumes = prediction.translation.probabilities()[0].float()
     # A chosen class is the most probable one.
     rotation, gripper, collisions = (
-        logits[0].float().softmax(dim=-1).amax(dim=-1)
+        logits[0].float().softmax(dim=-1).amax(dim=-1).tolist()
         for logits in (prediction.rotation, prediction.gripper_open, prediction.ignore_collisions)
     )
+
+    def verdict(right: bool, probability: float) -> str:
+        return f"{'right' if right else 'wrong'} ({probability:.0%})"
+
     arms = []
     for arm, volume in zip(ARMS, volumes, strict=True):
         heat, flat = volume.flatten().topk(min(MAX_HOT_VOXELS, volume.numel()))
         kept = heat >= MIN_HEAT_SHARE * heat[0]
         voxel = torch.stack(torch.unravel_index(flat[kept].flip(0), volume.shape), dim=1)
-        x, y, z = true_voxel[arm.ordinal].tolist()
-        within = all(0 <= place < codec.voxels for place in (x, y, z))
-        arms.append(
-            ArmInspection(
-                arm=arm,
-                predicted=predicted[arm],
-                true=true[arm],
-                hot_m=codec.voxel_centers(voxel).double().cpu().numpy(),
-                heat=heat[kept].flip(0).double().cpu().numpy(),
-                true_voxel_probability=float(volume[x, y, z]) if within else 0.0,
-                rotation_probabilities=tuple(rotation[arm.ordinal].tolist()),
-                gripper_probability=float(gripper[arm.ordinal]),
-                collision_probability=float(collisions[arm.ordinal]),
-            )
+        place = true_voxel[arm.ordinal]
+        within = bool(((place >= 0) & (place < codec.voxels)).all())
+        at_true = float(volume[tuple(place)]) if within else 0.0
+        one, other, index = predicted[arm], true[arm], arm.ordinal
+        numbers = (
+            f"{arm} arm: {100 * distance_m[index]:.1f} cm off, best voxel {heat[0]:.1%}, true voxel {at_true:.1%}; "
+            f"{math.degrees(angle_rad[index]):.0f}° off, angles x / y / z {' / '.join(f'{p:.0%}' for p in rotation[index])}; "
+            f"gripper {verdict(one.gripper_open == other.gripper_open, gripper[index])}, collision flag "
+            f"{verdict(one.ignore_collisions == other.ignore_collisions, collisions[index])}"
         )
+        hot_m = codec.voxel_centers(voxel).double().cpu().numpy()
+        arms.append(ArmInspection(arm, one, other, hot_m, heat[kept].flip(0).double().cpu().numpy(), numbers))
     return tuple(arms)

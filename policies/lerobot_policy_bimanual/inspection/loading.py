@@ -11,7 +11,6 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 
 from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
-from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint, read_config
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
@@ -51,20 +50,13 @@ def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
     return cast(Batch, lerobot_collate_fn(found))
 
 
-def open_dataset(dataset: Path, config: KeyposePolicyConfig) -> LeRobotDataset:
+def open_dataset(dataset: Path) -> LeRobotDataset:
     """Open a dataset, or the view `keyframes` of a folder of both views.
 
     Raises:
         DatasetError: there is no dataset.
-        SchemaMismatch: the dataset lacks the label, or an image that a policy of the config reads.
+        SchemaMismatch: the dataset lacks the label.
     """
     root = find_view(dataset, ("keyframes", "frames"))
-    info = read_info(root)
-    check_features(info["features"], root)
-    missing = [key for key in config.observation_keys if key not in info["features"]]
-    if missing:
-        raise SchemaMismatch(
-            f"{root} has no {', '.join(missing)}, which the policy reads. Record all of its cameras "
-            f"({', '.join(config.cameras)}) with `lerobot-bimanual dataset generate`"
-        )
+    check_features(read_info(root)["features"], root)
     return LeRobotDataset(f"local/{root.name}", root=root)

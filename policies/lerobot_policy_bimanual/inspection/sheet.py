@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.keypose import Keypose
-from lerobot_policy_bimanual.inspection.inspection import ArmInspection, Inspection
+from lerobot_policy_bimanual.inspection.inspection import Inspection
 
 INK = "#202228"
 ARM_COLORS = {Arm.LEFT: "#1260d6", Arm.RIGHT: "#e25400"}
@@ -56,7 +56,7 @@ def draw_sheet(inspection: Inspection, origin: str) -> Figure:
         axes.view_init(elev=elevation_deg, azim=azimuth_deg)
         draw_scene(axes, inspection)
         axes.set_title(title)
-    labels = {_describe(arm): ARM_COLORS[arm.arm] for arm in inspection.arms}
+    labels = {arm.numbers: ARM_COLORS[arm.arm] for arm in inspection.arms}
     labels |= {"true hand": INK} | dict(
         zip(("hand x", "hand y (fingers)", "hand z"), AXIS_COLORS, strict=True)
     )
@@ -97,17 +97,3 @@ def _draw_hand(axes: Any, hand: Keypose, color: str, width: int) -> None:
     for axis, axis_color in zip(np.eye(3), AXIS_COLORS, strict=True):
         line([np.zeros(3), AXIS_M * axis], color=axis_color, linewidth=2)
     line([np.zeros(3)], color=color, marker="o", markersize=2 * width, markeredgecolor="white")
-
-
-def _describe(arm: ArmInspection) -> str:
-    def verdict(right: bool, probability: float) -> str:
-        return f"{'right' if right else 'wrong'} ({probability:.0%})"
-
-    predicted, true = arm.predicted, arm.true
-    angles = " / ".join(f"{probability:.0%}" for probability in arm.rotation_probabilities)
-    return (
-        f"{arm.arm} arm: {arm.position_error_cm:.1f} cm off, best voxel {arm.heat[-1]:.1%}, true voxel "
-        f"{arm.true_voxel_probability:.1%}; {arm.rotation_error_deg:.0f}° off, angles x / y / z {angles}; gripper "
-        f"{verdict(predicted.gripper_open == true.gripper_open, arm.gripper_probability)}, collision flag "
-        f"{verdict(predicted.ignore_collisions == true.ignore_collisions, arm.collision_probability)}"
-    )

@@ -14,7 +14,7 @@ from lerobot_policy_bimanual.nn.layers import LEAK, activate, init_activated
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.peract.config import PATCH
 
-KERNEL = 5
+KERNEL = PATCH
 COARSE_TAPS = 3
 """Coarse voxels that a fine kernel reaches along one axis."""
 
@@ -28,21 +28,21 @@ def interpolation_weights(position: Tensor, size: int) -> Tensor:
     return (1 - distance.abs()).clamp(min=0)
 
 
-def coarse_position(fine: Tensor) -> Tensor:
+def coarse_position(fine: Tensor, factor: int = PATCH) -> Tensor:
     """Fractional coarse index of the centre of a fine voxel (align_corners=False), float64."""
-    return (fine.double() - PATCH // 2) / PATCH
+    return (fine.double() - factor // 2) / factor
 
 
-def tap_mixture(device: torch.device) -> Tensor:
-    """How the taps of the fine kernel act on the coarse map along one axis.
+def tap_mixture(device: torch.device | None, factor: int = PATCH) -> Tensor:
+    """How the taps of a fine kernel, `factor` wide, act on the coarse map along one axis.
 
     Returns:
-        (PATCH, COARSE_TAPS, KERNEL) float64. Entry [p, t, i]: weight of the coarse voxel n + t - 1 in the
-        interpolated value that tap i reads for the fine voxel PATCH * n + p.
+        (factor, COARSE_TAPS, factor) float64. Entry [p, t, i]: weight of the coarse voxel n + t - 1 in the
+        interpolated value that tap i reads for the fine voxel factor * n + p.
     """
-    phase = torch.arange(PATCH, device=device)[:, None]
-    tap = torch.arange(KERNEL, device=device) - KERNEL // 2
-    return interpolation_weights(coarse_position(phase + tap) + 1, COARSE_TAPS).transpose(1, 2)
+    phase = torch.arange(factor, device=device)[:, None]
+    tap = torch.arange(factor, device=device) - factor // 2
+    return interpolation_weights(coarse_position(phase + tap, factor) + 1, COARSE_TAPS).transpose(1, 2)
 
 
 def tap_reading(size: int, device: torch.device) -> Tensor:

@@ -1,18 +1,14 @@
 """Layers of RVT: 2-D convolutions with replicate borders, LeakyReLU, and group norm at the inputs."""
 
-import math
-
 import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
 from lerobot_policy_bimanual.nn.layers import activate, init_activated, init_linear
+from lerobot_policy_bimanual.peract.upsample import tap_mixture
 
 NORM_GROUPS = 4
 """Groups of every group norm (RVT code)."""
-
-LOW_TAPS = 3
-"""Coarse pixels that a fine kernel as wide as the upsampling factor can read along one axis."""
 
 
 class Conv2d(nn.Conv2d):
@@ -80,24 +76,6 @@ class SkipConv2d(nn.Module):
         return activate(x + F.conv2d(F.pad(skip, (1,) * 4, mode="replicate"), for_skip, self.conv.bias))
 
 
-def phase_matrix(factor: int) -> Tensor:
-    """How each tap of a fine kernel, `factor` wide, reads the coarse map.
-
-    Returns:
-        (factor, LOW_TAPS, factor). Entry [p, t, i]: weight of the coarse pixel n + t - 1 in the interpolated
-        value that tap i reads for the fine pixel factor * n + p (align_corners=False).
-    """
-    matrix = torch.zeros(factor, LOW_TAPS, factor)
-    for phase in range(factor):
-        for tap in range(factor):
-            position = (phase + tap - factor // 2 + 0.5) / factor - 0.5
-            below = math.floor(position)
-            matrix[phase, below + 1, tap] += below + 1 - position
-            if position > below:
-                matrix[phase, below + 2, tap] += position - below
-    return matrix
-
-
 class UpsampledConv2d(nn.Module):
     """Bilinear upsampling by an odd factor, then a convolution of that width with replicate borders.
 
@@ -112,7 +90,7 @@ class UpsampledConv2d(nn.Module):
         super().__init__()
         self.conv = nn.Conv2d(inputs, outputs, factor)
         init_activated(self.conv)
-        self.register_buffer("phases", phase_matrix(factor), persistent=False)
+        self.register_buffer("phases", tap_mixture(None, factor).float(), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, inputs, h, w) -> (b, outputs, factor * h, factor * w)."""

@@ -1,7 +1,7 @@
 """A dataset that is decoded once and then stays in memory, of the host or of a GPU."""
 
 import copy
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +57,13 @@ class ResidentDataset(Dataset):
         self._colour_keys = set(dataset.meta.camera_keys) - self._depth_keys
         self._texts: list[dict[str, Any]] = []
         self._columns: dict[str, Tensor] = {}
-        rows = StoredRows(dataset, dataset.meta.camera_keys if images is None else images)
-        self._first, self._last = (bound.to(device) for bound in rows.bounds)
+        episode = dataset.hf_dataset.data.column("episode_index").to_numpy()
+        starts = np.flatnonzero(np.diff(episode, prepend=-1))
+        lengths = np.diff(starts, append=len(episode))
+        bounds = (np.repeat(starts, lengths), np.repeat(starts + lengths - 1, lengths))
+        self._first, self._last = (torch.from_numpy(bound).to(device) for bound in bounds)
+        read = set(dataset.meta.camera_keys if images is None else images)
+        rows = stored_rows(dataset, read, zip(starts.tolist(), lengths.tolist(), strict=True))
         progress = tqdm(rows, desc="decoding the dataset", unit="row", total=len(dataset))
         for index, row in enumerate(progress):
             tensors = {
@@ -154,8 +159,10 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
     }
 
 
-class StoredRows:
-    """The rows of a `LeRobotDataset` in order, each without rows before and after it, each image decoded once.
+def stored_rows(
+    dataset: LeRobotDataset, images: set[str], episodes: Iterable[tuple[int, int]]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a `LeRobotDataset` in order, each without rows before and after it, each image decoded once.
 
     LeRobot seeks to the key frame before every row of a video. Here a video is decoded from the start of an episode to its
     end, by the same decoder, so that the frames are bit-identical.
@@ -163,48 +170,32 @@ class StoredRows:
     Args:
         dataset: the dataset.
         images: keys of the images that are read; the others are left out of the rows.
+        episodes: first row and number of rows of each.
+
+    Yields:
+        Tensors, texts, and images as tensors (channels, height, width), by their key.
+
+    Raises:
+        DatasetError: an image cannot be decoded.
     """
-
-    def __init__(self, dataset: LeRobotDataset, images: Collection[str]):
-        self._images = set(images)
-        self._all_images = set(dataset.meta.camera_keys)
-        self._video_keys = [key for key in dataset.meta.video_keys if key in self._images]
-        self._tables = _with_videos(dataset, ())
-        self._videos = _with_videos(dataset, self._video_keys)
-        _leave_encoded(self._tables, self._images.intersection(dataset.meta.image_keys))
-        of_row = dataset.hf_dataset.data.column("episode_index").to_numpy()
-        self._starts = np.flatnonzero(np.diff(of_row, prepend=-1))
-        self._lengths = np.diff(self._starts, append=len(of_row))
-
-    @property
-    def bounds(self) -> tuple[Tensor, Tensor]:
-        """First and last row of the episode of every row, (rows,) int64 each."""
-        first = torch.from_numpy(np.repeat(self._starts, self._lengths))
-        last = torch.from_numpy(np.repeat(self._starts + self._lengths - 1, self._lengths))
-        return first, last
-
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        """Yield every row: tensors, texts, and images as tensors (channels, height, width).
-
-        Raises:
-            DatasetError: an image cannot be decoded.
-        """
-        for start, length in zip(self._starts.tolist(), self._lengths.tolist(), strict=True):
-            frames = self._frames(start, length) if self._video_keys else {}
-            for offset in range(length):
-                row: Any = self._tables[start + offset]  # pyright: ignore[reportArgumentType]
-                yield {
-                    key: _decoded(value) if isinstance(value, dict) else value
-                    for key, value in row.items()
-                    if key not in self._all_images or key in self._images
-                } | {key: images[offset] for key, images in frames.items()}
-
-    def _frames(self, start: int, length: int) -> dict[str, Tensor]:
-        """The frames of an episode by their key, (length, channels, height, width)."""
-        self._videos.reader.delta_indices = {key: list(range(length)) for key in self._video_keys}
-        episode = self._videos.reader.get_item(start)
-        # LeRobot leaves out the axis of time where there is one frame only.
-        return {key: episode[key] if length > 1 else episode[key][None] for key in self._video_keys}
+    left_out = set(dataset.meta.camera_keys) - images
+    video_keys = [key for key in dataset.meta.video_keys if key in images]
+    tables, videos = _with_videos(dataset, ()), _with_videos(dataset, video_keys)
+    _leave_encoded(tables, images.intersection(dataset.meta.image_keys))
+    for start, length in episodes:
+        frames = {}
+        if video_keys:
+            videos.reader.delta_indices = {key: list(range(length)) for key in video_keys}
+            episode = videos.reader.get_item(start)
+            # LeRobot leaves out the axis of time where there is one frame only.
+            frames = {key: episode[key] if length > 1 else episode[key][None] for key in video_keys}
+        for offset in range(length):
+            row: Any = tables[start + offset]  # pyright: ignore[reportArgumentType]
+            yield {
+                key: _decoded(value) if isinstance(value, dict) else value
+                for key, value in row.items()
+                if key not in left_out
+            } | {key: pictures[offset] for key, pictures in frames.items()}
 
 
 def _with_videos(dataset: LeRobotDataset, keys: Collection[str]) -> LeRobotDataset:

@@ -8,7 +8,7 @@ the device. Logs, checkpoints and how to resume are LeRobot's.
 
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,34 +20,10 @@ from lerobot.scripts import lerobot_train
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 ROW_KEYS = ("row", "held_out_row")
 """Keys of a row number: of the training set, and of the one that `--dataset.eval_split` holds out."""
-
-
-class LookUpRows:
-    """A preprocessor that first looks up rows; its other attributes are the wrapped preprocessor's.
-
-    Batches without row numbers, such as observations of an environment, go straight to the preprocessor.
-    """
-
-    def __init__(self, datasets: Sequence[ResidentDataset], preprocessor: Any):
-        self._datasets = {dataset.row_key: dataset for dataset in datasets}
-        self._preprocessor = preprocessor
-
-    def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
-        """Make the batch for the policy."""
-        for key in self._datasets.keys() & batch.keys():
-            batch = self._datasets[key].batch(batch)
-        return self._preprocessor(batch)
-
-    def __getattr__(self, name: str) -> Any:
-        """Get an attribute of the preprocessor, such as `save_pretrained`."""
-        if name == "_preprocessor":  # before __init__ has set it
-            raise AttributeError(name)
-        return getattr(self._preprocessor, name)
 
 
 def main() -> int:
@@ -59,9 +35,18 @@ def main() -> int:
         datasets.extend(dataset for dataset in made if dataset is not None)
         return made
 
-    def make_processors(*args: Any, **kwargs: Any) -> tuple[LookUpRows, Any]:
+    def make_processors(*args: Any, **kwargs: Any) -> tuple[Any, Any]:
         preprocessor, postprocessor = _make_processors(*args, **kwargs)
-        return LookUpRows(datasets, preprocessor), postprocessor
+        to_transition = preprocessor.to_transition
+
+        def look_up(batch: dict[str, Any]) -> Any:
+            for dataset in datasets:
+                if dataset.row_key in batch:  # observations of an environment have none
+                    batch = dataset.batch(batch)
+            return to_transition(batch)
+
+        preprocessor.to_transition = look_up
+        return preprocessor, postprocessor
 
     lerobot_train.make_train_eval_datasets = make_datasets
     lerobot_train.make_pre_post_processors = make_processors
@@ -80,7 +65,6 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     Raises:
         DatasetError: there are none, they are streamed, are transformed at random, are asked for in metres, do not fit
             into memory, or are for a reward model.
-        BadConfig: the device is a GPU by its number, which LeRobot would not train on.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -97,12 +81,8 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
     if cfg.num_workers:
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
-    device = torch.device(getattr(cfg.trainable_config, "device", None) or "cpu")
-    if device.index:
-        raise BadConfig(
-            f"--policy.device={device} would not be trained on: LeRobot takes the first GPU that it sees. Give "
-            f"--policy.device={device.type}, and choose the GPU by the environment variable CUDA_VISIBLE_DEVICES={device.index}"
-        )
+    # The number of a GPU is left out, because LeRobot trains on the first one that it sees.
+    device = torch.device(str(getattr(cfg.trainable_config, "device", None) or "cpu").partition(":")[0])
     datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
     images = images_read(cfg, datasets[0].meta)
     return tuple(
