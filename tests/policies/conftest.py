@@ -147,13 +147,8 @@ def specimens() -> dict[str, Specimen]:
 
 
 @pytest.fixture(scope="session")
-def tiny_peract() -> dict[str, Any]:
+def tiny() -> dict[str, Any]:
     return dict(TINY_PERACT)
-
-
-@pytest.fixture
-def tiny(tiny_peract: dict[str, Any]) -> dict[str, Any]:
-    return dict(tiny_peract)
 
 
 @pytest.fixture

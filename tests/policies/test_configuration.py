@@ -79,17 +79,12 @@ def test_values_that_cannot_work_are_refused_with_what_can(changes, error, hint)
         PerAct2Config(device="cpu", **changes)
 
 
-def test_only_what_the_policy_reads_stays_among_its_inputs():
+def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_named():
     config = PerAct2Config(device="cpu", cameras=("front",))
     config.input_features = dataset_inputs(("front", "left_wrist"))
     config.validate_features()
     assert NEXT_KEYPOSE not in config.input_features
     assert set(config.image_features) == {image_key("front"), depth_key("front")}
-
-
-def test_missing_depth_is_reported_by_name():
-    config = PerAct2Config(device="cpu", cameras=("front",))
-    config.input_features = dataset_inputs(("front",))
     del config.input_features[depth_key("front")]
     with pytest.raises(SchemaMismatch, match=r"observation\.images\.front_depth"):
         config.validate_features()

@@ -21,11 +21,10 @@ from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.inspection import inspect_sample
 from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
-from lerobot_policy_bimanual.inspection.sheet import ARM_COLORS, INK, VIEW_DIRECTIONS
+from lerobot_policy_bimanual.inspection.sheet import ARM_COLORS, INK
 from lerobot_policy_bimanual.keypose.losses import keypose_errors
 from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
@@ -165,19 +164,6 @@ def test_voxel_probabilities_are_one_distribution_whose_peak_is_chosen(make_poli
     best = translation.candidates().best()
     at_best = probabilities[torch.arange(2)[:, None], torch.arange(2), *best.unbind(-1)]
     torch.testing.assert_close(at_best, probabilities.amax(dim=(2, 3, 4)))
-
-
-def test_views_are_taken_from_the_side_that_their_title_says():
-    left, right = (pose.position for pose in PANDA_PAIR.base_poses)
-    for title, (azimuth_deg, elevation_deg) in VIEW_DIRECTIONS.items():
-        azimuth, elevation = np.deg2rad([azimuth_deg, elevation_deg])
-        side = np.array([np.cos(azimuth), np.sin(azimuth)])
-        if title.startswith("from above"):  # up in the picture is away from the bearing
-            assert elevation == pytest.approx(np.pi / 2)
-            assert side @ left[:2] > side @ right[:2]
-        else:
-            nearer, farther = (left, right) if "left" in title else (right, left)
-            assert side @ nearer[:2] > side @ farther[:2]
 
 
 def refusal(capsys: pytest.CaptureFixture[str], checkpoint: Path, dataset: Path, *flags: str) -> str:

@@ -22,11 +22,11 @@ BINS = 72
 
 
 @pytest.fixture
-def make_network(tiny_peract):
+def make_network(tiny):
     """Networks of the tiny size in double precision, for one arm or two."""
 
     def make(arms: int = 2, **changes) -> PerActNetwork:
-        config = PerAct2Config(**tiny_peract | changes)
+        config = PerAct2Config(**tiny | changes)
         return PerActNetwork(config, arms=arms, proprio_dim=4 * arms).double()
 
     return make

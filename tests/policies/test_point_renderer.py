@@ -78,21 +78,6 @@ def test_images_equal_a_loop_over_points_and_pixels(radius):
     torch.testing.assert_close(render(points, colours, radius=radius), torch.stack(expected))
 
 
-@pytest.mark.parametrize(
-    ("marker", "pixels"),
-    [
-        ((0.99, 0.99, 0.99), [(0, 0), (0, 11), (0, 0), (0, 0), (0, 11)]),
-        ((0.01, 0.99, 0.99), [(11, 0), (0, 11), (0, 0), (0, 11), (0, 0)]),
-        ((0.99, 0.01, 0.01), [(0, 11), (11, 0), (11, 11), (11, 0), (11, 11)]),
-    ],
-)
-def test_a_marker_in_a_corner_appears_where_each_view_should_have_it(marker, pixels):
-    images = render(at(*marker)[None], torch.tensor([[[1.0], [-1.0], [0.0]]]))
-    for image, pixel in zip(images[0], pixels, strict=True):
-        assert image[3].nonzero().tolist() == [list(pixel)]
-        assert image[3:6, *pixel].tolist() == [1.0, 0.0, 0.5]
-
-
 @pytest.mark.parametrize("ties", [False, True])
 def test_the_order_of_the_points_does_not_matter(ties):
     points, colours = cloud(2, 2000)
@@ -112,12 +97,6 @@ def test_points_that_are_missing_or_outside_leave_no_trace():
     more = torch.cat([points, outside[None], lost[None]], dim=2)
     images = render(more, torch.cat([colours, torch.ones(1, 3, 5)], dim=2), radius=0.2)
     assert torch.equal(images, render(points, colours, radius=0.2))
-
-
-def test_an_empty_workspace_gives_finite_images():
-    images = render(torch.full((1, 3, 4), torch.nan), torch.zeros(1, 3, 4))
-    assert not images[:, :, :6].any()
-    assert (images[:, :, 6] == -1).all()
 
 
 def test_a_point_of_the_papers_size_covers_a_pixel_and_its_four_neighbours():

@@ -8,6 +8,7 @@ import torch.nn.functional as F  # noqa: N812
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
+from lerobot_policy_bimanual.peract.reference import block, leaky
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
 from lerobot_policy_bimanual.rvt_lf.layers import UpsampledConv2d
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
@@ -45,10 +46,6 @@ def make_inputs(samples: int = 2) -> tuple[torch.Tensor, ...]:
     )
 
 
-def leaky(x):
-    return F.leaky_relu(x, 0.02)
-
-
 def conv(x, weight, bias):
     return F.conv2d(F.pad(x, (weight.shape[-1] // 2,) * 4, mode="replicate"), weight, bias)
 
@@ -56,30 +53,6 @@ def conv(x, weight, bias):
 def upsampled_conv(x, weight, bias):
     fine = F.interpolate(x, scale_factor=weight.shape[-1], mode="bilinear", align_corners=False)
     return conv(fine, weight, bias)
-
-
-def block(p, name, x):
-    """Attention with the softmax spelled out, then the gated feed-forward."""
-    normed = F.layer_norm(
-        x, x.shape[-1:], p[f"{name}.attention.norm.weight"], p[f"{name}.attention.norm.bias"]
-    )
-    q = normed @ p[f"{name}.attention.query.weight"].T
-    k, v = (normed @ p[f"{name}.attention.key_value.weight"].T).chunk(2, dim=-1)
-    parts = []
-    for q_head, k_head, v_head in zip(*(t.chunk(HEADS, dim=-1) for t in (q, k, v)), strict=True):
-        scores = q_head @ k_head.transpose(1, 2) / q_head.shape[-1] ** 0.5
-        parts.append(scores.softmax(-1) @ v_head)
-    out = torch.cat(parts, dim=-1)
-    x = x + F.linear(out, p[f"{name}.attention.out.weight"], p[f"{name}.attention.out.bias"])
-    normed = F.layer_norm(
-        x, x.shape[-1:], p[f"{name}.feed_forward.norm.weight"], p[f"{name}.feed_forward.norm.bias"]
-    )
-    widened = F.linear(normed, p[f"{name}.feed_forward.widen.weight"], p[f"{name}.feed_forward.widen.bias"])
-    value, gate = widened.chunk(2, dim=-1)
-    narrow = F.linear(
-        value * F.gelu(gate), p[f"{name}.feed_forward.narrow.weight"], p[f"{name}.feed_forward.narrow.bias"]
-    )
-    return x + narrow
 
 
 def written_out(p, views, proprio, language):
@@ -104,12 +77,12 @@ def written_out(p, views, proprio, language):
         tokens = joined.transpose(1, 2) + p["positions"][9 * number : 9 * number + 9]
         tokens = linear("widen", tokens)
         for layer in range(2):
-            tokens = block(p, f"within_views.{layer}", tokens)
+            tokens = block(p, f"within_views.{layer}", tokens, HEADS)
         stems.append(stem)
         images.append(tokens)
     tokens = torch.cat([linear("widen", words), *images], dim=1)
     for layer in range(2):
-        tokens = block(p, f"over_views.{layer}", tokens)
+        tokens = block(p, f"over_views.{layer}", tokens, HEADS)
     logits, features = [], []
     for answers, stem in zip(linear("narrow", tokens[:, 3:]).split(9, dim=1), stems, strict=True):
         answers = answers.transpose(1, 2).unflatten(2, (3, 3))
@@ -240,14 +213,6 @@ def test_candidates_are_the_best_voxel_and_its_neighbours_with_their_mean_probab
                 torch.testing.assert_close(score.exp(), scores[tuple(voxel)])
             else:
                 assert torch.isneginf(score)
-
-
-@pytest.mark.parametrize("voxel", [[3, 8, 5], [0, 0, 11], [11, 4, 0]])
-def test_a_planted_target_is_decoded(voxel):
-    voxel = torch.tensor(voxel)
-    candidates = HeatmapTranslation(gaussians(voxel, 12)[None, None].log(), 1.5).candidates()
-    assert torch.equal(candidates.best()[0, 0], voxel)
-    assert (candidates.local_mean()[0, 0] - voxel).abs().max() < 1
 
 
 @pytest.mark.parametrize(

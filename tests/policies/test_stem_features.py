@@ -29,49 +29,26 @@ def cut_out(stem: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
     return torch.stack([torch.stack([torch.stack(arm) for arm in sample]) for sample in rows])
 
 
-def test_tokens_projections_and_crops_are_those_of_the_map_with_gradients(layers):
+@pytest.mark.parametrize("filtered", [False, True])
+def test_tokens_projections_and_crops_are_those_of_the_map_with_gradients(layers, filtered):
     stem, patchify = layers
     grid = torch.randn(2, 10, *[WIDTH] * 3, dtype=torch.float64)
     place = torch.tensor([[[0, 1, 2]], [[2, 2, 0]]])[:, None].expand(-1, 2, -1, -1)
-
-    features = stem(grid)
-    expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
-    reading = StemFeatures(grid, stem, patchify)
-    actual = [reading.tokens, *reading.planes, reading.crop(place)]
-    for got, want in zip(actual, expected, strict=True):
-        torch.testing.assert_close(got, want)
-
-    parameters = [stem.conv.weight, stem.conv.bias, patchify.conv.weight, patchify.conv.bias]
-    probes = [torch.randn_like(each) for each in expected]
-    for got, want in zip(
-        torch.autograd.grad(actual, parameters, probes),
-        torch.autograd.grad(expected, parameters, probes),
-        strict=True,
-    ):
-        torch.testing.assert_close(got, want)
-
-
-def test_words_change_the_filters_of_their_own_sample_with_gradients(layers):
-    stem, patchify = layers
-    grid = torch.randn(2, 10, *[WIDTH] * 3, dtype=torch.float64)
-    place = torch.tensor([[[0, 1, 2]], [[2, 2, 0]]])[:, None]
-    words = torch.randn(2, 4, 11, dtype=torch.float64, requires_grad=True)
+    words = filtered * torch.randn(2, 4, 11, dtype=torch.float64)
+    words.requires_grad_()
 
     weight, bias = stem.conv.weight.flatten(1) + words[..., :-1], stem.conv.bias + words[..., -1]
     features = torch.einsum("bixyz,boi->boxyz", grid, weight) + bias[..., None, None, None]
     features = torch.nn.functional.leaky_relu(features, LEAK)
     expected = [patchify(features), *(features.amax(axis) for axis in (2, 3, 4)), cut_out(features, place)]
-    reading = StemFeatures(grid, stem, patchify, words)
+    reading = StemFeatures(grid, stem, patchify, words if filtered else None)
     actual = [reading.tokens, *reading.planes, reading.crop(place)]
+    parameters = [stem.conv.weight, stem.conv.bias, patchify.conv.weight, patchify.conv.bias]
+    parameters += [words] * filtered
     probes = [torch.randn_like(each) for each in expected]
+    actual += torch.autograd.grad(actual, parameters, probes)
+    expected += torch.autograd.grad(expected, parameters, probes)
     for got, want in zip(actual, expected, strict=True):
-        torch.testing.assert_close(got, want)
-    parameters = [words, stem.conv.weight, stem.conv.bias]
-    for got, want in zip(
-        torch.autograd.grad(actual, parameters, probes),
-        torch.autograd.grad(expected, parameters, probes),
-        strict=True,
-    ):
         torch.testing.assert_close(got, want)
 
 
