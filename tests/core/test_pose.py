@@ -48,6 +48,13 @@ def test_looking_points_the_hand_along_the_approach_with_fingers_along_the_openi
     np.testing.assert_allclose(pose.advanced(0.1).position, [0.1, 0.2, 0.2], atol=1e-12)
 
 
+def test_a_pose_does_not_alias_its_arguments():
+    position = np.zeros(3)
+    pose = Pose(position, np.array([1.0, 0, 0, 0]))
+    position[0] = 5.0
+    assert pose.position[0] == 0.0
+
+
 def test_workspace_samples_lie_inside_and_edges_count_as_voxels_do():
     rng = np.random.default_rng(3)
     samples = np.array([VOXEL_WORKSPACE.sample(rng) for _ in range(100)])
