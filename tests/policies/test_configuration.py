@@ -97,7 +97,7 @@ def test_latents_of_a_network_for_one_arm_may_be_odd(policy):
 
 def test_leader_is_an_arm():
     assert draccus.parse(PerActLFConfig, args=["--device=cpu", "--leader=left"]).leader == "left"
-    with pytest.raises(InvalidChoice, match="left, right"):
+    with pytest.raises(InvalidChoice, match="right, left"):
         PerActLFConfig(device="cpu", leader="both")
 
 
