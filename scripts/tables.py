@@ -9,7 +9,7 @@ import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import read_results, success_table
-from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
@@ -47,7 +47,7 @@ def _tasks() -> str:
 
 
 def _axes() -> str:
-    axes = sorted((get_axis(name) for name in list_axes()), key=lambda axis: axis.group)
+    axes = sorted(AXES.all().values(), key=lambda axis: axis.group)
     rows = {
         "axis": [f"`{axis.name}`" for axis in axes],
         "group": [axis.group for axis in axes],

@@ -21,21 +21,17 @@ from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import ObservationRenderer, observation_space
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
-from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seed
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
-from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
-from lerobot_env_bimanual.perturbations.registry import chosen_levels
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
 
-SIMULATION_UNSTABLE = "simulation_unstable"
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
-type StepObserver = Callable[[], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +98,11 @@ class BimanualEnv(gym.Env):
         self.render_mode = render_mode
         self.last_action = EMPTY_ACTION
         self.tick_observers: list[TickObserver] = []
-        self.step_observers: list[StepObserver] = []
+        self.step_observers: list[Callable[[], None]] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
-        levels = chosen_levels(self.options.perturb)
-        self.perturbations = Perturbations(levels, spec, self.options.split)
+        self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
         self._compiled: _World | None = None
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
@@ -205,18 +200,18 @@ class BimanualEnv(gym.Env):
 
     @contextmanager
     def observed_by(
-        self, observer: TickObserver, step_observer: StepObserver | None = None
+        self, observer: TickObserver, step_observer: Callable[[], None] | None = None
     ) -> Iterator[None]:
         """Call an observer before every control tick, and another after every step of physics, in a `with` block."""
-        joined: list[tuple[list, Any]] = [(self.tick_observers, observer)]
-        joined += [(self.step_observers, step_observer)] if step_observer else []
-        for observers, joining in joined:
-            observers.append(joining)
+        of_steps = [] if step_observer is None else [step_observer]
+        self.tick_observers += [observer]
+        self.step_observers += of_steps
         try:
             yield
         finally:
-            for observers, leaving in joined:
-                observers.remove(leaving)
+            self.tick_observers.remove(observer)
+            for each in of_steps:
+                self.step_observers.remove(each)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Execute one joint action (a control tick) or one keypose (a whole motion).
@@ -284,7 +279,7 @@ class BimanualEnv(gym.Env):
         progress.ticks += 1
         progress.judge(check_until_unmet(self._conditions, scene))
         if scene.unstable:
-            progress.failure = SIMULATION_UNSTABLE
+            progress.failure = "simulation_unstable"
         self.perturbations.disturb(scene, progress)
         if self.options.video_dir is not None:
             self._film(Path(self.options.video_dir))

@@ -12,18 +12,6 @@ import os
 import sys
 
 
-def ensure_gl() -> None:
-    """Choose off-screen EGL when the caller chose nothing and there is no display.
-
-    Also keeps Mesa's software rasteriser in the calling thread (`LP_NUM_THREADS=0`): at 256 pixels its worker
-    threads cost more than they give, and this package runs one process per core. Both are only defaults.
-    """
-    has_display = "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
-    if not has_display:
-        os.environ.setdefault("MUJOCO_GL", "egl")
-    os.environ.setdefault("LP_NUM_THREADS", "0")
-
-
 def release_gl() -> None:
     """Leave the calling thread without a current OpenGL context, so that any other thread can use or free it.
 
@@ -35,7 +23,12 @@ def release_gl() -> None:
         egl.eglMakeCurrent(module.EGL_DISPLAY, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, egl.EGL_NO_CONTEXT)
 
 
-ensure_gl()
+# Off-screen EGL when the caller chose nothing and there is no display. Mesa's software rasteriser is kept in the calling
+# thread: at 256 pixels its worker threads cost more than they give, and this package runs one process per core. Both are
+# only defaults.
+if not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
+    os.environ.setdefault("MUJOCO_GL", "egl")
+os.environ.setdefault("LP_NUM_THREADS", "0")
 
 try:
     import mujoco
@@ -56,4 +49,4 @@ with contextlib.suppress(OSError, ValueError):
 # Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
 
-__all__ = ["ensure_gl", "mujoco", "release_gl"]
+__all__ = ["mujoco", "release_gl"]

@@ -1,10 +1,14 @@
-"""The environment's options: one dataclass for Gymnasium's keywords, LeRobot's command lines and our commands."""
+"""The environment's options: one dataclass for Gymnasium's keywords, LeRobot's command lines and our commands.
+
+Also the checks of what `reset` is given.
+"""
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
@@ -13,7 +17,7 @@ import numpy as np
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
-from lerobot_env_bimanual.perturbations.registry import checked_perturbation
+from lerobot_env_bimanual.registry import checked_perturbation
 
 ANY_VARIATION = "any"
 
@@ -25,6 +29,9 @@ ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
 
 MIN_IMAGE_SIDE, MAX_IMAGE_SIDE = 8, 4096
+
+MAX_SEED = 2**63 - 1
+"""The largest that a dataset's column can hold."""
 
 
 @dataclass
@@ -72,7 +79,6 @@ class EnvOptions:
 
     def __post_init__(self) -> None:
         """Bring every option into its canonical form, and refuse values outside its choices."""
-        check_variation(self.variation)
         self.cameras = ",".join(_camera_names(self.cameras))
         self.perturb = checked_perturbation(self.perturb)
         height, width = _image_size(self.image_size)
@@ -120,10 +126,34 @@ class EnvOptions:
         return {field.name: getattr(self, field.name) for field in fields(EnvOptions)}
 
 
-def check_variation(variation: object) -> None:
-    """Refuse values that cannot be a variation of any task, such as an array."""
-    if not isinstance(variation, int | float | str | np.integer | None):
-        raise InvalidChoice("variation", variation, ["'any'", "an index"])
+def checked_seed(seed: Any) -> int | None:
+    """A seed as a plain integer, or `None`.
+
+    Raises:
+        InvalidChoice: it is neither an integer from 0 to `MAX_SEED` nor `None`.
+    """
+    if seed is None:
+        return None
+    is_integer = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not is_integer or not 0 <= int(seed) <= MAX_SEED:
+        raise InvalidChoice("seed", seed, ["an integer from 0 to 2**63 - 1", "None"])
+    return int(seed)
+
+
+def checked_reset_options(options: Any) -> Mapping[str, Any]:
+    """The options of a reset; those of other callers, such as LeRobot's, are let through.
+
+    Raises:
+        InvalidChoice: they are no mapping, or one of them looks like `variation` misspelt.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InvalidChoice("options", options, ["None", "a mapping such as {'variation': 0}"])
+    for name in options:
+        if name != "variation" and difflib.get_close_matches(str(name).lower(), ["variation"], cutoff=0.8):
+            raise InvalidChoice("an option of reset", name, ["variation"])
+    return options
 
 
 def _camera_names(cameras: Any) -> tuple[str, ...]:

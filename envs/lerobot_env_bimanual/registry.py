@@ -1,14 +1,22 @@
-"""Registries of tasks and axes of perturbation: names are known without importing anything, modules load on first use."""
+"""Registries of tasks and of axes of perturbation: names are known without importing anything, modules load on first use.
+
+The axes are chosen by a text such as `camera_moved:2,mass:1`, which is checked here without loading MuJoCo.
+"""
 
 from __future__ import annotations
 
 import functools
 import importlib
 import logging
+import tomllib
 from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from lerobot_bimanual.distributions import entries
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 
 logger = logging.getLogger(__name__)
 
@@ -104,3 +112,42 @@ class Registry[T]:
             return ""
         entry = entries(self._group).get(name)
         return f" of the distribution {entry.dist.name!r}" if entry and entry.dist else ""
+
+
+AXES_DATA: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("perturbations").joinpath("axes.toml").read_text(encoding="utf-8")
+)
+"""Axis of this distribution -> its module in `perturbations`, and the arguments of `Axis` besides its functions."""
+
+AXES: Registry[Any] = Registry(
+    kind="axis",
+    group="lerobot_bimanual.perturbations",
+    own={name: f"{__package__}.perturbations.{row['module']}" for name, row in AXES_DATA.items()},
+    unknown=partial(InvalidChoice, "axis"),
+)
+"""The axes of perturbation, each a `lerobot_env_bimanual.perturbations.axis.Axis`."""
+
+
+def chosen_levels(perturb: object) -> dict[str, int]:
+    """Level of each chosen axis, by name in alphabetical order; nominal axes are left out.
+
+    Args:
+        perturb: `AXIS:LEVEL`, several separated by commas; may be empty.
+
+    Raises:
+        InvalidChoice: the text has another form, or there is no such axis or level.
+    """
+    levels = parse_levels(perturb)
+    for name in levels:
+        if name not in AXES.names:
+            raise InvalidChoice(f"an axis of perturb={perturb!r}", name, AXES.names)
+    return levels
+
+
+def checked_perturbation(perturb: object) -> str:
+    """The canonical text of the chosen levels.
+
+    Raises:
+        InvalidChoice: as for `chosen_levels`.
+    """
+    return levels_text(chosen_levels(perturb))

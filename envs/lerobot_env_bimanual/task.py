@@ -115,11 +115,11 @@ class TaskSpec:
         Raises:
             UnknownVariation: the task has no such variation.
         """
-        if variation == ANY_VARIATION:
-            return None
-        if isinstance(variation, str) and re.fullmatch("[0-9]{1,4}", variation):
-            variation = int(variation)
-        if isinstance(variation, bool) or not isinstance(variation, int | np.integer):
+        if isinstance(variation, str):
+            if variation == ANY_VARIATION:
+                return None
+            variation = int(variation) if re.fullmatch("[0-9]{1,4}", variation) else variation
+        if not isinstance(variation, int | np.integer) or isinstance(variation, bool):
             raise UnknownVariation(self.name, variation, len(self.variations))
         if not 0 <= variation < len(self.variations):
             raise UnknownVariation(self.name, variation, len(self.variations))

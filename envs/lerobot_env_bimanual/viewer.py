@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
@@ -48,47 +46,8 @@ type OpenWindow = Callable[..., AbstractContextManager[Handle]]
 """Opens a window on a model and its data; `key_callback` is given the code of every key."""
 
 
-@dataclass(frozen=True)
-class ShownEpisode:
-    """Which episode is played: seed of the reset, and index of the variation; None leaves it to the options."""
-
-    seed: int
-    variation: int | None = None
-
-    def after(self, key: int, shown: int, variations: int) -> ShownEpisode | None:
-        """The episode that a key asks for; None if the key has no such meaning.
-
-        Args:
-            key: code of GLFW.
-            shown: variation of the present episode.
-            variations: how many the task has.
-        """
-        match key:
-            case Key.RIGHT | Key.LEFT:
-                return replace(self, seed=max(0, self.seed + (1 if key == Key.RIGHT else -1)))
-            case Key.UP | Key.DOWN:
-                return replace(self, variation=(shown + (1 if key == Key.UP else -1)) % variations)
-            case Key.BACKSPACE:
-                return self
-        return None
-
-
-class _OtherEpisode(BaseException):
+class _EpisodeLeft(BaseException):
     """Leaves an episode in its middle; not an `Exception`, so that no code on the way handles it."""
-
-    def __init__(self, episode: ShownEpisode | None):
-        self.episode = episode
-
-
-def no_window() -> str:
-    """Why no window can be opened; empty if one can."""
-    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
-        return "there is no display"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GLFW's own text of the same
-        import glfw
-
-        return "" if glfw.init() else "the display cannot be opened"
 
 
 @contextmanager
@@ -118,7 +77,7 @@ class Performance:
         env: whose episodes are played.
         player: the policy or expert.
         name: of the player, as it is shown.
-        episode: the first episode.
+        first_seed: seed of the first episode; its variation is left to the options.
         open_window: MuJoCo's viewer, or a replacement.
         sleep: waits for some seconds.
     """
@@ -128,12 +87,12 @@ class Performance:
         env: BimanualEnv,
         player: Player,
         name: str,
-        episode: ShownEpisode,
+        first_seed: int,
         open_window: OpenWindow,
         sleep: Callable[[float], None] = time.sleep,
     ):
         self._env, self._player, self._name = env, player, name
-        self._episode: ShownEpisode | None = episode
+        self._seed, self._variation = first_seed, None
         self._open_window, self._sleep = open_window, sleep
         self._keys: SimpleQueue[int] = SimpleQueue()
         self._paused = False
@@ -151,20 +110,18 @@ class Performance:
             camera.lookat[:] = LOOK_AT_M
             for name, value in FIRST_VIEW.items():
                 setattr(camera, name, value)
-            while self._episode is not None:
-                try:
-                    verdict = self._play(self._episode)
-                    while True:  # the last state stays until another episode is asked for
+            while self._window.is_running():
+                with contextlib.suppress(_EpisodeLeft):
+                    verdict = self._play()
+                    while True:  # the last state stays until another episode is requested
                         self._show(verdict)
                         self._sleep(POLL_S)
-                except _OtherEpisode as other:
-                    self._episode = other.episode
 
-    def _play(self, episode: ShownEpisode) -> str:
+    def _play(self) -> str:
         self._due_s = time.monotonic()
         try:
             with self._env.observed_by(lambda *_: self._tick()):
-                outcome = run_episode(self._env, episode.seed, self._player, variation=episode.variation)
+                outcome = run_episode(self._env, self._seed, self._player, variation=self._variation)
         except PlacementFailure as failure:
             return str(failure)
         return "solved" if outcome.success else f"not solved: {outcome.failure}"
@@ -180,20 +137,31 @@ class Performance:
         self._sleep(max(0.0, self._due_s - time.monotonic()))
 
     def _show(self, state: str) -> None:
-        """Draw, and leave the episode if the window was closed or another one is asked for."""
+        """Draw, and leave the episode if the window was closed or another one is requested."""
         env, window, scene = self._env, self._window, self._env.scene
         if not window.is_running():
-            raise _OtherEpisode(None)
+            raise _EpisodeLeft
         world = f"with {env.options.perturb}" if env.options.perturb else "nominal"
         episode = f"{self._name}, seed {env.progress.seed}, variation {env.variation}, {world}"
         window.set_texts((None, None, f"{env.task_description}\n{episode}\n{state}\n{KEYS}", ""))
         with applied(scene.model, scene.data, scene.appearance.fields):
             window.sync()
         while not self._keys.empty():
-            key = self._keys.get()
-            if key == Key.SPACE:
+            self._press(self._keys.get())
+
+    def _press(self, key: int) -> None:
+        """Pause or go on, or leave the episode for the one that the key requests."""
+        match key:
+            case Key.SPACE:
                 self._paused = not self._paused
-            assert self._episode is not None  # while an episode is played
-            variations = len(env.task_definition.spec.variations)
-            if (other := self._episode.after(key, env.variation, variations)) is not None:
-                raise _OtherEpisode(other)
+                return
+            case Key.RIGHT | Key.LEFT:
+                self._seed = max(0, self._seed + (1 if key == Key.RIGHT else -1))
+            case Key.UP | Key.DOWN:
+                n_variations = len(self._env.task_definition.spec.variations)
+                self._variation = (self._env.variation + (1 if key == Key.UP else -1)) % n_variations
+            case Key.BACKSPACE:
+                pass
+            case _:
+                return
+        raise _EpisodeLeft

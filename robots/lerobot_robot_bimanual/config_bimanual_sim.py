@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
 
-from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
+from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions, checked_seed
 
 
 @RobotConfig.register_subclass("bimanual_sim")
@@ -46,7 +46,6 @@ class BimanualSimConfig(RobotConfig):
 
     def __post_init__(self) -> None:
         """Check everything; LeRobot has a check of its own, but of real cameras. MuJoCo is loaded here."""
-        from lerobot_env_bimanual.episode.reset_arguments import checked_seed
         from lerobot_env_bimanual.tasks.registry import get_task
 
         get_task(self.task).spec.variation_index(self.variation)

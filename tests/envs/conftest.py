@@ -39,6 +39,14 @@ def scene(_empty_scene) -> Scene:
     return _empty_scene
 
 
+@pytest.fixture(scope="module")
+def instant_placement():
+    """Take the first placement as it is drawn; rehearsing it is most of a reset's time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lerobot_env_bimanual.episode.rehearsal.Rehearsal.infeasibility", lambda *_: None)
+        yield
+
+
 @pytest.fixture
 def keypose_below() -> Callable[..., np.ndarray]:
     return _keypose_below

@@ -16,32 +16,16 @@ from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 SEEDS = (11, 12, 13)
 
 
-@pytest.fixture(params=list_tasks())
-def name(request):
-    return request.param
+@pytest.fixture(scope="module", params=list_tasks())
+def env(request):
+    env = BimanualEnv(request.param, obs="state", split="val")
+    yield env
+    env.close()
 
 
-@pytest.fixture
-def task(name):
-    return get_task(name)
-
-
-@pytest.fixture(scope="module")
-def environments():
-    opened = {}
-    yield opened
-    for env in opened.values():
-        env.close()
-
-
-@pytest.fixture
-def env(name, environments):
-    if name not in environments:
-        environments[name] = BimanualEnv(name, obs="state", split="val")
-    return environments[name]
-
-
-def test_the_specification_is_consistent(name, task):
+@pytest.mark.parametrize("name", list_tasks())
+def test_the_specification_is_consistent(name):
+    task = get_task(name)
     spec = task.spec
     assert type(task).__module__ == f"lerobot_env_bimanual.tasks.{name}"
     assert spec.name == name
@@ -49,22 +33,20 @@ def test_the_specification_is_consistent(name, task):
     assert spec.horizon_ticks > 0
     props = [prop.name for prop in spec.props]
     assert len(set(props)) == len(props) > 0
-
-
-def test_every_variation_has_distinct_conditions_and_instructions(task):
-    for variation in task.spec.variations:
+    for variation in spec.variations:
         names = [condition.name for condition in task.conditions(variation)]
         assert len(set(names)) == len(names) > 0
-        instructions = task.spec.instructions_for(variation)
+        instructions = spec.instructions_for(variation)
         assert all(instruction.strip() == instruction != "" for instruction in instructions)
         assert not any("{" in instruction for instruction in instructions)
         assert len(set(instructions)) == len(instructions) > 0
-    canonical = [task.spec.instructions_for(variation)[0] for variation in task.spec.variations]
+    canonical = [spec.instructions_for(variation)[0] for variation in spec.variations]
     assert len(set(canonical)) == len(canonical), "a policy could not tell the variations apart"
 
 
-def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(task):
-    module = sys.modules[type(task).__module__]
+@pytest.mark.parametrize("name", list_tasks())
+def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(name):
+    module = sys.modules[type(get_task(name)).__module__]
     source = inspect.getsource(module)
     docstring = inspect.getdoc(module)
     assert re.search(r"(one|other|each|two|both|second) (arm|hand)", docstring.lower())
@@ -75,7 +57,7 @@ def test_the_file_tells_what_the_arms_do_and_what_differs_and_hides_no_mujoco(ta
     assert not any(name.endswith((".gl", "mujoco", ".env")) for name in modules)
 
 
-def test_resets_are_quiet_unsolved_and_different(env):
+def test_resets_are_quiet_unsolved_and_different_and_tell_conditions_as_they_are(env):
     hashes = set()
     for seed in SEEDS:
         _, info = env.reset(seed=seed)
@@ -85,16 +67,12 @@ def test_resets_are_quiet_unsolved_and_different(env):
         assert info["failure"] == ""
         hashes.add(env.state_hash())
     assert len(hashes) == len(SEEDS)
-
-
-def test_conditions_are_told_as_they_are_after_a_tick(env):
-    env.reset(seed=SEEDS[0])
     *_, info = env.step(env.scene.commanded)
     conditions = env.task_definition.conditions(env.progress.variation)
     assert info["conditions"] == {condition.name: condition(env.scene) for condition in conditions}
 
 
-def test_the_same_seed_gives_the_same_state_after_any_history(name, env):
+def test_the_same_seed_gives_the_same_state_after_any_history(env):
     env.reset(seed=SEEDS[0])
     fresh = env.state_hash()
     env.reset(seed=SEEDS[1])
@@ -102,7 +80,7 @@ def test_the_same_seed_gives_the_same_state_after_any_history(name, env):
         env.step(np.zeros(16, dtype=np.float32))
     env.reset(seed=SEEDS[0])
     assert env.state_hash() == fresh
-    other = BimanualEnv(name, obs="state", split="val")
+    other = BimanualEnv(env.task, obs="state", split="val")
     other.reset(seed=SEEDS[0])
     assert other.state_hash() == fresh
     other.close()

@@ -11,7 +11,7 @@ from lerobot.envs.utils import env_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import InvalidChoice, UnknownCamera, UnknownTask
+from lerobot_bimanual.errors import InvalidChoice, UnknownTask
 from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.registry import get_task, list_suites
@@ -27,25 +27,20 @@ def parse(*arguments: str) -> EnvConfig:
 
 
 def test_flags_reach_the_environment():
-    config = parse(
-        "--env.task=lift_ball",
-        "--env.variation=0",
-        "--env.split=val",
-        "--env.cameras=front,left_wrist",
-        "--env.image_size=24x32",
-        "--env.obs=rgb",
-        "--env.control_mode=joint",
-        "--env.video_dir=films",
-        "--env.max_keyposes=7",
-    )
-    given = {"variation": 0, "split": "val", "obs": "rgb", "control_mode": "joint", "video_dir": "films"}
+    given = {
+        "variation": 0,
+        "split": "val",
+        "cameras": "front,left_wrist",
+        "image_size": "24x32",
+        "obs": "rgb",
+        "control_mode": "joint",
+        "video_dir": "films",
+        "max_keyposes": 7,
+    }
+    config = parse("--env.task=lift_ball", *(f"--env.{name}={value}" for name, value in given.items()))
     options = BimanualEnv("lift_ball", **config.gym_kwargs).options
     assert {name: getattr(options, name) for name in given} == given
-    assert (options.camera_names, options.size, options.max_keyposes) == (
-        ("front", "left_wrist"),
-        (24, 32),
-        7,
-    )
+    assert (options.camera_names, options.size) == (("front", "left_wrist"), (24, 32))
 
 
 def test_policies_see_the_names_and_shapes_of_the_dataset():
@@ -79,14 +74,8 @@ def test_environments_are_grouped_by_task():
         assert env.call("task") == (task, task)
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "complaint"),
-    [
-        ({"task": "symetric"}, UnknownTask, "symmetric"),
-        ({"cameras": "front,top"}, UnknownCamera, "left_wrist"),
-        ({"fps": 30}, InvalidChoice, "20"),
-    ],
-)
-def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
-    with pytest.raises(error, match=complaint):
-        BimanualEnvConfig(**options)
+def test_bad_options_are_refused_with_the_valid_ones():
+    with pytest.raises(UnknownTask, match="symmetric"):
+        BimanualEnvConfig(task="symetric")
+    with pytest.raises(InvalidChoice, match="20"):
+        BimanualEnvConfig(fps=30)

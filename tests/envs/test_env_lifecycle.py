@@ -1,7 +1,11 @@
-"""Resets with bad arguments, copies of running environments, episodes ended from outside."""
+"""An episode is determined bit for bit; resets with bad arguments, copies, episodes ended from outside."""
 
 import copy
+import hashlib
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -9,8 +13,61 @@ import pytest
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.registry import AXES
 
 TASK = "lift_ball"
+
+
+def hash_sequence(env: BimanualEnv, seed: int, ticks: int = 5) -> list[str]:
+    """The state after the reset and after each tick of a random walk of the arms."""
+    env.reset(seed=seed)
+    hashes = [env.state_hash()]
+    steps = np.random.default_rng(seed).uniform(-0.05, 0.05, (ticks, 16))
+    for action in (env.scene.commanded + np.cumsum(steps, axis=0)).astype(np.float32):
+        env.step(action)
+        hashes.append(env.state_hash())
+    return hashes
+
+
+def perturbed_sequence() -> list[str]:
+    """The same with every axis at its highest level, and what is seen at the end."""
+    perturb = ",".join(f"{axis}:3" for axis in AXES.names if axis != "stiffness")  # the task has no joints
+    env = BimanualEnv(TASK, image_size=16, perturb=perturb)
+    hashes, observation = hash_sequence(env, seed=7), env.observe()
+    env.close()
+    images = [*observation.pop("pixels").values(), *observation.values()]
+    return [*hashes, hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest()]
+
+
+def test_same_seed_gives_the_same_bits_in_another_process_and_with_images(state_env, rgbd_env):
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import test_env_lifecycle as t;"
+        f"print(*t.hash_sequence(t.BimanualEnv({TASK!r}, obs='state'), seed=7), *t.perturbed_sequence())"
+    )
+    command = [sys.executable, "-c", script, str(Path(__file__).parent)]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    hashes = hash_sequence(state_env, seed=7)
+    assert output.split() == [*hashes, *perturbed_sequence()]
+    assert hash_sequence(rgbd_env, seed=7) == hashes
+
+
+def test_a_seed_means_another_episode_in_every_split():
+    hashes = set()
+    for split in ("train", "val", "test"):
+        env = BimanualEnv(TASK, obs="state", split=split)
+        hashes.add(hash_sequence(env, seed=5, ticks=0)[0])
+        env.close()
+    assert len(hashes) == 3
+
+
+def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
+    def unseeded_episodes() -> list[str]:
+        state_env.reset(seed=4)
+        return [state_env.state_hash() for _ in range(2) if state_env.reset()]
+
+    episodes = unseeded_episodes()
+    assert len(set(episodes)) == 2
+    assert unseeded_episodes() == episodes
 
 
 @pytest.mark.parametrize(

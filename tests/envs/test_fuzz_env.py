@@ -53,20 +53,12 @@ MISSPELT = st.dictionaries(st.text(max_size=12), JUNK, max_size=1)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: "-".join(case))
-def environment(request, module_patch):
+def environment(request, instant_placement):
     task, control_mode = request.param
     env = BimanualEnv(task, obs="state", control_mode=control_mode, max_keyposes=2)
     env.reset(seed=SEED)
     yield env, env.save_state()
     env.close()
-
-
-@pytest.fixture(scope="module")
-def module_patch():
-    """Take the first placement as it is drawn; rehearsing it is most of a reset's time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lerobot_env_bimanual.episode.rehearsal.Rehearsal.infeasibility", lambda *_: None)
-        yield
 
 
 @given(actions=st.lists(ACTIONS, min_size=1, max_size=3))
@@ -119,7 +111,7 @@ def test_any_arguments_of_reset_start_an_episode_or_are_refused(seed, options, r
 
 
 @pytest.fixture(scope="module")
-def resettable(module_patch):
+def resettable(instant_placement):
     env = BimanualEnv("handover_item_easy", obs="state")
     env.reset(seed=SEED)
     yield env

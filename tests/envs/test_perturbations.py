@@ -2,16 +2,17 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import InvalidChoice
+from lerobot_env_bimanual.commands.task_list import TaskPerturbationsConfig, task_perturbations
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.perturbations.axis import Axis
-from lerobot_env_bimanual.perturbations.registry import data, get_axis, list_axes, register
+from lerobot_env_bimanual.perturbations.axis import Axis, data, register
+from lerobot_env_bimanual.registry import AXES
 
 
-@pytest.mark.parametrize("name", list_axes())
+@pytest.mark.parametrize("name", AXES.names)
 def test_every_axis_says_what_it_does_how_far_and_why(name):
-    axis = get_axis(name)
+    axis = AXES.get(name)
     assert axis.name == name
     assert len(axis.levels) == 3
     assert axis.unit
@@ -27,12 +28,9 @@ def test_options_hold_perturbations_in_their_one_form():
     assert EnvOptions(perturb="mass:0").perturb == EnvOptions().perturb == ""
 
 
-def test_an_axis_that_does_not_exist_is_refused_with_those_that_do():
+def test_an_axis_that_does_not_exist_or_has_nothing_to_change_is_refused_with_those_that_do():
     with pytest.raises(InvalidChoice, match=r"'masss', but must be one of: .*mass"):
         BimanualEnv("lift_ball", perturb="masss:1")
-
-
-def test_an_axis_without_anything_to_change_is_refused_with_those_that_have():
     env = BimanualEnv("dual_push_buttons", obs="state", perturb="mass:1")
     with pytest.raises(
         InvalidChoice, match=r"for 'dual_push_buttons' is 'mass', but must be one of: .*arm_late"
@@ -41,7 +39,7 @@ def test_an_axis_without_anything_to_change_is_refused_with_those_that_have():
 
 
 def test_two_axes_of_one_name_are_refused():
-    get_axis("mass")
+    AXES.get("mass")
     with pytest.raises(ValueError, match="another axis is called 'mass'"):
         register(Axis(**data("mass")))
 
@@ -51,3 +49,13 @@ def test_a_perturbed_world_has_a_version_of_its_own_even_if_it_only_looks_differ
         world_version("lift_ball", perturb) for perturb in ("", "mass:1", "camera_moved:1", "camera_moved:2")
     ]
     assert len(set(versions)) == len(versions)
+
+
+def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
+    task_perturbations(TaskPerturbationsConfig())
+    listed = capsys.readouterr().out
+    assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(AXES.names)
+    task_perturbations(TaskPerturbationsConfig(group="words"))
+    listed = capsys.readouterr().out
+    assert listed.startswith("instruction  (words)")
+    assert "levels 1 to 3: 1, 2, 3 steps" in listed

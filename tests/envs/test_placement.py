@@ -43,8 +43,8 @@ class BallOutOfReach(LiftBall):
         return True
 
 
-def no_change(start):
-    assert start.scene.ticks == 0
+def no_change(task, scene, progress, is_feasible):
+    assert scene.ticks == 0
 
 
 def beginning(task):

@@ -1,11 +1,9 @@
-"""How pictures are laid out, and where they are taken from."""
+"""Where pictures are taken from."""
 
 import numpy as np
 import pytest
 
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_env_bimanual.commands.task_perturbations import TaskPerturbationsConfig, task_perturbations
-from lerobot_env_bimanual.perturbations.registry import list_axes
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
@@ -29,13 +27,3 @@ def test_the_clearest_camera_is_one_that_the_moved_thing_is_not_hidden_from(scen
         scene.place("item", Pose.upright(block_m + np.array([move_m, 0, 0])))
         states.append(scene.save_state())
     assert clearest_camera(scene, states) != camera.name
-
-
-def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
-    task_perturbations(TaskPerturbationsConfig())
-    listed = capsys.readouterr().out
-    assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(list_axes())
-    task_perturbations(TaskPerturbationsConfig(group="words"))
-    listed = capsys.readouterr().out
-    assert listed.startswith("instruction  (words)")
-    assert "levels 1 to 3: 1, 2, 3 steps" in listed

@@ -15,7 +15,7 @@ from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConfig, policy_robustness
 from lerobot_env_bimanual.episode.progress import draw_episode
-from lerobot_env_bimanual.perturbations.registry import AXES, get_axis, list_axes
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.sweep import expert_robustness, robustness
 from lerobot_env_bimanual.sweep.conditions import conditions_of, solved_seeds
 from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
@@ -55,7 +55,7 @@ def move_to_another_world(path: Path, task: str, perturb: str) -> None:
 def test_every_task_has_conditions_and_says_what_does_not_apply(task):
     conditions = conditions_of(task)
     names = [axis.name for axis in conditions.axes]
-    assert sorted([*names, *conditions.not_applicable]) == list(list_axes())
+    assert sorted([*names, *conditions.not_applicable]) == list(AXES.names)
     assert [*conditions] == [("", 0), *((name, level) for name in sorted(names) for level in (1, 2, 3))]
 
 
@@ -73,7 +73,7 @@ def test_unknown_axes_and_levels_are_refused(axes, levels, message):
 
 
 def test_a_sweep_without_an_axis_that_applies_is_refused(monkeypatch):
-    changed = replace(get_axis("mass"), applies_to=lambda *_: False)
+    changed = replace(AXES.get("mass"), applies_to=lambda *_: False)
     monkeypatch.setitem(AXES.loaded, "mass", changed)
     assert "mass" in conditions_of("lift_ball").not_applicable
     with pytest.raises(BimanualError, match="none of the axes mass finds anything to change in lift_ball"):

@@ -8,100 +8,79 @@ import subprocess
 import sys
 from functools import partial
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import InvalidAction, UnknownVariation
+from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
+from lerobot_env_bimanual.tasks.lift_ball import LiftBall
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.workers import WorkerDied
 
 make_lift_ball = partial(BimanualEnv, "lift_ball", image_size=16, cameras=("front",))
 
 
-class CountingEnv(gym.Env):
-    """Ends after three steps; counts what is asked of it."""
+MAIN_SCRIPT = """
+with open("runs", "a") as runs:
+    runs.write("x")
 
-    metadata = {"render_fps": 20}  # noqa: RUF012
-    observation_space = gym.spaces.Box(0, 100, (1,), np.float32)
-    action_space = gym.spaces.Box(0, 1, (16,), np.float32)
+def make_reporting_env():
+    import sys
+    from lerobot_env_bimanual.env import BimanualEnv
+    env = BimanualEnv("lift_ball", obs="state")
+    env.loaded = sorted({"lerobot", "torch", "mujoco"} & set(sys.modules))
+    return env
 
-    def __init__(self):
-        self.resets = self.steps = self.tick = 0
-
-    def observe(self):
-        return np.array([self.tick], dtype=np.float32)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.resets += 1
-        self.tick = 0
-        return self.observe(), {"is_success": False}
-
-    def step(self, action):
-        self.steps += 1
-        self.tick += 1
-        over = self.tick >= 3
-        return self.observe(), 1.0, over, False, {"is_success": over}
+if __name__ == "__main__":
+    from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+    envs = LazyVectorEnv([make_reporting_env] * 2, asynchronous=True)
+    print(envs.get_attr("loaded"))
+    envs.close()
+    print(__file__, __spec__)
+"""
 
 
-def test_workers_run_the_main_script_not_again(tmp_path):
+def test_workers_run_the_main_script_not_again_and_load_neither_lerobot_nor_torch(tmp_path):
     script = tmp_path / "main_script"
-    script.write_text(
-        "from pathlib import Path\n"
-        f"with Path({str(tmp_path / 'runs')!r}).open('a') as runs: runs.write('x')\n"
-        "if __name__ == '__main__':\n"
-        "    from functools import partial\n"
-        "    from lerobot_env_bimanual.env import BimanualEnv\n"
-        "    from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv\n"
-        "    envs = LazyVectorEnv([partial(BimanualEnv, 'lift_ball', obs='state')] * 2, asynchronous=True)\n"
-        "    print(envs.call('task'))\n"
-        "    envs.close()\n"
-        "    print(__file__, __spec__)\n"
-    )
-    output = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
-    assert output.splitlines() == ["('lift_ball', 'lift_ball')", f"{script} None"]
+    script.write_text(MAIN_SCRIPT)
+    command = [sys.executable, script]
+    output = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    assert output.splitlines() == ["(['mujoco'], ['mujoco'])", f"{script} None"]
     assert (tmp_path / "runs").read_text() == "x"
 
 
 def test_environments_start_at_first_use_and_end_at_close():
     made = []
 
-    def make() -> gym.Env:
-        made.append(CountingEnv())
+    def make() -> BimanualEnv:
+        made.append(make_lift_ball())
         return made[-1]
 
     envs = LazyVectorEnv([make, make], asynchronous=False)
-    examples = len(made)
-    assert examples == 1
-    envs.reset(seed=0)
-    assert len(made) == examples + 2
-    envs.close()
-    envs.close()
-    observations, _ = envs.reset(seed=0)
-    assert observations.shape == (2, 1)
-    assert len(made) == examples + 4
-    envs.close()
+    assert len(made) == 1, "an example"
+    for count in (3, 5):
+        envs.reset(seed=0)
+        assert len(made) == count
+        envs.close()
+        envs.close()
 
 
-def test_a_finished_environment_repeats_its_last_transition_until_an_explicit_reset():
-    envs = LazyVectorEnv([CountingEnv], asynchronous=False)
-    envs.reset(seed=[0])
-    actions = np.zeros((1, 16), dtype=np.float32)
-    rewards = [envs.step(actions)[1].item() for _ in range(8)]
-    assert rewards == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    observations, _, _, _, info = envs.step(actions)
-    assert observations.item() == 3
-    assert info["is_success"].tolist() == [True]
-    assert envs.get_attr("steps") == (3,)
-    assert envs.get_attr("resets") == (1,)
-    for arguments in ({"options": {"lerobot_new_rollout": True}}, {"seed": [1]}, {}):
-        observations, info = envs.reset(**arguments)
-        assert observations.item() == 0
-        assert info["is_success"].tolist() == [False]
-        for _ in range(3):
-            envs.step(actions)
+def test_a_finished_environment_repeats_its_last_transition_until_an_explicit_reset(monkeypatch):
+    monkeypatch.setattr(LiftBall, "conditions", lambda *_: (AtRest("world"),))
+    envs = LazyVectorEnv([partial(BimanualEnv, "lift_ball", obs="state")], asynchronous=False)
+    for arguments in ({"seed": [1]}, {"options": {"lerobot_new_rollout": True}}, {"seed": [1]}, {}):
+        _, info = envs.reset(**arguments)
+        assert info["ticks"].tolist() == [0]
+        action = holding(envs)
+        transitions = [envs.step(action) for _ in range(SUCCESS_TICKS)]
+        assert [rewards.item() for _, rewards, *_ in transitions] == [0.0] * (SUCCESS_TICKS - 1) + [1.0]
+        state = envs.call("state_hash")
+        observation, rewards, *_, info = envs.step(action)
+        assert (rewards.item(), info["ticks"].item(), info["is_success"].item()) == (0.0, SUCCESS_TICKS, True)
+        np.testing.assert_equal(observation, transitions[-1][0])
+        assert envs.call("state_hash") == state
     envs.close()
 
 

@@ -1,6 +1,5 @@
 """The viewer plays the episodes that its keys ask for, until its window is closed."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -11,7 +10,7 @@ import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.viewer import Key, Performance, ShownEpisode, no_window
+from lerobot_env_bimanual.viewer import Key, Performance
 
 pytestmark = pytest.mark.sim
 
@@ -55,7 +54,7 @@ class Screen:
 
 def watched(screen: Screen, task: str = "handover_item", **options) -> Screen:
     env = BimanualEnv(task, obs="state", **options)
-    Performance(env, expert(), "expert", ShownEpisode(0), screen.open, sleep=lambda _: None).run()
+    Performance(env, expert(), "expert", 0, screen.open, sleep=lambda _: None).run()
     env.close()
     return screen
 
@@ -92,11 +91,3 @@ def test_arrows_take_other_seeds_and_variations_in_the_middle_of_an_episode():
             "seed 0, variation 4",
         )
     }
-
-
-def test_a_window_needs_a_display_that_opens(monkeypatch):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert no_window() == "there is no display"
-    monkeypatch.setitem(os.environ, "DISPLAY", ":4711")
-    assert no_window() == "the display cannot be opened"

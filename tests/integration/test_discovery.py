@@ -17,15 +17,12 @@ from lerobot.configs.policies import PreTrainedConfig
 from lerobot.envs.configs import EnvConfig
 from lerobot.robots.config import RobotConfig
 from lerobot.teleoperators.config import TeleoperatorConfig
-print(json.dumps({
-    "envs": {name: config.__module__ for name, config in EnvConfig.get_known_choices().items()},
-    "policies": {name: config.__module__ for name, config in PreTrainedConfig.get_known_choices().items()},
-    "robots": {name: config.__module__ for name, config in RobotConfig.get_known_choices().items()},
-    "teleoperators": {
-        name: config.__module__ for name, config in TeleoperatorConfig.get_known_choices().items()
-    },
-    "loaded": sorted(set(sys.modules) - before),
-}))
+kinds = {"envs": EnvConfig, "policies": PreTrainedConfig, "robots": RobotConfig, "teleoperators": TeleoperatorConfig}
+found = {
+    kind: {name: config.__module__ for name, config in base.get_known_choices().items()}
+    for kind, base in kinds.items()
+}
+print(json.dumps(found | {"loaded": sorted(set(sys.modules) - before)}))
 """
 
 

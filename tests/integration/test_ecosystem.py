@@ -9,7 +9,6 @@ import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.datasets.streaming_dataset import StreamingLeRobotDataset
 from lerobot.scripts import lerobot_edit_dataset
-from programs import run
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
@@ -96,12 +95,3 @@ def test_streaming_gives_the_rows_that_are_stored(generated) -> None:
         for key, value in stored[rows[-1]].items():
             assert np.array_equal(np.asarray(item[key]), np.asarray(value)), key
     assert sorted(rows) == list(range(len(stored)))
-
-
-@pytest.mark.parametrize("view", schema.VIEWS)
-def test_the_viewer_draws_both_views(generated, tmp_path, view) -> None:
-    pytest.importorskip("rerun", reason="needs lerobot[viz]")
-    place = ("--repo-id=local/small", f"--root={generated / view}", "--episode-index=1")
-    flags = ("--num-workers=0", "--save=1", f"--output-dir={tmp_path}")
-    run("lerobot-dataset-viz", *place, *flags, folder=tmp_path)
-    assert (tmp_path / "local_small_episode_1.rrd").stat().st_size > 10_000

@@ -1,7 +1,5 @@
 """LeRobot's own evaluation loop drives the environment with joint actions and keyposes."""
 
-import sys
-import textwrap
 from collections.abc import Callable
 from unittest.mock import MagicMock
 
@@ -12,7 +10,6 @@ from lerobot.envs.utils import close_envs
 from lerobot.policies import PreTrainedPolicy
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.scripts.lerobot_eval import eval_policy, eval_policy_all
-from programs import run
 
 from lerobot_bimanual.dataset import schema
 from lerobot_env_bimanual import BimanualEnvConfig
@@ -30,13 +27,9 @@ def scripted_policy(act: Callable[[dict], torch.Tensor]) -> MagicMock:
     return policy
 
 
-def batches_of(policy: MagicMock) -> list[dict]:
-    """The observations that a policy was given."""
-    return [call.args[0] for call in policy.select_action.call_args_list]
-
-
-def hold_joints(batch) -> torch.Tensor:
-    return batch[schema.STATE]
+def observed(policy: MagicMock, key: str) -> torch.Tensor:
+    """One entry of all observations that a policy was given."""
+    return torch.stack([call.args[0][key] for call in policy.select_action.call_args_list])
 
 
 def hands_down(batch) -> torch.Tensor:
@@ -54,24 +47,18 @@ def processors() -> dict[str, PolicyProcessorPipeline]:
     return {name: PolicyProcessorPipeline(steps=[]) for name in names} | {"postprocessor": action}
 
 
-def evaluate(act, asynchronous: bool) -> tuple[dict, MagicMock]:
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_keyposes_pass_through_the_evaluation_loop(asynchronous):
     config = BimanualEnvConfig(task="lift_ball", image_size=SIZE)
     envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
-    policy = scripted_policy(act)
+    policy = scripted_policy(hands_down)
     (env,) = envs["lift_ball"].values()
     info = eval_policy(env, policy, **processors(), n_episodes=2, start_seed=7)
     close_envs(envs)
-    return info, policy
-
-
-@pytest.mark.parametrize("asynchronous", [False, True])
-def test_keyposes_pass_through_the_evaluation_loop(asynchronous):
-    info, policy = evaluate(hands_down, asynchronous)
     assert [episode["seed"] for episode in info["per_episode"]] == [7, 8]
     assert info["aggregated"]["pc_success"] == 0.0
-    steps = torch.stack([batch[schema.KEYPOSE_STEP] for batch in batches_of(policy)]).squeeze(-1)
-    assert steps.tolist() == [[0, 0], [1, 1], [2, 2]]
-    heights = torch.stack([batch[schema.EE_POSE][:, 2] for batch in batches_of(policy)])
+    assert observed(policy, schema.KEYPOSE_STEP).squeeze(-1).tolist() == [[0, 0], [1, 1], [2, 2]]
+    heights = observed(policy, schema.EE_POSE)[:, :, 2]
     assert torch.allclose(heights.diff(dim=0), torch.tensor(-0.05), atol=5e-3)
 
 
@@ -92,33 +79,12 @@ def test_two_tasks_are_evaluated_at_the_same_time(asynchronous, tmp_path, at_mos
     results = []
     for number in (1, config.max_parallel_tasks):
         envs = make_env(config, n_envs=2, use_async_envs=asynchronous)
-        policy = scripted_policy(hold_joints)
+        policy = scripted_policy(lambda batch: batch[schema.STATE])
         options = {"videos_dir": tmp_path / str(number), "max_episodes_rendered": 1, "start_seed": 0}
         options |= {"n_episodes": 2, "max_parallel_tasks": number}
         info = eval_policy_all(envs, policy, **processors(), **options)
         close_envs(envs)  # in this thread, while the images were made in others
-        images = [batch[schema.image_key("front")].sum().item() for batch in batches_of(policy)]
-        results.append((info["overall"]["n_episodes"], sorted(images)))
+        images = observed(policy, schema.image_key("front")).flatten(1).sum(1)
+        results.append((info["overall"]["n_episodes"], sorted(images.tolist())))
     assert results[0] == results[1]
     assert {path.parent.name for path in (tmp_path / "2").rglob("*.mp4")} == {"push_box_0", "lift_ball_1"}
-
-
-def test_workers_load_neither_lerobot_nor_torch(tmp_path):
-    # In a process of its own: workers come from the process's one fork server, and other tests start it with more.
-    program = textwrap.dedent("""
-        import lerobot.envs, torch
-        from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
-
-        def make_reporting_env():
-            import sys
-            from lerobot_env_bimanual.env import BimanualEnv
-            env = BimanualEnv("lift_ball", obs="state")
-            env.loaded = sorted({"lerobot", "torch", "mujoco"} & set(sys.modules))
-            return env
-
-        if __name__ == "__main__":
-            envs = LazyVectorEnv([make_reporting_env], asynchronous=True)
-            print("loaded:", envs.get_attr("loaded"))
-            envs.close()
-    """)
-    assert "loaded: (['mujoco'],)" in run(sys.executable, "-c", program, folder=tmp_path)

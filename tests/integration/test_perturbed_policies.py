@@ -12,11 +12,11 @@ import lerobot_policy_bimanual  # noqa: F401  (registers its policies)
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.registry import AXES
 
 pytestmark = pytest.mark.slow
 
-SEEN = tuple(name for name in list_axes() if get_axis(name).changes_only_observations)
+SEEN = tuple(name for name in AXES.names if AXES.get(name).changes_only_observations)
 MAX_WARNINGS = 2 * len(CAMERA_NAMES) + 1
 
 

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from lerobot_bimanual.cli import main
+from lerobot_env_bimanual.commands import task_view
 from lerobot_env_bimanual.rendering import side_by_side
 from lerobot_env_bimanual.rendering.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.viewer import Performance
@@ -63,9 +64,11 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
     assert frames(film)[0].shape[1] == 2 * (PANEL_WIDTH + GAP) + GAP
 
 
-def test_with_a_display_the_window_opens_unless_a_video_is_requested(monkeypatch, capsys) -> None:
+def test_a_window_needs_a_display_that_opens(monkeypatch, capsys) -> None:
+    monkeypatch.setenv("DISPLAY", ":4711")
+    assert task_view._no_window() == "the display cannot be opened"
     played: list[str] = []
-    monkeypatch.setattr("lerobot_env_bimanual.viewer.no_window", lambda: "")
+    monkeypatch.setattr(task_view, "_no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
     assert main(["task", "view", "--task=lift_ball"]) == 0
     assert played == ["expert"]

@@ -72,7 +72,7 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
         lerobot-bimanual expert evaluate --task=lift_ball --perturb=mass:2 --discretise=100
         lerobot-bimanual expert evaluate --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/perturbed
     """
-    from lerobot_env_bimanual.perturbations.registry import checked_perturbation
+    from lerobot_env_bimanual.registry import checked_perturbation
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     config = replace(config, perturb=checked_perturbation(config.perturb))

@@ -1,4 +1,4 @@
-"""The command `task list`."""
+"""The commands `task list` and `task perturbations`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import json
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
 WIDTH = 110
@@ -36,8 +38,11 @@ def task_list(config: TaskListConfig) -> None:
     if config.format == "json":
         json.dump(rows, sys.stdout, indent=2)
         sys.stdout.write("\n")
-    else:
-        _print_list(rows)
+        return
+    for row in sorted(rows, key=lambda row: row["id"]):
+        count = len(row["variations"])
+        title = f"{row['name']}  ({count} variation{'s' * (count > 1)}, at most {row['horizon_ticks']} ticks)"
+        _print_paragraph(title, (*row["instructions"][0], ", ".join(row["suites"])))
 
 
 def _row(name: str) -> dict[str, Any]:
@@ -54,11 +59,31 @@ def _row(name: str) -> dict[str, Any]:
     }
 
 
-def _print_list(rows: list[dict[str, Any]]) -> None:
-    """A paragraph per task, as wide as the terminal; a table would cut names."""
+@dataclass
+class TaskPerturbationsConfig:
+    """Flags of `task perturbations`."""
+
+    # Kind of the axes.
+    group: Literal["all", "seen", "clutter", "bodies", "arms", "words", "time"] = "all"
+
+
+def task_perturbations(config: TaskPerturbationsConfig) -> None:
+    """List the axes of perturbation: levels, units, and where the numbers come from.
+
+    `--env.perturb=AXIS:LEVEL,...` of lerobot-eval, and `--perturb` of the commands, take them by name.
+
+    Examples:
+        lerobot-bimanual task perturbations --group=seen
+    """
+    for axis in AXES.all().values():
+        if config.group in ("all", axis.group):
+            levels = f"levels 1 to 3: {', '.join(f'{level:g}' for level in axis.levels)} {axis.unit}"
+            _print_paragraph(f"{axis.name}  ({axis.group})", (axis.summary, levels, f"source: {axis.source}"))
+
+
+def _print_paragraph(title: str, texts: Iterable[str]) -> None:
+    """Indented texts under a title, as wide as the terminal; a table would cut names."""
     width = shutil.get_terminal_size((WIDTH, 24)).columns
-    for row in sorted(rows, key=lambda row: row["id"]):
-        count = len(row["variations"])
-        print(f"{row['name']}  ({count} variation{'s' * (count > 1)}, at most {row['horizon_ticks']} ticks)")
-        for text in (*row["instructions"][0], ", ".join(row["suites"])):
-            print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))
+    print(title)
+    for text in texts:
+        print(textwrap.fill(text, width, initial_indent="    ", subsequent_indent="      "))

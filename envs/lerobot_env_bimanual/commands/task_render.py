@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:
-    from lerobot_env_bimanual.rendering.task_pictures import RenderRequest
+    from lerobot_bimanual.results.expert_report import EpisodeOutcome
 
 
 @dataclass
@@ -48,7 +49,6 @@ def task_render(config: TaskRenderConfig) -> None:
         lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
     from lerobot_bimanual.files import check_output_folder
-    from lerobot_env_bimanual.rendering.task_pictures import render_episode
     from lerobot_env_bimanual.workers import WorkerPool
 
     requests = _requests(config)
@@ -59,8 +59,8 @@ def task_render(config: TaskRenderConfig) -> None:
         ]
     print(f"{config.output}: pictures of {', '.join(each.stem.name for each in requests)}")
     failures = [
-        f"{each.task} failed at {each.split} seed {each.seed}, stage {one.last_move!r}: "
-        f"{one.failure} (unmet: {', '.join(one.unmet)}), see {each.sheet}"
+        f"{each.task} failed at {config.split} seed {each.seed}, stage {one.last_move!r}: "
+        f"{one.failure} (unmet: {', '.join(one.unmet)}), see {each.stem}.png"
         for each, one in zip(requests, outcomes, strict=True)
         if not one.success
     ]
@@ -68,31 +68,105 @@ def task_render(config: TaskRenderConfig) -> None:
         raise BimanualError("; ".join(["the expert did not solve its episode", *failures]))
 
 
-def _requests(config: TaskRenderConfig) -> Sequence[RenderRequest]:
+@dataclass(frozen=True)
+class RenderRequest:
+    """Which pictures to make.
+
+    Attributes:
+        task: registered task name.
+        seed: seed of the episode.
+        options: of the environment, with the size and the quality of the pictures.
+        camera: name of a camera, or "clearest".
+        video: whether a video is made of the whole episode.
+        stem: path of the files without their suffix; its folder is created if absent.
+    """
+
+    task: str
+    seed: int
+    options: EnvOptions
+    camera: str
+    video: bool
+    stem: Path
+
+
+def _requests(config: TaskRenderConfig) -> list[RenderRequest]:
     """One request per episode, each checked before any process starts."""
-    from lerobot_env_bimanual.rendering.task_pictures import RenderRequest
     from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
+    options = EnvOptions(
+        variation=config.variation,
+        split=config.split,
+        image_size=config.image_size,
+        obs="state",
+        control_mode="keypose",
+        render_quality=config.quality,
+    )
+    if config.video and any(side % 2 for side in options.size):
+        raise BimanualError(
+            f"image_size is {config.image_size!r}, but videos need even sides; or use --video=false"
+        )
     requests = []
     for name in sorted(resolve_tasks(config.task), key=lambda name: get_task(name).spec.id):
+        get_task(name).spec.variation_index(options.variation)
         for seed in range(config.first_seed, config.first_seed + config.episodes):
-            stem = name if config.episodes == 1 else f"{name}_seed{seed}"
-            request = RenderRequest(
-                task=name,
-                variation=config.variation,
-                split=config.split,
-                seed=seed,
-                camera=config.camera,
-                size=config.image_size,
-                quality=config.quality,
-                video=config.video,
-                stem=config.output / stem,
-            )
-            if config.video and any(side % 2 for side in request.environment().options.size):
-                raise BimanualError(
-                    f"image_size is {config.image_size!r}, but videos need even sides; or use --video=false"
-                )
-            requests.append(request)
+            stem = config.output / (name if config.episodes == 1 else f"{name}_seed{seed}")
+            requests.append(RenderRequest(name, seed, options, config.camera, config.video, stem))
     return requests
+
+
+def render_episode(request: RenderRequest) -> EpisodeOutcome:
+    """Let the expert play an episode; write its contact sheet and, if requested, its video.
+
+    Raises:
+        BimanualError: the episode cannot be set up, or not be rendered. It is raised as this very class, which a worker
+            process can send home.
+    """
+    try:
+        return _render(request)
+    except BimanualError as error:
+        place = f"{request.task} at {request.options.split} seed {request.seed}"
+        raise BimanualError(f"{place}: {error}") from None
+
+
+def _render(request: RenderRequest) -> EpisodeOutcome:
+    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.experts.runner import expert
+    from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
+    from lerobot_env_bimanual.rendering.rollout import rollout
+    from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
+    from lerobot_env_bimanual.world.rendering import Renderer
+    from lerobot_env_bimanual.world.servo_commands import TICK_S
+    from lerobot_env_bimanual.world.video import VideoWriter
+
+    options = request.options
+    env = BimanualEnv(request.task, options=options)
+    played = rollout(env, request.seed, expert())
+    outcome, camera = played.outcome, request.camera
+    names = ["start", *(f"{number}. {move.name}" for number, move in enumerate(outcome.moves, 1))]
+    ends = [*accumulate((move.ticks for move in outcome.moves), initial=0)]
+    if camera == "clearest":
+        camera = clearest_camera(env.scene, [played.states[end] for end in ends])
+    with Renderer(env.scene, (camera,), *options.size, options.render_quality) as renderer:
+
+        def panel(tick: int, caption: str = "", color: tuple[int, int, int] = INK) -> Panel:
+            env.scene.restore_state(played.states[tick])
+            return Panel(renderer.render()[camera][0], caption, f"{tick * TICK_S:.1f} s", color)
+
+        verdict, color = ("success", GREEN) if outcome.success else ("failure", RED)
+        panels = [panel(tick, name) for tick, name in zip(ends[:-1], names[:-1], strict=True)]
+        panels.append(panel(ends[-1], f"{names[-1]} - {verdict}", color))
+        facts = f"{options.split} seed {outcome.seed}, variation {outcome.variation}, {outcome.ticks * TICK_S:.1f} s"
+        lines = (env.task_description, f"{facts}, seen from {camera}")
+        request.stem.parent.mkdir(parents=True, exist_ok=True)
+        contact_sheet(request.task, lines, panels).save(request.stem.with_suffix(".png"))
+        if request.video:
+            writer = VideoWriter(request.stem.parent, request.stem.name)
+            for tick in range(len(played.states)):
+                writer.add(panel(tick).rgb)
+            video = writer.close("complete")
+            assert video is not None  # an episode has at least one state
+            video.replace(request.stem.with_suffix(".mp4"))
+    env.close()
+    return outcome

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -49,30 +50,38 @@ def task_view(config: TaskViewConfig) -> None:
             --checkpoint=results/checkpoints/peract2_on_all
     """
     from lerobot_bimanual.files import check_output_folder
-    from lerobot_env_bimanual.viewer import no_window
 
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    reason = "--video was given" if config.video else no_window()
+    reason = "--video was given" if config.video else _no_window()
     if reason:
         # Before MuJoCo is loaded; a display may be there that does not open.
         os.environ.setdefault("MUJOCO_GL", "egl")
         check_output_folder(config.output)
-        _write_videos(config, reason)
-    else:
-        _perform(config)
+    _play(config, reason)
     show_next(
         "lerobot-bimanual", "dataset", "generate", f"--task={config.task}", f"--root=data/{config.task}"
     )
 
 
-def _write_videos(config: TaskViewConfig, reason: str) -> None:
-    from tqdm import tqdm
+def _no_window() -> str:
+    """Why no window can be opened; empty if one can."""
+    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
+        return "there is no display"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW's own text of the same
+        import glfw
 
+        return "" if glfw.init() else "the display cannot be opened"
+
+
+def _play(config: TaskViewConfig, reason: str) -> None:
+    """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.rollout import rollout
     from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
+    from lerobot_env_bimanual.viewer import KEYS, Performance, mujoco_window
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
@@ -80,32 +89,20 @@ def _write_videos(config: TaskViewConfig, reason: str) -> None:
 
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
+    if not reason:
+        print(KEYS)
+        name, player = players.popitem()
+        Performance(env, player, name, config.first_seed, mujoco_window).run()
+        env.close()
+        return
     print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
-        n_frames = max(len(each.states) for each in rollouts.values())
-        with tqdm(total=n_frames, desc="video", unit="frame") as bar:
-            files = write_side_by_side(env, rollouts, config.output, bar.update)
+        files = write_side_by_side(env, rollouts, config.output)
         for name, each in rollouts.items():
             verdict = "solved" if each.outcome.success else f"not solved: {each.outcome.failure}"
             print(f"{name}: {verdict} after {each.duration_s:.1f} s")
         print("\n".join(map(str, files)))
-    env.close()
-
-
-def _perform(config: TaskViewConfig) -> None:
-    from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.viewer import KEYS, Performance, ShownEpisode, mujoco_window
-
-    name, player = "expert", expert()
-    if config.checkpoint is not None:
-        from lerobot_env_bimanual.sweep.policy_rollout import policy_player
-
-        name, player = "policy", policy_player(config.checkpoint)
-    print(KEYS)
-    env = BimanualEnv(config.task, options=_options(config))
-    Performance(env, player, name, ShownEpisode(config.first_seed), mujoco_window).run()
     env.close()
 
 

@@ -7,7 +7,7 @@ dataset's without its prefix `observation.`. All arrays are fresh copies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.cameras import calibration
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
-from lerobot_env_bimanual.world.scene_view import SceneView
 
 PIXELS = "pixels"
 FRAME_CAMERA = "front"
@@ -64,54 +63,6 @@ def observation_space(options: EnvOptions) -> spaces.Dict:
     return spaces.Dict(space)
 
 
-def observe_images(cameras: Sequence[str], images: Images, depth: bool) -> dict[str, Any]:
-    """Image part of an observation.
-
-    Args:
-        cameras: names of those whose images are taken.
-        images: of these cameras.
-        depth: with depth, or colours only.
-
-    Returns:
-        `pixels`, and with depth `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit, clipped to the
-        range that datasets store, and 0 where none was measured.
-    """
-    observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in cameras}}
-    if depth:
-        for camera in cameras:
-            depth_m = images[camera][1]
-            depth_mm = np.minimum(depth_m, schema.DEPTH_MAX_M)  # no less than the near plane, or 0
-            depth_mm *= schema.MM_PER_M
-            observation[env_key(schema.depth_key(camera))] = depth_mm[None]
-    return observation
-
-
-def observe_vectors(
-    view: SceneView, keypose_step: int, calibration: tuple[NDArray[np.float32], NDArray[np.float32]]
-) -> dict[str, NDArray[np.float32]]:
-    """Vector part of an observation.
-
-    Args:
-        view: what to measure.
-        keypose_step: number of keyposes executed in this episode.
-        calibration: (80,) extrinsics and (45,) intrinsics of all five cameras.
-    """
-    extrinsics, intrinsics = calibration
-    tcps = [view.tcp(arm) for arm in ARMS]
-    positions = np.stack([tcp.position for tcp in tcps])  # (2, 3)
-    quaternions = quat_wxyz_canonical(np.stack([tcp.quat_wxyz for tcp in tcps]))  # (2, 4)
-    state = [[*view.joint_positions(arm), view.gripper_opening(arm)] for arm in ARMS]
-    vectors = {
-        schema.STATE: np.concatenate(state),
-        schema.EE_POSE: np.concatenate([positions, quaternions], axis=1).ravel(),
-        schema.GRIPPER_FINGERS: np.concatenate([view.finger_positions(arm) for arm in ARMS]),
-        schema.KEYPOSE_STEP: np.array([keypose_step]),
-        schema.CAMERA_EXTRINSICS: extrinsics,
-        schema.CAMERA_INTRINSICS: intrinsics,
-    }
-    return {env_key(key): vector.astype(np.float32) for key, vector in vectors.items()}
-
-
 class ObservationRenderer:
     """Makes the observations of one environment, and frames for videos; OpenGL starts at the first image.
 
@@ -129,9 +80,7 @@ class ObservationRenderer:
     def observe(self, progress: EpisodeProgress) -> dict[str, Any]:
         """The observation of the present state; the module's docstring says which arrays it has."""
         images = {} if self._options.obs == "state" else self.images(progress, self._options.obs == "rgbd")
-        return images | observe_vectors(
-            self._scene, progress.keyposes, calibration(self._scene, *self._options.size)
-        )
+        return images | self._vectors(progress.keyposes)
 
     def images(self, progress: EpisodeProgress, depth: bool) -> dict[str, Any]:
         """The images of an observation, whatever `obs` says.
@@ -139,11 +88,40 @@ class ObservationRenderer:
         Args:
             progress: of the episode.
             depth: with depth, or colours only.
+
+        Returns:
+            `pixels`, and with depth `images.<camera>_depth` float32 (1, H, W) in millimetres, LeRobot's unit, clipped to
+            the range that datasets store, and 0 where none was measured.
         """
         cameras = self._options.camera_names
         if self._cameras is None:
             self._cameras = Renderer(self._scene, cameras, *self._options.size)
-        return observe_images(cameras, self._change(self._cameras.render(), self._scene, progress), depth)
+        images = self._change(self._cameras.render(), self._scene, progress)
+        observation: dict[str, Any] = {PIXELS: {camera: images[camera][0] for camera in cameras}}
+        if depth:
+            for camera in cameras:
+                depth_mm = np.minimum(images[camera][1], schema.DEPTH_MAX_M)  # at least the near plane, or 0
+                depth_mm *= schema.MM_PER_M
+                observation[env_key(schema.depth_key(camera))] = depth_mm[None]
+        return observation
+
+    def _vectors(self, keyposes: int) -> dict[str, NDArray[np.float32]]:
+        """The vectors of an observation after so many keyposes; calibration is that of all five cameras."""
+        view = self._scene
+        extrinsics, intrinsics = calibration(view, *self._options.size)
+        tcps = [view.tcp(arm) for arm in ARMS]
+        positions = np.stack([tcp.position for tcp in tcps])  # (2, 3)
+        quaternions = quat_wxyz_canonical(np.stack([tcp.quat_wxyz for tcp in tcps]))  # (2, 4)
+        state = [[*view.joint_positions(arm), view.gripper_opening(arm)] for arm in ARMS]
+        vectors = {
+            schema.STATE: np.concatenate(state),
+            schema.EE_POSE: np.concatenate([positions, quaternions], axis=1).ravel(),
+            schema.GRIPPER_FINGERS: np.concatenate([view.finger_positions(arm) for arm in ARMS]),
+            schema.KEYPOSE_STEP: np.array([keyposes]),
+            schema.CAMERA_EXTRINSICS: extrinsics,
+            schema.CAMERA_INTRINSICS: intrinsics,
+        }
+        return {env_key(key): vector.astype(np.float32) for key, vector in vectors.items()}
 
     def frame(self) -> NDArray[np.uint8]:
         """The front camera at 480x640, uint8 RGB."""

@@ -193,8 +193,7 @@ class RehearsalView(SceneView):
 
     def __init__(self, scene: SceneView):
         super().__init__(scene.model, scene.arm_pair, scene.commanded)
-        self._carried: dict[Arm, Carried] = {}
-        self._carried_names: dict[Arm, str] = {}
+        self._carried: dict[Arm, tuple[str, Carried]] = {}
 
     def copy_from(self, scene: SceneView) -> None:
         """Start from another scene's present state."""
@@ -202,13 +201,12 @@ class RehearsalView(SceneView):
         self.data.qpos[:] = scene.data.qpos
         self._commanded = scene.commanded
         self._carried.clear()
-        self._carried_names.clear()
         self._refresh()
 
     @property
     def carried(self) -> list[tuple[Arm, str]]:
         """Hand and prop, for all props that move with a hand."""
-        return list(self._carried_names.items())
+        return [(arm, prop) for arm, (prop, _) in self._carried.items()]
 
     def move_arms(self, joints: Postures) -> None:
         """Set the arms' joints, (7,) rad each, and take carried props along."""
@@ -218,7 +216,7 @@ class RehearsalView(SceneView):
             action[arm.ordinal, :-1] = posture
         self._refresh()
         if self._carried:
-            for carried in self._carried.values():
+            for _, carried in self._carried.values():
                 carried.follow(self.data)
             self._refresh()
 
@@ -231,10 +229,9 @@ class RehearsalView(SceneView):
         by_arm(self._commanded)[arm.ordinal, -1] = is_open
         if is_open:
             self._carried.pop(arm, None)
-            self._carried_names.pop(arm, None)
         elif holds is not None:
-            self._carried[arm] = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
-            self._carried_names[arm] = holds
+            carried = Carried(self.model, self.data, self.arm_pair.hand_body(arm), holds)
+            self._carried[arm] = (holds, carried)
 
     def _refresh(self) -> None:
         """Recompute what scripts read: where everything is."""

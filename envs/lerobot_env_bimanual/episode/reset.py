@@ -3,38 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-
-import numpy as np
+from collections.abc import Callable, Iterator
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.episode.rehearsal import Rehearsal
-from lerobot_env_bimanual.task import Task, Variation
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Task
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_DRAWS = 200
 CODECS = (None, KeyposeCodec())
 
+type Perturb = Callable[[Task, Scene, EpisodeProgress, Callable[[], bool]], None]
+"""Changes an episode that can be done as it is, after its props were placed and before they come to rest.
 
-@dataclass(frozen=True)
-class EpisodeStart:
-    """An episode whose props have been placed and have not yet come to rest.
-
-    Attributes:
-        task: its task.
-        scene: its world.
-        progress: the episode itself.
-        is_feasible: rehearses the task's script in the present scene, and says whether both arms can do it.
-    """
-
-    task: Task
-    scene: Scene
-    progress: EpisodeProgress
-    is_feasible: Callable[[], bool]
+It may ask whether both arms can do the task in the present scene, by a rehearsal of the script.
+"""
 
 
 class EpisodeReset:
@@ -43,17 +30,11 @@ class EpisodeReset:
     Args:
         task: whose props are placed, and whose script is rehearsed.
         scene: its world.
-        perturb: changes an episode that can be done as it is, before things come to rest.
+        perturb: changes every episode.
         is_patched: whether the model of `scene` differs from the task's; placements are then drawn in one that does not.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        scene: Scene,
-        perturb: Callable[[EpisodeStart], None],
-        is_patched: bool = False,
-    ):
+    def __init__(self, task: Task, scene: Scene, perturb: Perturb, is_patched: bool = False):
         self._task = task
         self._scene = scene
         self._perturb = perturb
@@ -76,16 +57,23 @@ class EpisodeReset:
         Raises:
             PlacementFailure: `MAX_DRAWS` draws in vain; the message counts the reasons.
         """
+
+        def script(view: SceneView) -> Iterator[Stage]:
+            return self._task.script(view, progress.variation)
+
         reasons: Counter[str] = Counter()
         for draw in range(1, MAX_DRAWS + 1):
             self._drawn_in.reset()
-            reason = self._place(progress.variation, progress.rng)
+            reason = "illegal placement"
+            if self._task.place(self._drawn_in, progress.variation, progress.rng):
+                reason = self._first_rehearsal.infeasibility(script)
             if reason is None:
                 if self._drawn_in is not self._scene:
                     self._scene.reset()
                     self._scene.place_like(self._drawn_in)
-                is_feasible = partial(self._is_feasible, progress.variation)
-                self._perturb(EpisodeStart(self._task, self._scene, progress, is_feasible))
+                self._perturb(
+                    self._task, self._scene, progress, lambda: self._rehearsal.infeasibility(script) is None
+                )
                 self._scene.settle()
                 return draw
             reasons[reason] += 1
@@ -94,12 +82,3 @@ class EpisodeReset:
             f"{self._task.spec.name}: none of {MAX_DRAWS} drawn placements can be rehearsed by both arms "
             f"({frequent})"
         )
-
-    def _place(self, variation: Variation, rng: np.random.Generator) -> str | None:
-        """Draw one placement; returns why it cannot be used, or None."""
-        if not self._task.place(self._drawn_in, variation, rng):
-            return "illegal placement"
-        return self._first_rehearsal.infeasibility(lambda view: self._task.script(view, variation))
-
-    def _is_feasible(self, variation: Variation) -> bool:
-        return self._rehearsal.infeasibility(lambda view: self._task.script(view, variation)) is None

@@ -16,7 +16,7 @@ from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Move, Player, expert
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.registry import get_axis
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 JUMP_M = 0.005
@@ -52,7 +52,7 @@ def expert_under(axes: Iterable[str]) -> PlayerName:
     Args:
         axes: their names; none in the nominal world.
     """
-    return "replanning" if any(get_axis(axis).moves_things_later for axis in axes) else "expert"
+    return "replanning" if any(AXES.get(axis).disturb for axis in axes) else "expert"
 
 
 def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:

@@ -17,7 +17,7 @@ from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import Version, installed_versions
 from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE
-from lerobot_env_bimanual.perturbations.registry import checked_perturbation
+from lerobot_env_bimanual.registry import checked_perturbation
 from lerobot_env_bimanual.tasks.registry import get_task
 
 Pixels = Annotated[int, Field(ge=MIN_IMAGE_SIDE, le=MAX_IMAGE_SIDE)]

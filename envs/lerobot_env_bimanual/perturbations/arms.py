@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
-from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start
-from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.perturbations.axis import Action, Axis, Moment, Start, data, register
 from lerobot_env_bimanual.world.scene import Scene
 
 DRIFT_PERIOD_S = (4.0, 12.0)
@@ -55,7 +54,7 @@ def _draw_drift(start: Start[Drift]) -> None:
 
 
 def _add_drift(moment: Moment[Drift], action: Action) -> Action:
-    drift, told = moment.recalled, action.copy()
+    drift, told = moment.memory, action.copy()
     offsets = drift.share * np.sin(drift.rad_per_tick * moment.progress.ticks)
     by_arm(told)[:, :-1] += np.deg2rad(moment.magnitude) * offsets
     return told

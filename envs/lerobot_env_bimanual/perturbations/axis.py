@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.registry import AXES, AXES_DATA
 from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.appearance import Appearance
 from lerobot_env_bimanual.world.scene import Scene
@@ -43,18 +44,9 @@ class Moment[Memory]:
     progress: EpisodeProgress
 
     @property
-    def memory(self) -> Memory | None:
-        """What the axis remembers of the episode; None before anything was remembered."""
-        return cast("Memory | None", self.progress.memory.get(self.axis.name))
-
-    @property
-    def recalled(self) -> Memory:
-        """What `begin` has remembered.
-
-        Raises:
-            KeyError: nothing was remembered.
-        """
-        return cast("Memory", self.progress.memory[self.axis.name])
+    def memory(self) -> Memory:
+        """What the axis remembers of the episode; None, whatever its type says, where nothing was remembered."""
+        return cast("Memory", self.progress.memory.get(self.axis.name))
 
     def remember(self, memory: Memory) -> None:
         """Keep something for later ticks of the episode."""
@@ -119,7 +111,18 @@ class Axis[Memory]:
         """Whether it changes only what is seen and said, and so no state."""
         return self.group in ("seen", "words")
 
-    @property
-    def moves_things_later(self) -> bool:
-        """Whether things may be moved during an episode, so that an open-loop policy goes to where they were."""
-        return self.disturb is not None
+
+def data(name: str) -> dict[str, Any]:
+    """The arguments of `Axis` besides its functions, from `axes.toml`, for an axis of this package."""
+    row = {key: value for key, value in AXES_DATA[name].items() if key != "module"}
+    return row | {"name": name, "levels": tuple(row["levels"])}
+
+
+def register[Memory](axis: Axis[Memory]) -> Axis[Memory]:
+    """Add an axis to the registry, and return it.
+
+    Raises:
+        ValueError: another axis has the same name.
+    """
+    AXES.add(axis.name, axis)
+    return axis

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axis import Axis, Moment, Start
-from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, Moment, Start, data, register
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.task import TaskSpec
 from lerobot_env_bimanual.world.scene import Scene

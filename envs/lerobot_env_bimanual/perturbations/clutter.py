@@ -11,9 +11,8 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axis import Axis, Start
+from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, joints_of_props
-from lerobot_env_bimanual.perturbations.registry import data, register
 from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.arena import TABLE_CENTRE_XY_M, TABLE_HALF_SIZE_M
 from lerobot_env_bimanual.world.scene import Scene

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,11 @@ import numpy as np
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
-from lerobot_env_bimanual.episode.reset import EpisodeStart
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import SPLITS
 from lerobot_env_bimanual.perturbations.axis import Action, Axis, Image, Moment, Start
-from lerobot_env_bimanual.perturbations.registry import AXES, get_axis
-from lerobot_env_bimanual.task import TaskSpec
+from lerobot_env_bimanual.registry import AXES, chosen_levels
+from lerobot_env_bimanual.task import Task, TaskSpec
 from lerobot_env_bimanual.world.appearance import NOMINAL
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -28,7 +27,7 @@ class Perturbations:
     nor earlier episodes change it, and the episode's own generator is not used.
 
     Args:
-        levels: axis -> level; may be empty.
+        perturb: `AXIS:LEVEL`, several separated by commas; may be empty.
         task: whose episodes they are.
         split: of their seeds.
 
@@ -39,12 +38,10 @@ class Perturbations:
         BimanualError: an axis does not exist, or cannot be loaded.
     """
 
-    def __init__(self, levels: Mapping[str, int], task: TaskSpec, split: str):
+    def __init__(self, perturb: str, task: TaskSpec, split: str):
         self._task, self._split = task, split
-        axes = {name: get_axis(name) for name in sorted(levels)}
-        self._magnitudes = {
-            axis: axis.levels[levels[name] - 1] for name, axis in axes.items() if levels[name]
-        }
+        axes: dict[Axis[Any], int] = {AXES.get(name): level for name, level in chosen_levels(perturb).items()}
+        self._magnitudes = {axis: axis.levels[level - 1] for axis, level in axes.items()}
         self.changes_model = any(axis.build for axis in self._magnitudes)
 
     @property
@@ -71,16 +68,23 @@ class Perturbations:
             if axis.build:
                 axis.build(model, magnitude)
 
-    def begin(self, start: EpisodeStart) -> None:
-        """Change the start of an episode whose props have been placed, and its appearance."""
+    def begin(
+        self, task: Task, scene: Scene, progress: EpisodeProgress, is_feasible: Callable[[], bool]
+    ) -> None:
+        """Change the start of an episode whose props have been placed, and its appearance; see `episode.reset.Perturb`."""
+
+        def start(axis: Axis[Any], hook: str) -> Start[Any]:
+            moment = self._moment(axis, hook, scene, progress)
+            return Start(**vars(moment), task=task, is_feasible=is_feasible)
+
         for axis in self._magnitudes:
             if axis.begin:
-                axis.begin(self._start(axis, "begin", start))
+                axis.begin(start(axis, "begin"))
         appearance = NOMINAL
         for axis in self._magnitudes:
             if axis.look:
-                appearance = axis.look(self._start(axis, "look", start), appearance)
-        start.scene.appearance = appearance
+                appearance = axis.look(start(axis, "look"), appearance)
+        scene.appearance = appearance
 
     def see(self, images: Mapping[str, Image], scene: Scene, progress: EpisodeProgress) -> dict[str, Image]:
         """The images that cameras hand out, given what they see now."""
@@ -107,21 +111,10 @@ class Perturbations:
             if axis.disturb:
                 axis.disturb(self._moment(axis, "disturb", scene, progress))
 
-    def _start(self, axis: Axis[Any], hook: str, start: EpisodeStart) -> Start[Any]:
-        rng = self._rng(axis, hook, start.progress.seed)
-        magnitude = self._magnitudes[axis]
-        return Start(
-            axis, magnitude, rng, start.scene, start.progress, task=start.task, is_feasible=start.is_feasible
-        )
-
     def _moment(
         self, axis: Axis[Any], hook: str, scene: Scene, progress: EpisodeProgress, *when: int
     ) -> Moment[Any]:
-        rng = self._rng(axis, hook, progress.seed, *when)
-        return Moment(axis, self._magnitudes[axis], rng, scene, progress)
-
-    def _rng(self, axis: Axis[Any], hook: str, *when: int) -> np.random.Generator:
+        entropy = [SPLITS[self._split], self._task.id, progress.seed, *when]
         stream = zlib.crc32(f"{axis.name} {hook}".encode())
-        return np.random.default_rng(
-            np.random.SeedSequence([SPLITS[self._split], self._task.id, *when], spawn_key=(stream,))
-        )
+        rng = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(stream,)))
+        return Moment(axis, self._magnitudes[axis], rng, scene, progress)

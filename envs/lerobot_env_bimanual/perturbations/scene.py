@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_to_matrix
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axis import Axis, Start
-from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
 from lerobot_env_bimanual.perturbations.words import colour_name, named_colours
 from lerobot_env_bimanual.world.appearance import Appearance
 from lerobot_env_bimanual.world.arena import MAPLE, OAK_GREY, PAINT

@@ -12,8 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, quat_wxyz_multiply
-from lerobot_env_bimanual.perturbations.axis import Axis, Image, Moment, Start
-from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, Image, Moment, Start, data, register
 from lerobot_env_bimanual.world.appearance import Appearance
 
 CM_PER_M = 100
@@ -90,7 +89,7 @@ def _draw_exposures(start: Start[dict[str, int]]) -> None:
 
 def _expose(moment: Moment[dict[str, int]], camera: str, image: Image) -> Image:
     rgb, depth_m = image
-    gain = 2 ** (moment.recalled[camera] * moment.magnitude / GAMMA)
+    gain = 2 ** (moment.memory[camera] * moment.magnitude / GAMMA)
     values = rgb.astype(np.int16)
     values *= round(gain * STEPS_PER_GREY)
     values += _normal(rgb.shape, SIGMA_PER_STOP * moment.magnitude * STEPS_PER_GREY, moment.rng, np.int16)
@@ -124,7 +123,7 @@ def _lose_depth(moment: Moment[dict[str, float]], camera: str, image: Image) -> 
     rgb, depth_m = image
     height, width = depth_m.shape
     step = max(1, round(moment.magnitude * EDGE_SHARE * height))
-    most = np.float32(moment.recalled[camera] * step / height)
+    most = np.float32(moment.memory[camera] * step / height)
     # One step along the diagonal finds what changes along rows and along columns; as one line of numbers NumPy goes
     # through an image several times as fast as row by row.
     lost, line = _is_dark(rgb, round(moment.magnitude * MAX_DARK)), depth_m.reshape(-1)
@@ -150,7 +149,7 @@ def _draw_failing(start: Start[list[str]]) -> None:
 
 
 def _black_out(moment: Moment[list[str]], camera: str, image: Image) -> Image:
-    if camera in moment.recalled:
+    if camera in moment.memory:
         for values in image:
             values[:] = 0
     return image

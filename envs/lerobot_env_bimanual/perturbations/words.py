@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.perturbations.axis import Axis, Start
-from lerobot_env_bimanual.perturbations.registry import data, register
+from lerobot_env_bimanual.perturbations.axis import Axis, Start, data, register
 from lerobot_env_bimanual.task import TaskSpec
 
 MAX_HUES_DEG = {

@@ -40,7 +40,7 @@ class Panel:
 
 def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], columns: int = 4) -> Image.Image:
     """Panels in rows under a title and lines of text."""
-    grid = gallery(panels, columns, centred=False)
+    grid = gallery(panels, columns)
     texts = [(title, TITLE_SIZE, INK), *((line, TEXT_SIZE, GREY) for line in lines)]
     header = GAP + sum(size + GAP // 2 for _, size, _ in texts)
     sheet = Image.new("RGB", (grid.width, header + grid.height), PAPER)
@@ -52,15 +52,12 @@ def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], col
     return sheet
 
 
-def gallery(
-    panels: Sequence[Panel], columns: int = 3, centred: bool = True, panel_width: int = PANEL_WIDTH
-) -> Image.Image:
+def gallery(panels: Sequence[Panel], columns: int, panel_width: int = PANEL_WIDTH) -> Image.Image:
     """Panels in rows.
 
     Args:
         panels: at least one.
         columns: number of columns.
-        centred: whether a last row that is not full is in the middle, not at the left.
         panel_width: width to which pictures are scaled, pixels.
     """
     pictures = [_draw_panel(panel, panel_width) for panel in panels]
@@ -70,9 +67,7 @@ def gallery(
     sheet = Image.new("RGB", (columns * width + GAP, rows * height + GAP), PAPER)
     for index, picture in enumerate(pictures):
         row, column = divmod(index, columns)
-        missing = columns - min(columns, len(pictures) - row * columns)
-        left = GAP + column * width + (missing * width // 2 if centred else 0)
-        sheet.paste(picture, (left, GAP + row * height))
+        sheet.paste(picture, (GAP + column * width, GAP + row * height))
     return sheet
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import Move, Player, run_episode
+from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
@@ -42,11 +42,9 @@ class Rollout(Recording):
 
     Attributes:
         outcome: result of the episode.
-        moves: name of each move, and the tick at which it starts.
     """
 
     outcome: EpisodeOutcome = field(kw_only=True)
-    moves: Sequence[tuple[str, int]] = field(kw_only=True)
 
 
 @contextmanager
@@ -67,11 +65,6 @@ def rollout(env: BimanualEnv, seed: int, player: Player, variation: int | None =
         player: expert or policy.
         variation: index; None leaves it to the environment's options.
     """
-    moves: list[tuple[str, int]] = []
     with recorded(env) as recording:
-
-        def start_move(move: Move) -> None:
-            moves.append((move.name, len(recording.states)))
-
-        outcome = run_episode(env, seed, player, start_move, variation)
-    return Rollout(recording.states, recording.keyposes, outcome=outcome, moves=moves)
+        outcome = run_episode(env, seed, player, variation=variation)
+    return Rollout(recording.states, recording.keyposes, outcome=outcome)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet, gallery
@@ -24,19 +25,13 @@ type Player = tuple[Recording, bool]
 """States of an episode, and whether it was solved."""
 
 
-def write_side_by_side(
-    env: BimanualEnv,
-    rollouts: Mapping[str, Rollout],
-    folder: Path,
-    on_frame: Callable[[], object] = lambda: None,
-) -> tuple[Path, Path]:
-    """Write a video and a contact sheet.
+def write_side_by_side(env: BimanualEnv, rollouts: Mapping[str, Rollout], folder: Path) -> tuple[Path, Path]:
+    """Write a video and a contact sheet, with a progress bar.
 
     Args:
         env: environment of all the rollouts; it is left in the last state that was rendered.
         rollouts: the same episode by name of the player, in the order from left to right and from top to bottom.
         folder: where the files go; created if absent.
-        on_frame: called after every frame of the video.
 
     Returns:
         The video and the sheet; their names are those of the task, its variation, split, seed and perturbation.
@@ -55,9 +50,9 @@ def write_side_by_side(
     )
     with Renderer(env.scene, (camera,), *SIZE, env.options.render_quality) as renderer:
         writer = VideoWriter(folder, name)
-        for frame in frames(env, renderer, players):
+        n_frames = max(len(each.states) for each in rollouts.values())
+        for frame in tqdm(frames(env, renderer, players), "video", n_frames, unit="frame"):
             writer.add(frame)
-            on_frame()
         video = writer.close("_and_".join(rollouts))
         assert video is not None  # an episode has at least one state
         panels = [

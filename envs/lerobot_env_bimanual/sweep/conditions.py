@@ -22,7 +22,7 @@ from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.replanning import expert_under
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.perturbations.axis import Axis
-from lerobot_env_bimanual.perturbations.registry import get_axis, list_axes
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec, Evaluator
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -93,10 +93,10 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
         if level not in LEVELS:
             raise InvalidChoice("levels", level, map(str, LEVELS))
     for name in axes:
-        if name not in list_axes():
-            raise InvalidChoice("axes", name, list_axes())
+        if name not in AXES.names:
+            raise InvalidChoice("axes", name, AXES.names)
     model = build_spec(spec.props, PANDA_PAIR)
-    chosen = [get_axis(name) for name in sorted(set(axes or list_axes()))]
+    chosen = [AXES.get(name) for name in sorted(set(axes or AXES.names))]
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:
         raise BimanualError(f"none of the axes {', '.join(axes)} finds anything to change in {task}")

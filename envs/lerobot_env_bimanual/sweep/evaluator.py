@@ -25,7 +25,7 @@ from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import run_measured
 from lerobot_env_bimanual.experts.runner import failed_to_start, run_episode
 from lerobot_env_bimanual.experts.world_version import simulation_versions
-from lerobot_env_bimanual.perturbations.registry import AXES
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.replay import ReplayMode
 from lerobot_env_bimanual.tasks.registry import TASKS
 from lerobot_env_bimanual.workers import WorkerPool

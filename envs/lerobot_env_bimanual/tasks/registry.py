@@ -18,8 +18,6 @@ from lerobot_env_bimanual.registry import Registry
 if TYPE_CHECKING:
     from lerobot_env_bimanual.task import Task
 
-TASKS_GROUP = "lerobot_bimanual.tasks"
-"""Entry-point group of tasks in other distributions: `name_of_the_task = "module.that.registers_it"`."""
 ALL = "all"
 TWO_ARMED = "two_armed"
 """Suite of the tasks that one arm alone cannot do, according to the PerAct2 paper."""
@@ -27,7 +25,7 @@ TWO_ARMED = "two_armed"
 _FILES = (module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)]))
 TASKS: Registry[type[Task]] = Registry(
     kind="task",
-    group=TASKS_GROUP,
+    group="lerobot_bimanual.tasks",
     own={name: f"{__package__}.{name}" for name in _FILES if not name.startswith("_") and name != "registry"},
     unknown=UnknownTask,
 )

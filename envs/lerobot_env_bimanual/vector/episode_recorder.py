@@ -39,7 +39,9 @@ class EpisodeRecorder(gym.Wrapper):
         """Start an episode, and its record."""
         observation, info = self._env.reset(**arguments)
         self._start = self._env.state_hash()
-        self._chain = chain_of(self._env, self._start)
+        progress = self._env.progress
+        facts = (self._env.task, self._env.options.split, progress.seed, self._env.variation)
+        self._chain = HashChain(*map(str, facts), progress.instruction, self._start)
         self._actions = []
         return observation, info
 
@@ -80,10 +82,3 @@ class EpisodeRecorder(gym.Wrapper):
                 end=self._chain.end,
             ),
         )
-
-
-def chain_of(env: BimanualEnv, start: str) -> HashChain:
-    """The chain of an episode that has just begun, in the state whose hash is `start`."""
-    progress = env.progress
-    facts = (env.task, env.options.split, progress.seed, progress.variation.index, progress.instruction)
-    return HashChain(*map(str, facts), start)

@@ -91,11 +91,12 @@ class EvaluationLog:
         """Write what `lerobot-bimanual results verify` reads, and say where, or why not."""
         path = folder / record_name(self._task, self._options)
         by_seed = {episode.seed: episode for episode in episodes}
+        options = ((name, getattr(self._options, name)) for name in RECORDED_OPTIONS)
         record = EvaluationRecord(
             schema_version=2,
             task=self._task,
             world=world_version(self._task, self._options.perturb),
-            options=recorded_options(self._options),
+            options={name: value if isinstance(value, int) else str(value) for name, value in options},
             batch_size=self._environments,
             versions=result_versions(),
             episodes=tuple(by_seed[seed] for seed in sorted(by_seed)),
@@ -111,12 +112,6 @@ class EvaluationLog:
 def record_name(task: str, options: EnvOptions) -> str:
     """File name of the record of an evaluation."""
     return f"{eval_key(task, options.variation, options.perturb)}_{options.split}_record.json"
-
-
-def recorded_options(options: EnvOptions) -> dict[str, str | int]:
-    """The options that decide what is played and seen, by name."""
-    values = {name: getattr(options, name) for name in RECORDED_OPTIONS}
-    return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}
 
 
 def _episode(info: Mapping[str, Any], index: int) -> Episode:

@@ -26,11 +26,12 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.episode import CONTROL_HZ
+from lerobot_bimanual.errors import InvalidAction, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.episode.reset_arguments import checked_reset_options, checked_seeds
+from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
 from lerobot_env_bimanual.vector.evaluation_log import EvaluationLog
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
@@ -79,14 +80,12 @@ class _InWorker(gym.Wrapper):
             raise CarriedError(told(error)) from error
 
 
-def _make_held(make_env: Callable[[], gym.Env]) -> gym.Env:
+def _make_held(make_env: Callable[[], BimanualEnv]) -> gym.Env:
     env = make_env()
-    if isinstance(env, BimanualEnv) and env.options.results_dir is not None:
-        env = EpisodeRecorder(env)
-    return HoldAfterDone(env)
+    return HoldAfterDone(env if env.options.results_dir is None else EpisodeRecorder(env))
 
 
-def _make_in_worker(make_env: Callable[[], gym.Env]) -> gym.Env:
+def _make_in_worker(make_env: Callable[[], BimanualEnv]) -> gym.Env:
     end_with_parent()
     return _InWorker(_make_held(make_env))
 
@@ -130,7 +129,7 @@ class LazyVectorEnv(VectorEnv):
         asynchronous: one process per environment instead of one after the other in this process.
     """
 
-    def __init__(self, make_envs: Sequence[Callable[[], gym.Env]], *, asynchronous: bool):
+    def __init__(self, make_envs: Sequence[Callable[[], BimanualEnv]], *, asynchronous: bool):
         make = _make_in_worker if asynchronous else _make_held
         self._make_envs = [partial(make, make_env) for make_env in make_envs]
         self._asynchronous = asynchronous
@@ -139,18 +138,13 @@ class LazyVectorEnv(VectorEnv):
         example = make_envs[0]()
         self.num_envs = len(make_envs)
         self.metadata = {**example.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
-        self._tick_fps = self.metadata["render_fps"]
         self.render_mode = example.render_mode
         self.single_observation_space = example.observation_space
         self.single_action_space = example.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._action_lengths = getattr(
-            example.unwrapped, "action_lengths", self.single_action_space.shape or ()
-        )
-        self._episodes = None
-        if isinstance(example.unwrapped, BimanualEnv):
-            self._episodes = EvaluationLog(example.unwrapped.task, example.unwrapped.options, self.num_envs)
+        self._action_lengths = example.action_lengths
+        self._episodes = EvaluationLog(example.task, example.options, self.num_envs)
         example.close()
         if asynchronous:
             _start_fork_server()
@@ -203,11 +197,10 @@ class LazyVectorEnv(VectorEnv):
             InvalidChoice: seeds or options that are none.
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
-        seeds, chosen = checked_seeds(seed, self.num_envs), checked_reset_options(options)
+        seeds, chosen = _checked_seeds(seed, self.num_envs), checked_reset_options(options)
         is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
         observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
-        if self._episodes is not None:
-            self._episodes.begin(np.flatnonzero(is_reset).tolist())
+        self._episodes.begin(np.flatnonzero(is_reset).tolist())
         return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -219,8 +212,7 @@ class LazyVectorEnv(VectorEnv):
         """
         arrays = self._arrays(actions)
         observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
-        if self._episodes is not None:
-            self._episodes.note(terminated | truncated, info)
+        self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
 
     def _arrays(self, actions: Any) -> list[NDArray | InvalidAction]:
@@ -235,7 +227,7 @@ class LazyVectorEnv(VectorEnv):
         if not sizes & {*self._action_lengths}:
             valid = " or ".join(map(str, self._action_lengths))
             raise InvalidAction(f"an action is a vector of {valid} numbers, got {sorted(sizes) or arrays[0]}")
-        self.metadata["render_fps"] = KEYPOSE_FPS if sizes == {KEYPOSE_DIM} else self._tick_fps
+        self.metadata["render_fps"] = KEYPOSE_FPS if sizes == {KEYPOSE_DIM} else CONTROL_HZ
         return arrays
 
     def render(self) -> tuple[Any, ...] | None:
@@ -264,8 +256,7 @@ class LazyVectorEnv(VectorEnv):
             if self._running is not None:
                 self._running.close(**kwargs)
                 self._running = None
-        if self._episodes is not None:
-            self._episodes.close()
+        self._episodes.close()
 
 
 @contextlib.contextmanager
@@ -285,6 +276,16 @@ def _named_death(processes: Sequence[BaseProcess] = ()) -> Iterator[None]:
             f"the worker process {which} died, most likely killed for want of memory: reset() starts all environments "
             "anew, perhaps after making fewer of them (--eval.batch_size)"
         ) from error
+
+
+def _checked_seeds(seed: Any, count: int) -> list[int | None]:
+    """The seeds of several environments: those of a list, or a single one counted up."""
+    if isinstance(seed, list | tuple | np.ndarray):
+        if len(seed) != count:
+            raise InvalidChoice("seed", seed, [f"a list of {count}, one per environment", "a single seed"])
+        return [checked_seed(single) for single in seed]
+    first = checked_seed(seed)
+    return [None if first is None else checked_seed(first + index) for index in range(count)]
 
 
 def _array(action: Any) -> NDArray | InvalidAction:
