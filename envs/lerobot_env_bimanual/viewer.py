@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
 from enum import IntEnum
 from queue import SimpleQueue
-from typing import TYPE_CHECKING
 
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
-from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.window import OpenWindow
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.servo_commands import TICK_S
-
-if TYPE_CHECKING:
-    from mujoco.viewer import Handle
 
 
 class Key(IntEnum):
@@ -42,32 +36,8 @@ LOOK_AT_M = (0.2, 0.0, 0.9)
 """First view of the window, in m and degrees: roughly that of the front camera, from a little higher."""
 
 
-type OpenWindow = Callable[..., AbstractContextManager[Handle]]
-"""Opens a window on a model and its data; `key_callback` is given the code of every key."""
-
-
 class _EpisodeLeft(BaseException):
     """Leaves an episode in its middle; not an `Exception`, so that no code on the way handles it."""
-
-
-@contextmanager
-def mujoco_window(
-    model: mujoco.MjModel, data: mujoco.MjData, key_callback: Callable[[int], None] | None = None
-) -> Iterator[Handle]:
-    """MuJoCo's own window, in a thread of its own that ends with the `with` block."""
-    from mujoco import viewer
-
-    others = threading.enumerate()
-    window = viewer.launch_passive(
-        model, data, key_callback=key_callback, show_left_ui=False, show_right_ui=False
-    )
-    threads = [thread for thread in threading.enumerate() if thread not in others]
-    try:
-        yield window
-    finally:
-        window.close()
-        for thread in threads:  # one that outlives the interpreter crashes it
-            thread.join()
 
 
 class Performance:

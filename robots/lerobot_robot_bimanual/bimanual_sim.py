@@ -23,7 +23,7 @@ from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.viewer import mujoco_window, no_window
+from lerobot_env_bimanual.window import mujoco_window, no_window
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig

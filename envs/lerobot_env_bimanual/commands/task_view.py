@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ from typing import Any, Literal
 from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import check_range
 from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.window import no_window
 
 
 @dataclass
@@ -53,7 +53,7 @@ def task_view(config: TaskViewConfig) -> None:
 
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    reason = "--video was given" if config.video else _no_window()
+    reason = "--video was given" if config.video else no_window()
     if reason:
         # Before MuJoCo is loaded; a display may be there that does not open.
         os.environ.setdefault("MUJOCO_GL", "egl")
@@ -64,24 +64,14 @@ def task_view(config: TaskViewConfig) -> None:
     )
 
 
-def _no_window() -> str:
-    """Why no window can be opened; empty if one can."""
-    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
-        return "there is no display"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GLFW's own text of the same
-        import glfw
-
-        return "" if glfw.init() else "the display cannot be opened"
-
-
 def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.rollout import rollout
     from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
-    from lerobot_env_bimanual.viewer import KEYS, Performance, mujoco_window
+    from lerobot_env_bimanual.viewer import KEYS, Performance
+    from lerobot_env_bimanual.window import mujoco_window
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
