@@ -6,8 +6,7 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.box import Box
-from lerobot_env_bimanual.props.crumb import Crumb
-from lerobot_env_bimanual.props.dustpan import Dustpan
+from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.rope import Rope

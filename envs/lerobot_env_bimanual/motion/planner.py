@@ -45,12 +45,10 @@ class Plan:
     Attributes:
         actions: (T, 16) float32 joint actions, one per control tick: motion, rest, and waiting for grippers.
         line_fallbacks: arms whose straight line was infeasible and was replaced by a joint-space motion.
-        used_rrt: whether obstacles had to be avoided by a search.
     """
 
     actions: NDArray[np.float32]
     line_fallbacks: int
-    used_rrt: bool
 
 
 @dataclass(eq=False)
@@ -61,7 +59,6 @@ class _Motion:
     paths: dict[Arm, JointPath] = field(default_factory=dict)
     paces: dict[Arm, Pace] = field(default_factory=dict)
     line_fallbacks: int = 0
-    used_rrt: bool = False
 
     def add(self, arm: Arm, path: JointPath, pace: Pace) -> None:
         self.paths[arm] = path
@@ -145,7 +142,6 @@ class KeyposePlanner:
             if around is not None:
                 for arm, path in around.items():
                     motion.add(arm, path, FREE)
-                motion.used_rrt = True
                 return
         failed = next(iter(targets)) if len(targets) == 1 else "both"
         raise KeyposeFailure(
@@ -243,7 +239,7 @@ class KeyposePlanner:
             arm_actions[ticks:, arm.ordinal, :-1] = motion.paths[arm].knots[-1]
         arm_actions[: ticks + REST_TICKS, :, -1] = grippers
         arm_actions[ticks + REST_TICKS :, :, -1] = opened
-        return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), motion.line_fallbacks, motion.used_rrt)
+        return Plan(arm_actions.reshape(-1, JOINT_ACTION_DIM), motion.line_fallbacks)
 
 
 def _require_inside(arm: Arm, target: Pose) -> None:

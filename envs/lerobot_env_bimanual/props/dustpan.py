@@ -1,4 +1,4 @@
-"""A light dustpan with an upright handle, which glides."""
+"""A light dustpan with an upright handle, which glides, and the crumbs of dirt that it is for."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -7,6 +7,7 @@ import numpy as np
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import (
+    COMMON_LAYER,
     DIRT_ONLY,
     TABLE_ONLY,
     UNSEEN,
@@ -45,6 +46,11 @@ GLIDER_FRICTION = 0.1
 # Thin plastic, and a hollow handle: 0.08 kg in all.
 FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.008
 HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
+
+EARTH = (0.26, 0.16, 0.08, 1.0)
+SLIDING_FRICTION = 0.5
+ROLLING_FRICTION_M = 0.003
+"""Of a crumb. Large for a ball of this size: it only starts to roll on a slope of 11 degrees."""
 
 
 @dataclass(frozen=True)
@@ -122,3 +128,33 @@ class Dustpan:
         for x in np.linspace(-0.75, 0.75, RIBS) * half_x:
             place = (x, FLOOR_Y_M, GAP_M + 2 * half_z)
             draw_box(body, place, (0.003, 0.9 * half_y, 0.0003), rgba=DARK_BLUE)
+
+
+@dataclass(frozen=True)
+class Crumb:
+    """A free lump of earth, its frame in the middle: a ball that hardly rolls, whose contacts are computed quickly.
+
+    Attributes:
+        name: body.
+        radius_m: of the ball.
+        mass_kg: about that of water; the original's half milligram is too light to simulate.
+    """
+
+    name: str
+    radius_m: float = 0.015
+    mass_kg: float = 0.015
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write the ball."""
+        add_sphere(
+            add_free_body(spec, self.name),
+            (0, 0, 0),
+            self.radius_m,
+            mass=self.mass_kg,
+            rgba=EARTH,
+            friction=(SLIDING_FRICTION, 0.005, ROLLING_FRICTION_M),
+            condim=6,
+            solref=(0.004, 1),
+            contype=COMMON_LAYER,
+            conaffinity=COMMON_LAYER | DIRT_ONLY,
+        )

@@ -23,8 +23,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
-from lerobot_env_bimanual.props.crumb import Crumb
-from lerobot_env_bimanual.props.dustpan import Dustpan
+from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
