@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lerobot_bimanual.cli import show_next
+
 
 @dataclass
 class DatasetPushConfig:
@@ -33,3 +35,5 @@ def dataset_push(config: DatasetPushConfig) -> None:
         config.root, config.repo_id, private=config.private, branch=config.branch, tags=config.tags
     )
     print(address)
+    flags = ("--policy.type=peract2", "--policy.push_to_hub=false", f"--dataset.repo_id={config.repo_id}")
+    show_next("lerobot-bimanual-train", *flags)

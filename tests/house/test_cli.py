@@ -1,5 +1,6 @@
 """The command line: groups of commands, their help, exit codes, flags, and one line for every mistake."""
 
+import inspect
 import json
 import re
 import signal
@@ -135,7 +136,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
         "split": "test",
         "perturb": "",
     }
-    exceptions = {("dataset generate", "split"): "train"}
+    exceptions = {("dataset generate", "split"): "train", ("demo", "output"): Path("outputs/demo")}
     kinds = {"root": Path, "checkpoint": Path, "output": Path, "results": Path, "expert_reports": Path}
     kinds |= {"task": str, "episodes": int, "first_seed": int, "seed": int, "device": str, "video": bool}
     forbidden = {"dataset", "seeds", "size", "films", "film", "videos", "certificates", "control", "figure"}
@@ -146,6 +147,13 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
         default = exceptions.get((command, flag.name), defaults.get(flag.name, flag.default))
         assert flag.default == default, flag.name
         assert flag.name != "seed" or command == "policy benchmark"
+
+
+@pytest.mark.parametrize("command", CONFIGS)
+def test_every_command_tells_the_next_one_in_one_way(command):
+    source = inspect.getsource(sys.modules[cli.find_commands()[command].load().__module__])
+    assert "show_next(" in source or "make_dataset(" in source  # which `dataset generate` ends with
+    assert '"next: ' not in source
 
 
 @dataclass

@@ -14,7 +14,6 @@ from lerobot_bimanual.benchmark.run import run
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 
-ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
@@ -63,10 +62,8 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert resumed.endswith("--resume=true")
 
 
-def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Path, tiny_flags):
+def test_benchmarks_of_several_tasks_score_one_network(tmp_path: Path, tiny_flags):
     tasks = ("lift_ball", "push_box")
-    rows, page = tmp_path / "rows", tmp_path / "results.md"
-    places = {"OUTPUT": tmp_path / "board", "ROWS": rows, "PAGE": page, "FIGURE": tmp_path / "results.png"}
     flags = {
         "trained_on": ",".join(tasks),
         "demos": 1,
@@ -77,12 +74,12 @@ def test_the_boards_script_scores_one_network_on_each_of_its_tasks(tmp_path: Pat
         "test_episodes": 1,
         "train_flags": " ".join(tiny_flags["peract2"][1:]),
         "eval_flags": "--eval.batch_size=1",
+        "output": tmp_path,
     }
     words = [f"--{name}={value}" for name, value in flags.items()]
-    variables = {name: str(place) for name, place in places.items()} | {"TASKS": " ".join(tasks)}
-    programs.run(str(ROOT / "scripts/board.sh"), *words, folder=ROOT, **variables)
-    scored = [BenchmarkResult.read(path) for path in sorted(rows.glob("*.json"))]
+    for task in tasks:
+        programs.run("lerobot-bimanual", "policy", "benchmark", f"--task={task}", *words, folder=tmp_path)
+    scored = [BenchmarkResult.read(path) for path in sorted((tmp_path / "results").glob("*.json"))]
     assert [row.task for row in scored] == list(tasks)
     assert {row.config.policy_id for row in scored} == {"peract2_on_lift_ball.push_box"}
     assert len({row.checkpoint_sha256 for row in scored}) == 1
-    assert "`peract2_on_lift_ball.push_box`" in page.read_text()

@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, DatasetError
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
         if isinstance(result, str):
             print(f"episode {index}: not played: {result}")
     matches = all(not isinstance(result, str) and result[1].matches for result in played.values())
-    print(f"next: lerobot-bimanual dataset verify --root={config.root}")
+    show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")
     return 0 if matches else 1
 
 

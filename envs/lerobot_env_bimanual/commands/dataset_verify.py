@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 
@@ -60,6 +61,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     """
     import numpy as np
 
+    from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
     from lerobot_env_bimanual.verification.verifier import Thoroughness
     from lerobot_env_bimanual.workers import WorkerPool
@@ -97,11 +99,13 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     for view in views:
         view.print()
     if any(view.is_wrong for view in views):
-        print("next: restore the files, or make the dataset again with lerobot-bimanual dataset regenerate")
+        provenance = f"--provenance={views[0].root / PROVENANCE_FILE}"
+        show_next("lerobot-bimanual", "dataset", "regenerate", provenance, f"--root={config.root}_again")
         return FAULTS
     if any(view.remark for view in views):
         return NOT_REPLAYED
-    print("next: lerobot-bimanual policy benchmark, or lerobot-bimanual dataset push")
+    dataset = (f"--dataset.repo_id=local/{config.root.name}", f"--dataset.root={views[0].root}")
+    show_next("lerobot-bimanual-train", "--policy.type=peract2", "--policy.push_to_hub=false", *dataset)
     return PASSED
 
 

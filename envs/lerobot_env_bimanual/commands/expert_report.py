@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from lerobot_bimanual.cli import show_next
+
 ROBUSTNESS_PAGE = "expert_robustness.md"
 
 
@@ -46,3 +48,4 @@ def expert_report(config: ExpertReportConfig) -> None:
         write_page(page, path)
         if path is not None:
             print(f"page {path}")
+    show_next("lerobot-bimanual", "policy", "benchmark")

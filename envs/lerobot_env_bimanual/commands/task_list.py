@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from lerobot_bimanual.cli import show_next
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
@@ -43,6 +44,7 @@ def task_list(config: TaskListConfig) -> None:
         count = len(row["variations"])
         title = f"{row['name']}  ({count} variation{'s' * (count > 1)}, at most {row['horizon_ticks']} ticks)"
         _print_paragraph(title, (*row["instructions"][0], ", ".join(row["suites"])))
+    show_next("lerobot-bimanual", "task", "view", f"--task={rows[0]['name']}")
 
 
 def _row(name: str) -> dict[str, Any]:
@@ -79,6 +81,7 @@ def task_perturbations(config: TaskPerturbationsConfig) -> None:
         if config.group in ("all", axis.group):
             levels = f"levels 1 to 3: {', '.join(f'{level:g}' for level in axis.levels)} {axis.unit}"
             _print_paragraph(f"{axis.name}  ({axis.group})", (axis.summary, levels, f"source: {axis.source}"))
+    show_next("lerobot-bimanual", "task", "view", "--perturb=camera_moved:2")
 
 
 def _print_paragraph(title: str, texts: Iterable[str]) -> None:

@@ -7,6 +7,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, check_range
 from lerobot_env_bimanual.options import EnvOptions
 
@@ -66,6 +67,7 @@ def task_render(config: TaskRenderConfig) -> None:
     ]
     if failures:
         raise BimanualError("; ".join(["the expert did not solve its episode", *failures]))
+    show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}", "--root=data")
 
 
 @dataclass(frozen=True)
