@@ -42,17 +42,6 @@ class ReplayResult:
         """Whether the replay went exactly as recorded."""
         return self.success and self.divergence is None
 
-    @property
-    def comparison(self) -> str:
-        """How the states compare, in words."""
-        if self.divergence is None:
-            return "same states"
-        return (
-            "another state at the start"
-            if self.divergence < 0
-            else f"another state after tick {self.divergence}"
-        )
-
 
 def replay(
     env: BimanualEnv, seed: int, variation: int, actions: Iterable[ArrayLike], hashes: Mapping[int, int]

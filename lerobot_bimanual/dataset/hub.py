@@ -27,7 +27,7 @@ from lerobot_bimanual.errors import BimanualError, DatasetError
 
 TransportError: type[Exception] = HfHubHTTPError.__bases__[0]
 """Base of the errors of the HTTP library that this version of huggingface-hub uses."""
-REASONS = {
+REASONS: dict[int, str] = {
     HTTPStatus.UNAUTHORIZED: "it does not accept the token; run `hf auth login`",
     HTTPStatus.FORBIDDEN: "the token may not write there; check its rights, and the owner in the name",
 }

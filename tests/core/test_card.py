@@ -13,7 +13,6 @@ from sample_results import provenance
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.card import PICTURE_FILE, write_card
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-from lerobot_bimanual.errors import DatasetError
 
 
 @pytest.fixture(params=schema.VIEWS)
@@ -50,8 +49,3 @@ def test_the_picture_shows_start_keyposes_and_end_of_the_first_episode(root, mak
     tiles = np.split(np.pad(strip, ((0, 0), (0, 4), (0, 0))), len(shown), axis=1)
     for tile, image in zip(tiles, shown, strict=True):
         assert np.abs(tile[:, :-4].mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 4
-
-
-def test_a_card_needs_provenance(datasets) -> None:
-    with pytest.raises(DatasetError, match="no provenance"):
-        write_card(datasets["frames"], "me/lift_ball")

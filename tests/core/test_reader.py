@@ -13,7 +13,7 @@ from sample_results import provenance
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -24,7 +24,6 @@ from lerobot_bimanual.dataset.reader import (
 )
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError, SchemaMismatch
-from lerobot_bimanual.results.record import BadRecord
 
 
 @pytest.fixture
@@ -61,7 +60,11 @@ def test_a_damaged_table_is_an_error_that_names_the_file(datasets, tmp_path, tab
         list(RecordedDataset(tmp_path / "copy").episodes())
 
 
-def test_a_folder_without_dataset_is_an_error(tmp_path) -> None:
+def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an_error(
+    datasets, tmp_path
+) -> None:
+    assert find_view(datasets["frames"].parent, ("keyframes", "frames")) == datasets["keyframes"]
+    assert find_view(datasets["frames"], ("keyframes",)) == datasets["frames"]
     with pytest.raises(DatasetError, match="no LeRobot dataset"):
         RecordedDataset(tmp_path)
     with pytest.raises(DatasetError, match=r"no dataset at .*info\.json does not exist$"):
@@ -110,12 +113,6 @@ def test_a_description_that_is_none_is_an_error_that_names_the_place(
                 reader(root)
 
 
-def test_a_view_is_found_at_the_root_or_below(datasets) -> None:
-    root = datasets["frames"].parent
-    assert find_view(root, ("keyframes", "frames")) == datasets["keyframes"]
-    assert find_view(datasets["frames"], ("keyframes",)) == datasets["frames"]
-
-
 def test_our_own_features_pass_and_so_do_copies_with_other_columns(features) -> None:
     check_features(features, "here")
     del features[schema.depth_key("front")]
@@ -145,10 +142,3 @@ def test_provenance_is_read_as_it_was_written(datasets, tmp_path) -> None:
     assert RecordedDataset(tmp_path / "copy").provenance is None
     provenance().write(tmp_path / "copy" / PROVENANCE_FILE)
     assert RecordedDataset(tmp_path / "copy").provenance == provenance()
-
-
-def test_provenance_of_another_form_is_refused(tmp_path) -> None:
-    (tmp_path / "meta").mkdir()
-    (tmp_path / "meta/bimanual.json").write_text('{"episodes": [], "skipped": [], "colour": "red"}')
-    with pytest.raises(BadRecord, match=r"bimanual\.json"):
-        Provenance.of_dataset(tmp_path)

@@ -1,7 +1,7 @@
 """What LeRobot reads is what was written, and a lost frame or a broken-off dataset is noticed."""
 
 import shutil
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,13 +19,9 @@ TICKS = 21
 KEYFRAME_ROWS = 5
 
 
-def open_dataset(root: Path) -> LeRobotDataset:
-    return LeRobotDataset("local/test", root=root, video_backend="pyav")
-
-
 @pytest.mark.parametrize(("view", "rows"), [("frames", TICKS), ("keyframes", KEYFRAME_ROWS)])
 def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.View, rows: int) -> None:
-    dataset = open_dataset(datasets[view])
+    dataset = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
     assert (len(dataset), dataset.num_episodes, dataset.fps) == (2 * rows, 2, 20)
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
     episode = make_episode(1)
@@ -47,13 +43,7 @@ def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.Vie
 
 def test_each_row_is_rendered_once_however_many_views_store_it(tmp_path, make_episode) -> None:
     episode, asked = make_episode(0), []
-    counted = type(episode)(
-        episode.meta,
-        episode.keyposes,
-        episode.steps,
-        episode.final_observation,
-        lambda row: asked.append(row) or episode.images(row),
-    )
+    counted = replace(episode, images=lambda row: asked.append(row) or episode.images(row))
     with ViewWriter(tmp_path / "keyframes", "local/x", "keyframes", CAMERAS, *SIZE) as keyframes:
         write_episode(counted, [keyframes])
         assert asked == [0, 12, TICKS]

@@ -74,15 +74,16 @@ def plus(amount: float) -> Callable[[list[float]], list[float]]:
     return lambda vector: [vector[0] + amount, *vector[1:]]
 
 
+def rewrite(path: Path, change: Callable[[dict], object]) -> None:
+    """Change the content of a JSON file in place."""
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
 def json_file(name: str, change: Callable[[dict], object]) -> Change:
     """Changes the content of a JSON file in place."""
-
-    def rewrite(root: Path) -> None:
-        content = json.loads((root / name).read_text())
-        change(content)
-        (root / name).write_text(json.dumps(content))
-
-    return rewrite
+    return lambda root: rewrite(root / name, change)
 
 
 info = partial(json_file, "meta/info.json")

@@ -2,10 +2,10 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from corruptions import rewrite
 
 from lerobot_bimanual.cli.command_line import main
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -15,12 +15,6 @@ from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_regenerate import DatasetRegenerateConfig, dataset_regenerate
 
 pytestmark = pytest.mark.sim
-
-
-def rewrite(path: Path, change: Callable[[dict], object]) -> None:
-    content = json.loads(path.read_text())
-    change(content)
-    path.write_text(json.dumps(content))
 
 
 @pytest.fixture

@@ -1,11 +1,10 @@
 """Recorded actions and keyposes replay to the same states, and a dataset that lies is found out."""
 
-import json
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from corruptions import rewrite
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -89,10 +88,7 @@ def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(g
 )
 def test_another_version_and_another_world_are_named(copy, capsys, field, other, remark) -> None:
     root = copy("keyframes")
-    path = root / PROVENANCE_FILE
-    provenance = json.loads(path.read_text())
-    provenance[field].update(other)
-    path.write_text(json.dumps(provenance))
+    rewrite(root / PROVENANCE_FILE, lambda origin: origin[field].update(other))
     config = DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)
     assert dataset_replay(config) == 0
     assert remark in capsys.readouterr().out

@@ -110,22 +110,19 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     options = EnvOptions(
         cameras=",".join(config.cameras), image_size=config.image_size, perturb=config.perturb
     )
+    # Options that are settings of the same name are taken as they are, but for those that follow.
+    given = {name: value for name, value in vars(config).items() if name in GenerationSettings.model_fields}
     return GenerationSettings.of(
-        tasks=resolve_tasks(config.task),
-        variation=config.variation,
-        episodes=config.episodes,
-        split=config.split,
-        first_seed=config.first_seed,
-        views=VIEWS if config.view == "both" else (config.view,),
-        cameras=options.camera_names,
-        height=options.size[0],
-        width=options.size[1],
-        depth=config.depth,
-        intermediate=config.intermediate,
-        discretise=config.discretise,
-        perturb=options.perturb,
-        episodes_per_shard=config.episodes_per_shard,
-        repo_id=config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
+        **given
+        | {
+            "tasks": resolve_tasks(config.task),
+            "views": VIEWS if config.view == "both" else (config.view,),
+            "cameras": options.camera_names,
+            "height": options.size[0],
+            "width": options.size[1],
+            "perturb": options.perturb,
+            "repo_id": config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
+        }
     )
 
 

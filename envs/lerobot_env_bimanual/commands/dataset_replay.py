@@ -52,7 +52,8 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     if difference := other_simulation(dataset.provenance):
         print(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
-    jobs = [(dataset.root, config.replay, index) for index in indices]
+    mode: ReplayMode = config.replay
+    jobs = [(dataset.root, mode, index) for index in indices]
     with WorkerPool(config.workers) as pool:
         results = pool.map(_replay, jobs, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))
@@ -111,7 +112,11 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
     for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"
-            print(f"episode {index} ({meta.task}, seed {meta.seed}): {result.comparison}, {end}")
+            states = "same states"
+            if result.divergence is not None:
+                when = "at the start" if result.divergence < 0 else f"after tick {result.divergence}"
+                states = f"another state {when}"
+            print(f"episode {index} ({meta.task}, seed {meta.seed}): {states}, {end}")
 
 
 @lru_cache(maxsize=1)

@@ -34,9 +34,11 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
         workers: number of processes; 0 takes one per core.
     """
     with WorkerPool(workers, preload=PRELOADED) as pool:
-        yield partial(
-            pool.map, record_shard, label="", unit="", name=lambda job: f"shard {job[1].name}", bar=False
-        )
+        yield partial(pool.map, record_shard, label="", unit="", name=_shard_name, bar=False)
+
+
+def _shard_name(job: Job) -> str:
+    return f"shard {job[1].name}"
 
 
 def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:

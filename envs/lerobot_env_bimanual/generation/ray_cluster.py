@@ -79,7 +79,11 @@ def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
             for task in finished:
                 _, shard, target = running.pop(task)
                 files, episodes = _result(task, shard)
-                unpack(files, target)
+                with plain_write_errors(target), new_folder(target.parent.parent) as folder:
+                    for name, content in files.items():
+                        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                        (folder / name).write_bytes(content)
+                    place_shard(folder, target)
                 yield episodes
     finally:
         for task in running:
@@ -102,19 +106,6 @@ def record_packed(
         episodes = record_shard((settings, shard, finished))
         files = [path for path in finished.rglob("*") if path.is_file()]
         return {str(path.relative_to(finished)): path.read_bytes() for path in files}, episodes
-
-
-def unpack(files: Mapping[str, bytes], target: Path) -> None:
-    """Put a shard that came home to its place in one piece.
-
-    Raises:
-        DatasetError: the place cannot be written.
-    """
-    with plain_write_errors(target), new_folder(target.parent.parent) as folder:
-        for name, content in files.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(content)
-        place_shard(folder, target)
 
 
 def _result(task: Any, shard: Shard) -> tuple[dict[str, bytes], int]:
