@@ -1,7 +1,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -175,37 +174,28 @@ def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respect
     assert chosen.stdout.split() == ["disable", "2"]
 
 
-def in_a_thread[Result](function: Callable[[], Result]) -> Result:
-    with ThreadPoolExecutor(1) as pool:
-        return pool.submit(function).result()
-
-
 def test_a_renderer_may_be_used_in_one_thread_and_closed_in_another(scene):
     renderer = Renderer(scene, ("front",), 24, 32)
-    there = in_a_thread(renderer.render)["front"]
-    here = renderer.render()["front"]
-    assert all(np.array_equal(a, b) for a, b in zip(there, here, strict=True))
-    in_a_thread(renderer.close)
-    again = in_a_thread(renderer.render)["front"]
+    with ThreadPoolExecutor(1) as pool:
+        there = pool.submit(renderer.render).result()["front"]
+        here = renderer.render()["front"]
+        pool.submit(renderer.close).result()
+        again = pool.submit(renderer.render).result()["front"]
     renderer.close()
-    assert all(np.array_equal(a, b) for a, b in zip(there, again, strict=True))
+    for images in (here, again):
+        assert all(np.array_equal(a, b) for a, b in zip(there, images, strict=True))
 
 
 def test_environments_play_and_render_in_several_threads_at_once():
     def play(seed: int) -> list[np.ndarray]:
         env = BimanualEnv("lift_ball", image_size=24, cameras="front")
-        envs.append(env)
         images = [env.reset(seed=seed)[0]["pixels"]["front"]]
         for _ in range(5):
-            images.append(env.step(env.scene.commanded)[0]["pixels"]["front"])
-            images.append(env.render())
+            images += [env.step(env.scene.commanded)[0]["pixels"]["front"], env.render()]
+        env.close()
         return images
 
-    envs: list[BimanualEnv] = []
     with ThreadPoolExecutor(2) as pool:
         at_once = list(pool.map(play, (0, 1)))
-    one_after_the_other = [play(seed) for seed in (0, 1)]
-    for env in envs:
-        env.close()
-    for images, expected in zip(at_once, one_after_the_other, strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(images, expected, strict=True))
+    for seed, images in enumerate(at_once):
+        assert all(np.array_equal(a, b) for a, b in zip(images, play(seed), strict=True))

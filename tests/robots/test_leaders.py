@@ -218,12 +218,6 @@ def test_an_arm_goes_as_far_as_it_reaches_and_says_so_once(gamepad_leader, pad, 
     assert capsys.readouterr().err.count("left arm cannot go there") == 1
 
 
-def test_every_key_is_in_the_help_and_not_one_of_lerobots():
-    assert not set(leaders.KEYS) & {"n", "r", "q", *WRITTEN}
-    assert len(leaders.KEYS) == len(set(leaders.KEYS))
-    assert set(leaders.KEYS) <= set(leaders.KEYBOARD_HELP.replace("(", " ").split())
-
-
 def test_the_leader_arms_go_where_the_robot_is_whatever_is_held_meanwhile(
     keyboard_leader, gamepad_leader, script, pad
 ):
@@ -269,7 +263,12 @@ def test_a_gamepad_that_is_not_there_is_one_clear_error(pad, gamepad_leader, tmp
     assert not another.is_connected
 
 
-def test_keys_are_shared_with_lerobots_controls(keyboard, soon):
+def test_keys_are_shared_with_lerobots_controls_and_without_a_terminal_there_are_none(
+    keyboard, soon, monkeypatch
+):
+    assert not set(leaders.KEYS) & {"n", "r", "q", *WRITTEN}
+    assert len(leaders.KEYS) == len(set(leaders.KEYS))
+    assert set(leaders.KEYS) <= set(leaders.KEYBOARD_HELP.replace("(", " ").split())
     terminal = sys.stdin
     keys = TerminalKeys(("w", "h"))
     listener, events = init_keyboard_listener()
@@ -284,13 +283,10 @@ def test_keys_are_shared_with_lerobots_controls(keyboard, soon):
         keys.stop()
         listener.stop()
     assert sys.stdin is terminal
-
-
-def test_without_a_terminal_there_is_one_clear_error(monkeypatch, tmp_path):
     with Path("/dev/null").open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)
         with pytest.raises(NoTerminal, match="without a pipe"):
-            BimanualKeyboard(BimanualKeyboardConfig(calibration_dir=tmp_path)).connect()
+            TerminalKeys(leaders.KEYS)
 
 
 @pytest.mark.parametrize(
