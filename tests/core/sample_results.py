@@ -1,4 +1,4 @@
-"""Sample results of a benchmark, and a sample provenance of a dataset."""
+"""Sample results of a benchmark, outcomes of an expert, and a sample provenance of a dataset."""
 
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from lerobot_bimanual.results.benchmark import (
     Validation,
 )
 from lerobot_bimanual.results.episode import Episode, Proof
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, LoadMetrics, MoveReport
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
@@ -45,6 +46,43 @@ def proved(outcomes: str, first_seed: int = 0) -> tuple[Episode, ...]:
 def reported(outcomes: str, variation: int = 0, first_seed: int = 0) -> tuple[Episode, ...]:
     """The same as the expert or a baseline is reported."""
     return episodes(outcomes, first_seed, "fell", variation=variation, state_hash="0" * 16)
+
+
+LIGHT = LoadMetrics(
+    torque=0.5,
+    saturated=0.0,
+    velocity=0.5,
+    acceleration=0.5,
+    jerk=0.5,
+    contact_force_n=5.0,
+    finger_speed_m_s=0.05,
+    penetration_mm=0.5,
+    penetrating="hand, box",
+)
+
+
+def outcome(success: bool = True, seed: int = 0, **changes: Any) -> EpisodeOutcome:
+    fields: dict[str, Any] = {
+        "task": "lift_ball",
+        "variation": 0,
+        "seed": seed,
+        "success": success,
+        "ticks": 20,
+        "state_hash": f"{seed:064x}",
+        "last_move": "lift",
+        "moves": (MoveReport("beside", 20, 1.0, 2.0),),
+        "commands": ((0.5,) * 18,),
+    }
+    if success:
+        fields |= {"load": LIGHT, "keyframes_found": True, "replayed": True}
+    else:
+        fields |= {"failure": "no move left", "unmet": ("above(ball)",)}
+    return EpisodeOutcome(**fields | changes)
+
+
+def outcomes(solved: int, failed: int, **changes: Any) -> list[EpisodeOutcome]:
+    successes = [True] * solved + [False] * failed
+    return [outcome(success, seed, **changes) for seed, success in enumerate(successes)]
 
 
 def provenance(view: schema.View = "frames", **fields: Any) -> Provenance:

@@ -8,32 +8,15 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sample_results import RESULT, VERSIONS, WORLD, proved, provenance, reported, variant
+from sample_results import LIGHT, RESULT, VERSIONS, WORLD, outcome, proved, provenance, reported, variant
 from sample_robustness import EXPERT_REPORT as EXPERT_ROBUSTNESS
 from sample_robustness import ROBUSTNESS
 
 from lerobot_bimanual.benchmark.pipeline import Marker
 from lerobot_bimanual.results.benchmark import BenchmarkResult
-from lerobot_bimanual.results.expert_report import (
-    EpisodeOutcome,
-    ExpertReport,
-    LoadMetrics,
-    MoveReport,
-    VariationLoad,
-)
+from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import BadRecord, Record
 
-LOAD = LoadMetrics(
-    torque=0.5,
-    saturated=0.0,
-    velocity=0.5,
-    acceleration=0.5,
-    jerk=0.5,
-    contact_force_n=5.0,
-    finger_speed_m_s=0.05,
-    penetration_mm=0.5,
-    penetrating="hand, box",
-)
 EXAMPLES: Sequence[Record] = [
     RESULT,
     RESULT.evaluation,
@@ -49,16 +32,8 @@ EXAMPLES: Sequence[Record] = [
         n_seeds=2,
         versions=VERSIONS,
         worlds={"lift_ball": WORLD},
-        loads=(VariationLoad(task="lift_ball", variation=0, load=LOAD),),
-        episodes=tuple(
-            EpisodeOutcome.of(
-                task="lift_ball",
-                **dict(episode) | {"ticks": 20},
-                moves=(MoveReport("beside", 20, 1.0, 2.0),),
-                unmet=("above(ball)",),
-            )
-            for episode in reported("x.")
-        ),
+        loads=(VariationLoad(task="lift_ball", variation=0, load=LIGHT),),
+        episodes=(outcome(load=None), outcome(False, seed=1)),
     ),
 ]
 """One of every kind of record that is a file."""

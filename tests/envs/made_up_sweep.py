@@ -4,49 +4,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from sample_results import outcome
+
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
-from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, LoadMetrics, MoveReport
+from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task
 
 TASK = "dual_push_buttons"
-LIGHT = LoadMetrics(
-    torque=0.5,
-    saturated=0.0,
-    velocity=0.5,
-    acceleration=0.5,
-    jerk=0.5,
-    contact_force_n=5.0,
-    finger_speed_m_s=0.05,
-    penetration_mm=0.5,
-    penetrating="hand, box",
-)
-
-
-def outcome(success: bool = True, seed: int = 0, **changes: Any) -> EpisodeOutcome:
-    fields: dict[str, Any] = {
-        "task": "lift_ball",
-        "variation": 0,
-        "seed": seed,
-        "success": success,
-        "ticks": 20,
-        "state_hash": f"{seed:064x}",
-        "last_move": "lift",
-        "moves": (MoveReport("beside", 20, 1.0, 2.0),),
-        "commands": ((0.5,) * 18,),
-    }
-    if success:
-        fields |= {"load": LIGHT, "keyframes_found": True, "replayed": True}
-    else:
-        fields |= {"failure": "no move left", "unmet": ("above(ball)",)}
-    return EpisodeOutcome(**fields | changes)
-
-
-def outcomes(solved: int, failed: int, **changes: Any) -> list[EpisodeOutcome]:
-    successes = [True] * solved + [False] * failed
-    return [outcome(success, seed, **changes) for seed, success in enumerate(successes)]
 
 
 def world(task: str, perturb: str) -> str:

@@ -1,7 +1,7 @@
 """`expert evaluate`, its evaluator and its log: what is refused, kept and written, and that nothing is played twice."""
 
 import pytest
-from made_up_sweep import outcome, outcomes
+from sample_results import outcome, outcomes
 
 from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
 from lerobot_bimanual.results.expert_report import ExpertReport

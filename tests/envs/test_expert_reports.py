@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from made_up_sweep import LIGHT, outcome, outcomes
+from sample_results import LIGHT, outcome, outcomes
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.results.episode import success_rate

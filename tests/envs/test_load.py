@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_up_sweep import LIGHT
+from sample_results import LIGHT
 
 from lerobot_bimanual.results.expert_report import LoadMetrics
 from lerobot_env_bimanual.env import BimanualEnv

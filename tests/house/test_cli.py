@@ -115,7 +115,8 @@ import json, sys
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.command_line import summary
 summaries = {name: summary(entry) for name, entry in cli.find_commands().items()}
-assert not {"torch", "lerobot", "mujoco", "draccus"} & set(sys.modules)
+cli.main(["--help"])
+assert not {"torch", "lerobot", "mujoco", "draccus", "numpy", "gymnasium", "rich"} & set(sys.modules)
 loads = {name: cli.main([*name.split(), "--help"]) or sorted({"torch", "lerobot"} & {*sys.modules}) for name in summaries}
 print(json.dumps([summaries, loads]))
 """

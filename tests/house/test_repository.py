@@ -1,5 +1,6 @@
 """Things that must agree across the repository, and things that must not be in it."""
 
+import os
 import re
 import subprocess
 import tomllib
@@ -7,6 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from packaging.requirements import Requirement
+
+import lerobot_bimanual
 
 ROOT = Path(__file__).parents[2]
 DISTRIBUTIONS = {
@@ -15,6 +20,7 @@ DISTRIBUTIONS = {
     "lerobot_policy_bimanual": ROOT / "policies",
     "lerobot_robot_bimanual": ROOT / "robots",
 }
+APT = "sudo apt-get update && sudo apt-get install -y libegl1 libegl-mesa0 libgl1-mesa-dri"
 # Put together from halves, so that this file passes its own test.
 FORBIDDEN = [
     *("/" + folder for folder in ("work/", "root/", "tmp/team", "opt/pypi")),
@@ -24,6 +30,14 @@ FORBIDDEN = [
 
 def project(folder: Path) -> dict[str, Any]:
     return tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+
+
+REQUIREMENTS = [
+    Requirement(line)
+    for folder in DISTRIBUTIONS.values()
+    for lines in (project(folder)["dependencies"], *project(folder).get("optional-dependencies", {}).values())
+    for line in lines
+]
 
 
 def files_of_the_repository() -> list[Path]:
@@ -87,3 +101,42 @@ def test_no_file_names_a_private_path_or_a_registry() -> None:
 def test_no_file_but_trained_weights_is_larger_than_a_megabyte() -> None:
     large = {path.relative_to(ROOT) for path in files_of_the_repository() if path.stat().st_size > 1_000_000}
     assert not [path for path in large if not path.match("results/checkpoints/*/model.safetensors")]
+
+
+def test_every_distribution_that_names_mujoco_excludes_4_0_0_by_name() -> None:
+    named = [requirement for requirement in REQUIREMENTS if requirement.name == "mujoco"]
+    assert named
+    assert all("!=4.0.0" in str(requirement.specifier) for requirement in named)
+
+
+def test_the_page_of_compatibility_states_the_declared_ranges() -> None:
+    page = (ROOT / "docs/compatibility.md").read_text()
+    stated = dict(re.findall(r"^\| `([\w-]+)` \| `([^`]+)` \|", page, re.MULTILINE))
+    declared = {
+        name: {str(found.specifier) for found in REQUIREMENTS if found.name.lower() == name}
+        for name in ("lerobot", "mujoco", "gymnasium", "torch", "transformers", "numpy", "av")
+    }
+    assert {name: {range_} for name, range_ in stated.items()} == declared
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob(".github/workflows/*.yml")), ids=lambda path: path.stem)
+def test_a_workflow_is_thin_and_bounded(path: Path) -> None:
+    workflow = yaml.safe_load(path.read_text())
+    targets = set(re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    for program, *words in (step["run"].split() for step in steps if step.get("run", APT) != APT):
+        assert (
+            set(words) <= targets
+            if program == "make"
+            else program == "grep" or os.access(ROOT / program, os.X_OK)
+        )
+    assert workflow["permissions"] == {"contents": "read"}
+    assert all("timeout-minutes" in job or "environment" in job for job in workflow["jobs"].values())
+    assert APT.rpartition("install -y ")[2] in (ROOT / "README.md").read_text()
+
+
+def test_every_public_name_is_there_and_none_besides() -> None:
+    for name in lerobot_bimanual.__all__:
+        assert getattr(lerobot_bimanual, name) is not None
+    with pytest.raises(AttributeError, match="Keypoze"):
+        _ = lerobot_bimanual.Keypoze
