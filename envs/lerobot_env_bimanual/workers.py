@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 import traceback
@@ -18,12 +17,10 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from dataclasses import dataclass
 from multiprocessing import connection, forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from tqdm import tqdm
@@ -36,6 +33,12 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
 
+DEATH = (
+    "its worker process died, also when it was tried alone, most likely killed for want of memory: repeat the command, "
+    "perhaps with fewer --workers"
+)
+
+
 class WorkFailed(BimanualError):
     """An item could not be worked on for an unforeseen reason."""
 
@@ -44,26 +47,12 @@ class WorkerDied(WorkFailed):
     """A worker process ended in the middle of its work."""
 
 
-@dataclass(frozen=True)
-class Failure:
-    """What a worker returns instead of a result.
-
-    Attributes:
-        error: what was raised, with the worker's traceback as a note.
-        is_of_item: whether another item may succeed; otherwise the worker could not be prepared.
-    """
-
-    error: BimanualError
-    is_of_item: bool = True
-
-
 class WorkerPool:
     """Worker processes, started as work comes; use it in a `with` statement, which ends them.
 
     Args:
         workers: number of processes; 0 takes one per core.
-        prepare: called once in every worker, before its first work.
-        arguments: of `prepare`.
+        prepare: called once in every worker, before its first work. What it raises becomes the result of every item.
         preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL
             context on import, which does not survive a fork. Only the first pool of a process can have some.
 
@@ -71,33 +60,24 @@ class WorkerPool:
         InvalidChoice: a negative number of workers.
     """
 
-    def __init__(
-        self,
-        workers: int,
-        prepare: Callable[..., None] | None = None,
-        arguments: tuple[Any, ...] = (),
-        preload: Sequence[str] = (),
-    ):
+    def __init__(self, workers: int, prepare: Callable[[], None] | None = None, preload: Sequence[str] = ()):
         if workers < 0:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
         self._context = multiprocessing.get_context(START_METHOD)
         self._context.set_forkserver_preload([__name__, *preload])
         self._limit = workers or os.cpu_count() or 1
-        self._preparation = (prepare, arguments)
+        self._prepare = prepare
         self._executor: ProcessPoolExecutor | None = None
         self._lifeline: Connection | None = None
-        self._running: dict[Future[bytes], int] = {}
+        self._running: dict[Future[Any], int] = {}
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the processes."""
         self._end()
-        self._running.clear()
 
     def map[Item, Result](
         self,
@@ -109,21 +89,19 @@ class WorkerPool:
         name: Callable[[Item], str] = str,
         failed: Callable[[Item, str], Result] | None = None,
         note: Callable[[Item, Result], None] | None = None,
-        bar: bool = True,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
         Args:
             function: what a worker does with an item.
             items: what there is to do.
-            label: text before the bar.
+            label: text before the bar; without it there is no bar.
             unit: what an item is called.
             done: further items that the bar counts as done from the start.
             name: names an item in messages.
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
             note: called with an item and its result as soon as there is one, whatever earlier items still take.
-            bar: whether there is a progress bar.
 
         Raises:
             BimanualError: what a worker raised.
@@ -131,18 +109,20 @@ class WorkerPool:
             WorkerDied: a worker died while it worked on an item, again when the item was tried alone.
         """
         early: dict[int, Result] = {}
-        turn = 0
+        turn, total = 0, done + len(items)
         with (
             tqdm(
-                desc=label, total=done + len(items), initial=done, unit=unit, smoothing=0, disable=not bar
+                desc=label, total=total, initial=done, unit=unit, smoothing=0, disable=not (label and total)
             ) as progress,
-            closing(self._answers(function, items, name)) as answers,
+            closing(self._answers(function, items)) as answers,
         ):
             for index, answer in answers:
-                if isinstance(answer, Failure):
-                    if failed is None or not answer.is_of_item:
-                        raise answer.error
-                    answer = failed(items[index], str(answer.error))
+                if isinstance(answer, BimanualError):
+                    if isinstance(answer, WorkFailed):
+                        answer = type(answer)(f"{name(items[index])}: {answer}")
+                    if failed is None:
+                        raise answer
+                    answer = failed(items[index], str(answer))
                 if note is not None:
                     note(items[index], answer)
                 progress.update()
@@ -151,10 +131,8 @@ class WorkerPool:
                     yield early.pop(turn)
                     turn += 1
 
-    def _answers(
-        self, function: Callable[[Any], Any], items: Sequence[Any], name: Callable[[Any], str]
-    ) -> Generator[tuple[int, Any]]:
-        """(index, result or failure) as they come."""
+    def _answers(self, function: Callable[[Any], Any], items: Sequence[Any]) -> Generator[tuple[int, Any]]:
+        """(index, result or error) as they come."""
         waiting, suspects = deque(range(len(items))), deque[int]()
         try:
             while waiting or suspects or self._running:
@@ -169,11 +147,11 @@ class WorkerPool:
                     finished, _ = wait(self._running)  # a death breaks the whole pool
                     self._end()
                 for future in finished:
-                    index = self._running.pop(future)
-                    if not isinstance(future.exception(), BrokenProcessPool):
-                        yield index, _named(pickle.loads(future.result()), name(items[index]))
+                    index, error = self._running.pop(future), future.exception()
+                    if not isinstance(error, BrokenProcessPool):
+                        yield index, future.result() if error is None else told(error)
                     elif is_retry:
-                        yield index, Failure(_death(name(items[index])))
+                        yield index, WorkerDied(DEATH)
                     else:
                         suspects.append(index)
         finally:
@@ -187,7 +165,7 @@ class WorkerPool:
                 forkserver.ensure_running()
             reader, self._lifeline = self._context.Pipe(duplex=False)
             self._executor = ProcessPoolExecutor(
-                self._limit, self._context, _prepare_worker, (reader, *self._preparation)
+                self._limit, self._context, _prepare_worker, (reader, self._prepare)
             )
         try:
             future = self._executor.submit(_work, function, items[index])
@@ -222,7 +200,7 @@ def end_of(process: BaseProcess) -> str:
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
-def told(error: Exception) -> BimanualError:
+def told(error: BaseException) -> BimanualError:
     """An exception as an error that can travel between processes, with its traceback as a note."""
     if not isinstance(error, BimanualError):
         frames = traceback.extract_tb(error.__traceback__)
@@ -233,35 +211,20 @@ def told(error: Exception) -> BimanualError:
     return error
 
 
-def _death(name: str) -> WorkerDied:
-    return WorkerDied(
-        f"{name}: its worker process died, also when it was tried alone, most likely killed for want of memory: repeat "
-        "the command, perhaps with fewer --workers"
-    )
-
-
-def _named(answer: Any, name: str) -> Any:
-    if isinstance(answer, Failure) and answer.is_of_item and isinstance(answer.error, WorkFailed):
-        return Failure(WorkFailed(f"{name}: {answer.error}"))
-    return answer
-
-
-_obstacle: Failure | None = None
+_obstacle: BimanualError | None = None
 """In a worker, why it could not be prepared."""
 
 
-def _prepare_worker(
-    lifeline: Connection, prepare: Callable[..., None] | None, arguments: tuple[Any, ...]
-) -> None:
+def _prepare_worker(lifeline: Connection, prepare: Callable[[], None] | None) -> None:
     """Prepare a worker, which ends as soon as its parent closes the other end of `lifeline`, or is gone."""
     global _obstacle
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with(lifeline)
     try:
         if prepare is not None:
-            prepare(*arguments)
+            prepare()
     except Exception as error:
-        _obstacle = Failure(told(error), is_of_item=False)
+        _obstacle = told(error)
 
 
 def _end_with(lifeline: Connection | int) -> None:
@@ -272,9 +235,9 @@ def _end_with(lifeline: Connection | int) -> None:
     threading.Thread(target=await_end, daemon=True).start()
 
 
-def _work(function: Callable[[Any], Any], item: Any) -> bytes:
-    """The pickled result or failure; what cannot be pickled is a failure, too."""
+def _work(function: Callable[[Any], Any], item: Any) -> Any:
+    """The result, or what was raised as an error that can travel."""
     try:
-        return pickle.dumps(function(item) if _obstacle is None else _obstacle)
+        return function(item) if _obstacle is None else _obstacle
     except Exception as error:
-        return pickle.dumps(Failure(told(error)))
+        return told(error)

@@ -1,5 +1,5 @@
 """How one arm alone would try tasks, one module per task; `python -m adversaries` plays them (run it in `tests/`).
 
 `results.json` holds what the adversaries of all thirteen tasks solved. Kept are the scripts of the three tasks that one arm
-can do, and of two that it cannot; those of eight more tasks, which solved nothing, are in the repository's history.
+can do; those of the ten others, which solved nothing, are in the repository's history.
 """

@@ -1,23 +1,18 @@
 """Put the item in the drawer, alone: open it, then fetch the item."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from adversaries._picking import Grip, base_of, grips
 from adversaries.single_arm import Strategy, alone
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
-from lerobot_env_bimanual.tasks.put_item_in_drawer import (
-    BEFORE_HANDLE_M,
-    CABINET,
-    ITEM,
-    PULL_M,
-)
+from lerobot_env_bimanual.tasks.put_item_in_drawer import BEFORE_HANDLE_M, CABINET, ITEM, PULL_M
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 AWAY_M = 0.04
@@ -25,6 +20,34 @@ DROP_ABOVE_HANDLE_M = {"bottom": 0.16, "middle": 0.08, "top": 0.04}
 ABOVE_Z_M = 1.34
 BAR_PITCHES_RAD = np.deg2rad((0.0, 25.0))
 ITEM_PITCHES_RAD = np.deg2rad((90.0, 60.0))
+"""Of the hand below the horizontal; a tilted one reaches further."""
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Directions of a hand that takes the item by two of its sides."""
+
+    approach: np.ndarray
+    opening: np.ndarray
+
+    def at(self, position) -> Pose:
+        """The hand with its tool centre point at a position (3,)."""
+        return Pose.looking(position, self.approach, self.opening)
+
+
+def grips(item: Pose, base_m: np.ndarray) -> Iterator[Grip]:
+    """All grips of the item by its upright sides, steep ones first; then, to reach further, straight away from the arm.
+
+    Args:
+        item: its pose; its sides lie along its x and y axes.
+        base_m: (3,) where the arm stands.
+    """
+    across, along = item.rotation[:, 0], item.rotation[:, 1]
+    away = (item.position - base_m) * (1, 1, 0)
+    turned = product(ITEM_PITCHES_RAD, [across, along, -across, -along])
+    for pitch, heading in (*turned, *product(ITEM_PITCHES_RAD, [away / np.linalg.norm(away)])):
+        approach = np.cos(pitch) * heading - (0, 0, np.sin(pitch))
+        yield Grip(approach, np.cross((0, 0, 1), heading))
 
 
 def strategies(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Strategy]:
@@ -34,16 +57,10 @@ def strategies(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Str
         (True, False),
         BAR_PITCHES_RAD,
         (1, -1),
-        grips(scene.pose(ITEM.name), base_of(scene, arm), ITEM_PITCHES_RAD),
+        grips(scene.pose(ITEM.name), scene.arm_pair.base_poses[arm.ordinal].position),
     ):
         yield partial(
-            _in_turn,
-            arm=arm,
-            level=level,
-            straight=straight,
-            pitch_rad=pitch_rad,
-            side=side,
-            grip=grip,
+            _in_turn, arm=arm, level=level, straight=straight, pitch_rad=pitch_rad, side=side, grip=grip
         )
 
 

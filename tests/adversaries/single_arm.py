@@ -19,7 +19,7 @@ from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-TASKS = ("dual_push_buttons", "lift_ball", "pick_laptop", "put_item_in_drawer", "take_tray_out_of_oven")
+TASKS = ("pick_laptop", "put_item_in_drawer", "take_tray_out_of_oven")
 """Tasks that have a module here."""
 MAX_TRIES = 3
 """Strategies that are tried in a copy of the episode."""

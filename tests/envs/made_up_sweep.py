@@ -40,7 +40,7 @@ class MadeUpEvaluator:
         return ((float(variation), *[0.0] * 17),)
 
     def map(self, function: Any, items: Any, *_: Any) -> Iterator[str]:
-        return (world(*item) for item in items)
+        return (world(*function.args, item) for item in items)
 
     def play(self, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
         MadeUpEvaluator.specs += specs

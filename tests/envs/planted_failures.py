@@ -9,41 +9,21 @@ from numpy.typing import NDArray
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.replanning import replanning
-from lerobot_env_bimanual.experts.runner import home_keypose, run_episode
+from lerobot_env_bimanual.experts.runner import Player, expert, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
-from lerobot_env_bimanual.task import Script
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 
 Keyposes = NDArray[np.float32]
 SEED = 40_001
+EXPERT = expert()
 
 
 @cache
-def expert_keyposes(task: str, seed: int = SEED, script: Script | None = None) -> Keyposes:
-    """Keyposes (n, 18) of the expert, or of another script, in variation 0."""
-    env, keyposes = BimanualEnv(task, obs="state"), []
-    env.reset(seed=seed, options={"variation": 0})
-    target = home_keypose(env.scene)
-    stages = (
-        env.task_definition.script(env.scene, env.progress.variation) if script is None else script(env.scene)
-    )
-    for stage in stages:
-        target = stage.keypose(target)
-        keyposes.append(target.to_vector())
-        _, _, terminated, truncated, _ = env.step(keyposes[-1])
-        if terminated or truncated:
-            break
-    env.close()
-    return np.array(keyposes)
-
-
-@cache
-def replanning_keyposes(task: str, perturb: str, seed: int = SEED) -> Keyposes:
-    """Keyposes (n, 18) of the replanning expert in variation 0."""
+def expert_keyposes(task: str, player: Player = EXPERT, seed: int = SEED, perturb: str = "") -> Keyposes:
+    """Keyposes (n, 18) of the expert, or of another player, in variation 0."""
     env, moves = BimanualEnv(task, obs="state", perturb=perturb), []
-    run_episode(env, seed, replanning(), moves.append, variation=0)
+    run_episode(env, seed, player, moves.append, variation=0)
     env.close()
     return np.array([move.action for move in moves])
 

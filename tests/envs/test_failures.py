@@ -6,21 +6,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from planted_failures import (
-    SEED,
-    Keyposes,
-    evaluation,
-    expert_keyposes,
-    from_on,
-    played,
-    replanning_keyposes,
-    shifted,
-)
+from planted_failures import SEED, Keyposes, evaluation, expert_keyposes, from_on, played, shifted
 
 from lerobot_bimanual.errors import BimanualError, InvalidAction, InvalidChoice
 from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.commands.results_diagnose import ResultsDiagnoseConfig, results_diagnose
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.baselines import play_script
+from lerobot_env_bimanual.experts.runner import replanning
 from lerobot_env_bimanual.failures.attribution import Attribution, FailureAttributor, Responsible
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
@@ -69,7 +62,7 @@ def one_hand_after_the_other(keyposes: Keyposes) -> Keyposes:
 def another_item(_: Keyposes) -> Keyposes:
     item = handover_item.ITEMS[1]
     script = partial(hand_over, item=item, left_behind_m=0.005, right_behind_m=0.005)
-    return expert_keyposes("handover_item", script=script)
+    return expert_keyposes("handover_item", partial(play_script, script=script))
 
 
 def another_button(_: Keyposes) -> Keyposes:
@@ -78,7 +71,7 @@ def another_button(_: Keyposes) -> Keyposes:
         is_leftmost = scene.pose(other).position[1] > scene.pose(left).position[1]
         return dual_push_buttons.press(scene, *((other, right) if is_leftmost else (left, other)))
 
-    return expert_keyposes("dual_push_buttons", script=script)
+    return expert_keyposes("dual_push_buttons", partial(play_script, script=script))
 
 
 CLASSES = {
@@ -134,7 +127,7 @@ def test_a_planted_error_of_an_arm_is_attributed_to_it(task, change, index, resp
 def test_under_a_nudge_the_replanning_expert_takes_over():
     """The open-loop expert fails this episode."""
     seed, perturb = 40_004, "nudge:3"
-    replanned = replanning_keyposes(EASY, perturb, seed)
+    replanned = expert_keyposes(EASY, replanning(), seed, perturb)
     once = np.delete(replanned, 1, axis=0)  # plans at the start, then goes to where the item was moved to
     errors = (from_on(5, RIGHT_OPEN, 1.0)(replanned), shifted(1, LEFT_X, 0.06)(once))
     found = attributed(EASY, *(played(EASY, keyposes, seed, perturb) for keyposes in errors), perturb=perturb)

@@ -16,7 +16,7 @@ from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, 
 from lerobot_env_bimanual.commands.policy_robustness import PolicyRobustnessConfig, policy_robustness
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.registry import AXES
-from lerobot_env_bimanual.sweep import expert_robustness, robustness
+from lerobot_env_bimanual.sweep import conditions, robustness
 from lerobot_env_bimanual.sweep.conditions import conditions_of, solved_seeds
 from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -26,7 +26,7 @@ TRAINED = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
 @pytest.fixture(autouse=True)
 def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (robustness, expert_robustness):
+    for module in (robustness, conditions):
         monkeypatch.setattr(module, "Evaluator", MadeUpEvaluator)
         monkeypatch.setattr(module, "EpisodeLog", MagicMock())
     monkeypatch.setattr(robustness, "PolicyRollout", MadeUpRollout)

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+import worker_jobs as jobs
 
 from lerobot_bimanual.errors import UnknownTask
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -24,7 +25,7 @@ with WorkerPool(2) as pool:
 """
 
 
-def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(jobs, tmp_path) -> None:
+def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) -> None:
     words = [str(tmp_path / "tried twice"), "quick", "too"]
     noted = []
     with WorkerPool(1) as pool:
@@ -40,16 +41,8 @@ def test_an_error_comes_home_as_it_was_raised() -> None:
         list(pool.map(get_task, ["wash_dishes"], "looking", "task"))
 
 
-@pytest.fixture
-def jobs(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parent)
-    import worker_jobs
-
-    return worker_jobs
-
-
 @pytest.mark.parametrize("workers", [1, 3])
-def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers, jobs):
+def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers):
     words = ["a", jobs.OBSTINATE, "b", "c"]
     with WorkerPool(workers) as pool:
         results = pool.map(jobs.double_or_die, words, "doubling", "word", failed=lambda _, reason: reason)
@@ -58,7 +51,7 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
     assert lost.startswith("obstinate: its worker process died, also when it was tried alone")
 
 
-def test_whatever_goes_wrong_in_a_worker_comes_home_in_words(jobs):
+def test_whatever_goes_wrong_in_a_worker_comes_home_in_words():
     for function, complaint in (
         (jobs.raise_unportable, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
         (jobs.result_without_a_pickle, "7: unexpected .*pickle"),

@@ -129,12 +129,11 @@ def test_a_policy_of_mixed_precision_is_played_in_full_precision(of_mixed_precis
     assert [condition.name for condition in RobustnessResult.read(output).conditions] == ["nominal", "mass:1"]
 
 
-def test_a_dry_run_plays_little_and_keeps_nothing(tmp_path, monkeypatch, capsys):
+def test_a_dry_run_tells_the_conditions_and_plays_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     flags = [f"--checkpoint={TRAINED}", f"--task={TASK}", "--axes=mass", "--device=cpu", "--dry_run"]
     assert cli.main(["policy", "robustness", *flags]) == 0
     output = capsys.readouterr().out
     assert "1 axes, 4 conditions of 20 episodes, 4 to be played" in output
     assert "mass: 1.2, 1.5, 2 times the mass" in output
-    assert "minutes" in output
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]

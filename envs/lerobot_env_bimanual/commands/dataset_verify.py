@@ -91,7 +91,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
             ]
             arguments = ([view.root for view in readable], plans)
             # Both views of an episode are verified in one go, which plays it once.
-            with WorkerPool(config.workers, _prepare, arguments, PRELOADED) as pool:
+            with WorkerPool(config.workers, partial(_prepare, *arguments), PRELOADED) as pool:
                 failed = partial(_unverified, len(readable))
                 for reports in pool.map(_verify, indices, "verifying", "episode", failed=failed):
                     for view, report in zip(readable, reports, strict=True):

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 EACH_VARIATION = "each"
 ALL_AXES = ("all",)
-CONTINUES = "the same command continues where it stopped"
 
 
 @dataclass
@@ -80,28 +79,25 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     for task in tasks if config.variation != EACH_VARIATION else ():
         get_task(task).spec.variation_index(config.variation)
     _check(config)
-    return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)
+    try:
+        return _sweep(config, tasks) if config.axes else _evaluate(config, tasks)
+    except KeyboardInterrupt:
+        continues = "the same command continues where it stopped"
+        raise KeyboardInterrupt(continues if config.output else "nothing is kept without --output") from None
 
 
 def _check(config: ExpertEvaluateConfig) -> None:
     """Refuse what is impossible, and what would change nothing although a report would claim it."""
     for name, minimum in (("first_seed", 0), ("episodes", 1), ("open_loop_episodes", 1), ("discretise", 0)):
         check_range(name, getattr(config, name), minimum)
-    if config.discretise and config.player not in EXPERTS:
-        raise InvalidChoice(f"discretise of the player {config.player!r}", config.discretise, ["0"])
-    if config.replay != "none" and config.player not in EXPERTS:
-        raise InvalidChoice(f"replay of the player {config.player!r}", config.replay, ["none"])
+    for name in ("discretise", "replay") if config.player not in EXPERTS else ():
+        if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
+            raise InvalidChoice(f"{name} of the player {config.player!r}", value, [str(usual)])
     if config.axes:
         if config.output is None:
             raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
-        for name, usual in (
-            ("player", "expert"),
-            ("variation", "any"),
-            ("perturb", ""),
-            ("discretise", 0),
-            ("replay", "none"),
-        ):
-            if (value := getattr(config, name)) != usual:
+        for name in ("player", "variation", "perturb", "discretise", "replay"):
+            if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
                 raise InvalidChoice(f"{name} with --axes", value, [repr(usual)])
 
 
@@ -115,12 +111,9 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     if config.output is not None:
         check_output_file(config.output)
         log = EpisodeLog(config.output.with_suffix(".partial.jsonl"))
-    try:
-        with Evaluator(config.workers, log) as evaluator:
-            specs = [spec for task in tasks for spec in _specs(evaluator, config, task)]
-            outcomes = evaluator.play(specs, config.player)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(CONTINUES if log else "nothing is kept without --output") from None
+    with Evaluator(config.workers, log) as evaluator:
+        specs = [spec for task in tasks for spec in _specs(evaluator, config, task)]
+        outcomes = evaluator.play(specs, config.player)
     report = make_report(
         outcomes,
         config.player,
@@ -169,8 +162,7 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_bimanual.files import check_output_folder
     from lerobot_bimanual.results.robustness import ExpertRobustnessConfig
     from lerobot_env_bimanual.experts.world_version import simulation_versions
-    from lerobot_env_bimanual.sweep.conditions import conditions_of
-    from lerobot_env_bimanual.sweep.expert_robustness import sweep_expert
+    from lerobot_env_bimanual.sweep.conditions import conditions_of, sweep_expert
 
     assert config.output is not None  # checked
     axes = () if config.axes == ALL_AXES else config.axes
@@ -185,10 +177,7 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
             open_loop_episodes=min(config.open_loop_episodes, config.episodes),
             versions=simulation_versions(),
         )
-        try:
-            report = sweep_expert(conditions, measured, config.output / f"{task}.json", config.workers)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(CONTINUES) from None
+        report = sweep_expert(conditions, measured, config.output / f"{task}.json", config.workers)
         invalid = [condition for condition in report.conditions if not report.is_valid(condition)]
         print(
             f"{task}: {len(report.conditions) - len(invalid)} of {len(report.conditions)} conditions are valid"

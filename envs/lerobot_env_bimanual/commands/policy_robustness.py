@@ -34,8 +34,7 @@ class PolicyRobustnessConfig:
     output: Path | None = None
     # Folder of `expert evaluate --axes`: the expert on many more seeds, which then decides which conditions are valid.
     expert_reports: Path | None = None
-    # Print the conditions, and after a few episodes an estimate of the time; keep nothing.
-    dry_run: bool = False
+    dry_run: bool = False  # print the conditions, and play nothing
 
 
 def policy_robustness(config: PolicyRobustnessConfig) -> None:
@@ -78,7 +77,9 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     if left_out := sweep.conditions.not_applicable:
         console.print(f"not applicable: {', '.join(left_out)}")
     if config.dry_run:
-        _estimate(sweep)
+        for axis in sweep.conditions.axes:
+            levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in sweep.conditions.levels)
+            console.print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
         return
     try:
         for condition in sweep.run():
@@ -91,12 +92,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     figure = sweep.output.with_suffix(".png")
     heat_map({sweep.output.stem: result}).save(figure)
     print_robustness(result)
-    for line in (
-        f"result  {sweep.output}",
-        f"figure  {figure}",
-        f"records {sweep.records}",
-    ):
-        console.print(line)
+    console.print(f"result  {sweep.output}\nfigure  {figure}\nrecords {sweep.records}")
     show_next("lerobot-bimanual", "results", "diagnose", f"--results={sweep.records}")
 
 
@@ -138,14 +134,3 @@ def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
         output=output,
         expert_report=reports.get(config.task),
     )
-
-
-def _estimate(sweep: PolicySweep) -> None:
-    """Print the conditions, and about how long they take."""
-    import tempfile
-
-    for axis in sweep.conditions.axes:
-        levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in sweep.conditions.levels)
-        print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
-    with tempfile.TemporaryDirectory() as folder:
-        print(f"about {sweep.estimate_s(Path(folder)) / 60:.0f} minutes")

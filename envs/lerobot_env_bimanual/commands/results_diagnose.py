@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,7 +13,6 @@ from lerobot_bimanual.errors import InvalidChoice, check_range
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.failures.attribution import Attribution
-    from lerobot_env_bimanual.verification.result_files import ResultFile
 
 
 @dataclass
@@ -43,7 +43,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
-    from lerobot_bimanual.files import check_output_file
+    from lerobot_bimanual.files import check_output_file, write_file
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.failures.attribution import attribute_failures
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
@@ -53,8 +53,14 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     check_range("sample_seed", config.sample_seed, 0)
     if config.output is not None:
         check_output_file(config.output)
-    results = _of_policy([ResultFile.read(path) for path in result_paths(config.results)], config.policy)
-    found: dict[Path, list[Attribution]] = {}
+    results = [ResultFile.read(path) for path in result_paths(config.results)]
+    if config.policy is not None:
+        policies = sorted({result.policy_id for result in results if result.policy_id})
+        if config.policy not in policies:
+            valid = policies or "left out, since no result of `policy benchmark` is there"
+            raise InvalidChoice("policy", config.policy, valid)
+        results = [result for result in results if result.policy_id == config.policy]
+    content: dict[str, list[dict[str, Any]]] = {}
     groups: dict[str, list[Attribution]] = {}
     with WorkerPool(config.workers) as pool:
         for result in results:
@@ -62,50 +68,32 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             episodes = result.record.episodes
             failed = [episode for episode in episodes if not episode.success]
             chosen = sampled(failed, config.sample, config.sample_seed)
-            found[result.path] = attribute_failures(result.record, chosen, pool)
-            groups.setdefault(result.name, []).extend(found[result.path])
+            found = attribute_failures(result.record, chosen, pool)
+            groups.setdefault(result.name, []).extend(found)
+            source = {"file": str(result.path), "policy": result.policy_id, "perturb": result.record.perturb}
+            content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found)
             print(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
-            _print_episodes(found[result.path])
+            _print_episodes(found)
     _print_counts(groups)
     if config.output is not None:
         from lerobot_env_bimanual.reports.failure_figure import failure_figure
 
-        _write(results, found, config.output)
+        write_file(config.output, json.dumps(content, indent=1) + "\n")
         failure_figure(groups).save(config.output.with_suffix(".png"))
     show_next("lerobot-bimanual", "results", "report", f"--results={config.results}", "--format=html")
     return 0
 
 
-def _of_policy(results: list[ResultFile], policy: str | None) -> list[ResultFile]:
-    """The results of one policy, or all.
-
-    Raises:
-        InvalidChoice: no result is of this policy.
-    """
-    if policy is None:
-        return results
-    policies = sorted({result.policy_id for result in results if result.policy_id})
-    if policy not in policies:
-        valid = policies or "left out, since no result of `policy benchmark` is there"
-        raise InvalidChoice("policy", policy, valid)
-    return [result for result in results if result.policy_id == policy]
-
-
 def _print_episodes(attributions: Sequence[Attribution]) -> None:
     from lerobot_bimanual.tables import print_table
 
+    headings = ("seed", "class", "last recoverable keypose", "responsible", "event")
     rows = [
-        (
-            one.seed,
-            one.failure_class,
-            "" if one.last_recoverable is None else one.last_recoverable,
-            one.responsible,
-            one.event,
-        )
+        (one.seed, one.failure_class, one.last_recoverable, one.responsible, one.event)
         for one in attributions
     ]
     if rows:
-        print_table(("seed", "class", "last recoverable keypose", "responsible", "event"), rows)
+        print_table(headings, [tuple("" if cell is None else cell for cell in row) for row in rows])
 
 
 def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
@@ -122,20 +110,3 @@ def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
         headings = ("result", *([*kinds][column] for column in shown), "failed")
         rows = [(name, *(row[column] for column in shown), sum(row)) for name, row in counts.items()]
         print_table(headings, rows, title)
-
-
-def _write(results: Sequence[ResultFile], found: Mapping[Path, list[Attribution]], output: Path) -> None:
-    """Write all attributions by task, each with the file, policy and perturbations of its episode."""
-    import json
-
-    from lerobot_bimanual.files import write_file
-
-    content: dict[str, list[dict[str, Any]]] = {}
-    for result in results:
-        source = {
-            "file": str(result.path),
-            "policy": result.policy_id,
-            "perturb": result.record.perturb,
-        }
-        content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found[result.path])
-    write_file(output, json.dumps(content, indent=1) + "\n")

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 from urllib.parse import quote
 
 from lerobot_bimanual.errors import check_range
-
-if TYPE_CHECKING:
-    from lerobot_bimanual.reports.charts import Chart
 
 
 @dataclass
@@ -52,27 +49,14 @@ def results_report(config: ResultsReportConfig) -> None:
     check_range("max_videos", config.max_videos, 0)
     if config.output is not None:
         check_output_file(config.output)
-    if config.format == "html":
-        _write_html(config)
-    else:
-        _write_markdown(config)
+    write = _write_html if config.format == "html" else _write_markdown
+    write(config)
     if config.output is not None or config.format == "html":
         show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")
 
 
 def _write_markdown(config: ResultsReportConfig) -> None:
     from lerobot_bimanual.pages import write_page
-
-    figure = None if config.output is None else config.output.with_suffix(".png")
-    page, chart = _markdown(config, None if figure is None else quote(figure.name))
-    write_page(page, config.output)
-    if figure is not None:
-        chart.save(figure)
-        print(f"page   {config.output}\nfigure {figure}")
-
-
-def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart]:
-    """The page, and the figure to which it links."""
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_pages import robustness_page
@@ -80,12 +64,18 @@ def _markdown(config: ResultsReportConfig, link: str | None) -> tuple[str, Chart
     from lerobot_bimanual.results.record import result_paths
     from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 
-    paths = result_paths(config.results)
+    paths, figure = result_paths(config.results), config.output and config.output.with_suffix(".png")
+    link = figure and quote(figure.name)
     if is_robustness_result(paths[0]):
         results = {path.stem: RobustnessResult.read(path) for path in paths}
-        return robustness_page(results, link), heat_map(results)
-    rows = read_results(config.results)
-    return benchmark_page(rows, config.results, link), success_figure([*rows.values()])
+        page, chart = robustness_page(results, link), heat_map(results)
+    else:
+        rows = read_results(config.results)
+        page, chart = benchmark_page(rows, config.results, link), success_figure([*rows.values()])
+    write_page(page, config.output)
+    if figure is not None:
+        chart.save(figure)
+        print(f"page   {config.output}\nfigure {figure}")
 
 
 def _write_html(config: ResultsReportConfig) -> None:

@@ -45,7 +45,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
         for path in result_paths(config.results):
             result = ResultFile.read(path)
             episodes = sampled(result.record.episodes, config.sample, config.sample_seed)
-            problems = [] if result.world_problem is None else [result.world_problem]
+            problems = [result.world_problem] if result.world_problem else []
             found = zip(episodes, verify_episodes(result.record, episodes, pool), strict=True)
             problems += [f"seed {episode.seed}: {text}" for episode, texts in found for text in texts]
             verdict = "NOT as claimed" if problems else "as claimed"

@@ -22,8 +22,7 @@ from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, QUATERNION
 from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.replanning import replanning
-from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose
+from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose, replanning
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.task import Script
 
@@ -62,23 +61,21 @@ def noop(env: BimanualEnv) -> Iterator[Move]:
 def random(rng: np.random.Generator) -> Player:
     """Keyposes drawn from the whole workspace, with random rotations and grippers."""
 
+    def keypose() -> Keypose:
+        pose = Pose(VOXEL_WORKSPACE.sample(rng), quat_wxyz_canonical(rng.normal(size=4)))
+        return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
+
     def play(env: BimanualEnv) -> Iterator[Move]:
-        targets = (
-            BimanualKeypose(_random_keypose(rng), _random_keypose(rng)) for _ in range(RANDOM_KEYPOSES)
-        )
-        yield from _leniently(env, _numbered(targets), rng)
+        targets = (BimanualKeypose(keypose(), keypose()) for _ in range(RANDOM_KEYPOSES))
+        return _leniently(env, _numbered(targets), rng)
 
     return play
 
 
 def open_loop(keyposes: Sequence[ArrayLike]) -> Player:
     """The same keyposes (18,) in every episode, whatever the scene."""
-
-    def play(env: BimanualEnv) -> Iterator[Move]:
-        targets = (BimanualKeypose.from_vector(keypose) for keypose in keyposes)
-        yield from _leniently(env, _numbered(targets), np.random.default_rng(0))
-
-    return play
+    targets = [BimanualKeypose.from_vector(keypose) for keypose in keyposes]
+    return lambda env: _leniently(env, _numbered(targets), np.random.default_rng(0))
 
 
 def language_ablated(rng: np.random.Generator) -> Player:
@@ -93,14 +90,14 @@ def language_ablated(rng: np.random.Generator) -> Player:
 
 def play_script(env: BimanualEnv, script: Script) -> Iterator[Move]:
     """The stages of a script, leniently."""
-    return _leniently(env, _named(env, script), np.random.default_rng(0))
 
+    def targets() -> Iterator[tuple[str, BimanualKeypose]]:
+        target = home_keypose(env.scene)
+        for stage in script(env.scene):
+            target = stage.keypose(target)
+            yield stage.name, target
 
-def _named(env: BimanualEnv, script: Script) -> Iterator[tuple[str, BimanualKeypose]]:
-    target = home_keypose(env.scene)
-    for stage in script(env.scene):
-        target = stage.keypose(target)
-        yield stage.name, target
+    return _leniently(env, targets(), np.random.default_rng(0))
 
 
 def mean_of_episodes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
@@ -119,20 +116,11 @@ def mean_of_episodes(episodes: Sequence[ArrayLike]) -> NDArray[np.float64]:
     stacked = np.stack([array for array in arrays if len(array) == usual])
     arms = stacked.reshape(len(stacked), usual, len(ARMS), ARM_KEYPOSE_DIM)
     mean = arms.mean(axis=0)
-    mean[..., QUATERNION] = _mean_rotation(arms[..., QUATERNION])
+    # The dominant eigenvector of the outer products of the quaternions (Markley 2007).
+    outer = np.einsum("e...i,e...j->...ij", arms[..., QUATERNION], arms[..., QUATERNION])
+    mean[..., QUATERNION] = quat_wxyz_canonical(np.linalg.eigh(outer).eigenvectors[..., -1])
     mean[..., QUATERNION.stop :] = mean[..., QUATERNION.stop :] > 0.5
     return mean.reshape(usual, KEYPOSE_DIM)
-
-
-def _mean_rotation(quats_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean over the first axis: the dominant eigenvector of the outer products (Markley 2007)."""
-    outer = np.einsum("e...i,e...j->...ij", quats_wxyz, quats_wxyz)
-    return quat_wxyz_canonical(np.linalg.eigh(outer).eigenvectors[..., -1])
-
-
-def _random_keypose(rng: np.random.Generator) -> Keypose:
-    pose = Pose(VOXEL_WORKSPACE.sample(rng), quat_wxyz_canonical(rng.normal(size=4)))
-    return Keypose(pose, gripper_open=bool(rng.integers(2)), ignore_collisions=bool(rng.integers(2)))
 
 
 def _numbered(targets: Iterable[BimanualKeypose]) -> Iterator[tuple[str, BimanualKeypose]]:

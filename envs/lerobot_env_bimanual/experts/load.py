@@ -17,7 +17,7 @@ constant within a tick and step between two within one step of physics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,8 +74,7 @@ def bounds_of(task: str) -> dict[str, float]:
 def excesses(task: str, load: LoadMetrics) -> Iterator[tuple[str, str]]:
     """Name of each number that is beyond its bound in a task, and how far."""
     for name, most in bounds_of(task).items():
-        number = getattr(load, name)
-        if number > most:
+        if (number := getattr(load, name)) > most:
             where = f" ({load.penetrating})" if name == "penetration_mm" else ""
             yield name, f"{name} is {number:.3g}{where}, but must be at most {most:g}"
 
@@ -134,15 +133,8 @@ class LoadMeter:
         """Take a step of physics into account, right after it, while its forces are known."""
         data = self._scene.data
         if data.ncon:
-            contact = data.contact
-            noted = (
-                contact.geom,
-                -contact.dist,
-                contact.frame,
-                contact.dim,
-                contact.efc_address,
-                data.efc_force,
-            )
+            each = data.contact
+            noted = (each.geom, -each.dist, each.frame, each.dim, each.efc_address, data.efc_force)
             self._contacts_then[len(self._torques_then)] = _Contacts(*map(np.copy, noted))
         self._torques_then.append(self._torques.copy())
         self._speeds_then.append(self._speeds.copy())
@@ -155,16 +147,18 @@ class LoadMeter:
         velocity = np.diff(joints, axis=0) / TICK_S
         acceleration = np.diff(velocity, axis=0) / TICK_S
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
+        sums = np.cumsum(np.array(self._speeds_then)[:, self._finger_dofs], axis=0)
+        finger_speeds = (sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS
         forces_n, depth_m, bodies = np.zeros((len(self._torques_then), len(ARMS), 3)), 0.0, ""
         if self._contacts_then:
-            steps = np.repeat(
-                list(self._contacts_then), [len(then.geoms) for then in self._contacts_then.values()]
-            )
+            counts = [len(then.geoms) for then in self._contacts_then.values()]
             contacts = _joined(list(self._contacts_then.values()))
-            self._add_forces(forces_n, steps, contacts)
+            self._add_forces(forces_n, np.repeat(list(self._contacts_then), counts), contacts)
             deepest = contacts.depths_m.argmax()
             if contacts.depths_m[deepest] > 0:
-                depth_m, bodies = float(contacts.depths_m[deepest]), self._bodies(contacts.geoms[deepest])
+                depth_m, model = float(contacts.depths_m[deepest]), self._scene.model
+                touching = model.geom_bodyid[contacts.geoms[deepest]]
+                bodies = ", ".join(model.body(body).name for body in touching)
         return LoadMetrics(
             torque=_peak(torques),
             saturated=float((torques > SATURATED).any(axis=1).mean()),
@@ -172,7 +166,7 @@ class LoadMeter:
             acceleration=_peak(acceleration / limits.acceleration_rad_s2),
             jerk=_peak(jerk / limits.jerk_rad_s3),
             contact_force_n=_peak(np.linalg.norm(felt(forces_n), axis=-1)),
-            finger_speed_m_s=_peak(_averaged(np.array(self._speeds_then)[:, self._finger_dofs])),
+            finger_speed_m_s=_peak(finger_speeds),
             penetration_mm=1000 * depth_m,
             penetrating=bodies,
         )
@@ -182,9 +176,8 @@ class LoadMeter:
     ) -> None:
         """Add to the net forces (steps, 2, 3) on each arm, world frame, those of contacts at these steps (n,)."""
         arms = self._arm_of_geom[contacts.geoms]
-        outside = (arms[:, 0] != arms[:, 1]) & (
-            contacts.rows >= 0
-        )  # neither of no arm, nor of one with itself
+        # Neither of no arm, nor of one with itself.
+        outside = (arms[:, 0] != arms[:, 1]) & (contacts.rows >= 0)
         components = np.arange(3) * (contacts.dimensions[outside, None] > 1)
         local_n = contacts.forces_n[contacts.rows[outside, None] + components] * (components == np.arange(3))
         on_second_n = np.einsum("ni,nij->nj", local_n, contacts.axes[outside].reshape(-1, 3, 3))
@@ -192,10 +185,6 @@ class LoadMeter:
             touched = arms[outside, side]
             on_arm = touched != NONE
             np.add.at(forces_n, (steps[outside][on_arm], touched[on_arm]), sign * on_second_n[on_arm])
-
-    def _bodies(self, geoms: NDArray[np.int32]) -> str:
-        model = self._scene.model
-        return ", ".join(model.body(body).name for body in model.geom_bodyid[geoms])
 
 
 def _joined(contacts: Sequence[_Contacts]) -> _Contacts:
@@ -216,12 +205,6 @@ def felt(forces_n: NDArray[np.float64]) -> NDArray[np.float64]:
     return felt_n
 
 
-def _averaged(speeds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of `FINGER_STEPS` successive rows (steps, n)."""
-    sums = np.cumsum(speeds, axis=0)
-    return (sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS
-
-
 def _peak(values: NDArray[np.float64]) -> float:
     return float(np.abs(values).max(initial=0.0))
 
@@ -238,31 +221,27 @@ def run_measured(
         replay_mode: whether a solved episode is played again, by its joint actions or its keyposes; every state is
             compared. The replay starts another episode in the same environment.
     """
-    meter, actions, hashes = LoadMeter(env.scene), list[NDArray[np.float32]](), list[str]()
-    keyposes: list[NDArray[np.float32]] = []
+    meter, hashes = LoadMeter(env.scene), list[int]()
+    actions, keyposes = list[NDArray[np.float32]](), list[NDArray[np.float32]]()
 
     def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
         meter.observe_tick(joint_action)
         actions.append(joint_action.copy())
-        hashes.append(env.state_hash())
+        hashes.append(state_hash_column(env.state_hash()))
 
     with env.observed_by(note, meter.observe_step):
         outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action))
     if not outcome.success:
         return outcome
-    load, replayed = meter.result(), None
+    found: dict[str, Any] = {
+        "load": meter.result(),
+        "keyframes_found": keyframes_found(np.array(actions), [move.ticks for move in outcome.moves]),
+    }
     if replay_mode != "none":
-        columns = dict(enumerate(map(state_hash_column, [*hashes, env.state_hash()])))
-        replayed = replay(
-            env, seed, env.variation, actions if replay_mode == "joint" else keyposes, columns
-        ).matches
-    return outcome.model_copy(
-        update={
-            "load": load,
-            "keyframes_found": keyframes_found(np.array(actions), [move.ticks for move in outcome.moves]),
-            "replayed": replayed,
-        }
-    )
+        columns = dict(enumerate([*hashes, state_hash_column(env.state_hash())]))
+        again = actions if replay_mode == "joint" else keyposes
+        found["replayed"] = replay(env, seed, env.variation, again, columns).matches
+    return outcome.model_copy(update=found)
 
 
 def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> bool:
@@ -271,6 +250,4 @@ def keyframes_found(joint_actions: NDArray[np.float32], ticks: list[int]) -> boo
     An end counts as found within `KEYFRAME_TOLERANCE_FRAMES`.
     """
     found, expected = np.array(discover_keyframes(joint_actions)), np.cumsum(ticks)
-    return found.shape == expected.shape and bool(
-        (np.abs(found - expected) <= KEYFRAME_TOLERANCE_FRAMES).all()
-    )
+    return len(found) == len(expected) and np.allclose(found, expected, 0, KEYFRAME_TOLERANCE_FRAMES)

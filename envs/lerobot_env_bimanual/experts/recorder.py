@@ -19,8 +19,7 @@ from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.replanning import expert_of
-from lerobot_env_bimanual.experts.runner import Move, run_episode
+from lerobot_env_bimanual.experts.runner import Move, expert_of, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 
 

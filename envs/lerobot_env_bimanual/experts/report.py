@@ -51,6 +51,7 @@ def make_report(
         for key, episodes in by_variation(outcomes).items()
     }
     tasks = sorted({outcome.task for outcome in outcomes})
+    left_out: dict[str, Any] = {"commands": (), "late_moves": (), "load": None}
     return ExpertReport(
         schema_version=1,
         player=player,
@@ -64,15 +65,11 @@ def make_report(
             for (task, variation), found in loads.items()
             if found
         ),
-        episodes=tuple(_compact(outcome) for outcome in outcomes),
-    )
-
-
-def _compact(outcome: EpisodeOutcome) -> EpisodeOutcome:
-    """An episode in a few hundred bytes; a replay from its seed gives what is left out."""
-    state_hash = outcome.state_hash[:STATE_HASH_DIGITS]
-    return outcome.model_copy(
-        update={"commands": (), "late_moves": (), "load": None, "state_hash": state_hash}
+        # An episode in a few hundred bytes: a replay from its seed gives what is left out.
+        episodes=tuple(
+            each.model_copy(update=left_out | {"state_hash": each.state_hash[:STATE_HASH_DIGITS]})
+            for each in outcomes
+        ),
     )
 
 
@@ -88,50 +85,37 @@ def violations(
     task says, mean keyposes in at most 20 % of a task's episodes. No episode may be unstable.
     """
     found = list[str]()
+    solved = [outcome for outcome in outcomes if outcome.success]
     if player in EXPERTS:
-        found += _too_rare(outcomes, MIN_DISCRETISED_RATE if is_discretised else MIN_EXPERT_RATE)
-        found += _flaws_of_experts(split, outcomes)
-        if not is_discretised:
-            found += (
-                f"{_place(split, outcome)}: {excess}"
-                for outcome in outcomes
-                if outcome.load is not None
-                for _, excess in excesses(outcome.task, outcome.load)
-            )
-    else:
-        found += _too_frequent(player, outcomes)
+        minimum = MIN_DISCRETISED_RATE if is_discretised else MIN_EXPERT_RATE
+        for (task, variation), episodes in by_variation(outcomes).items():
+            rate = success_rate(episodes)
+            if rate.successes < minimum * rate.trials:
+                too_rare = f"{rate.successes}/{rate.trials} is less than {minimum:.0%}"
+                found.append(f"{task}, variation {variation}: {too_rare}")
+        found += [f"{_place(split, one)}: {flaw}" for one in solved for flaw in _flaws(one, is_discretised)]
+    for task in dict.fromkeys(outcome.task for outcome in outcomes):
+        rate = success_rate([outcome for outcome in outcomes if outcome.task == task])
+        maximum = get_task(task).spec.random_rate if player == "random" else MAX_RATES.get(player, 1.0)
+        if rate.successes > maximum * rate.trials:
+            found.append(f"{task}: {player} succeeds in {rate.successes} of {rate.trials} episodes")
+        right = [each.keyframes_found for each in solved if each.task == task]
+        n_right, n = right.count(True), len(right) - right.count(None)
+        if n_right < MIN_KEYFRAMES_FOUND * n:
+            found.append(f"{task}: keyframe discovery is right in {n_right} of {n} episodes")
     unstable = (outcome for outcome in outcomes if outcome.unstable)
     return [*found, *(f"{_place(split, outcome)}: the simulation was unstable" for outcome in unstable)]
 
 
-def _too_rare(outcomes: Sequence[EpisodeOutcome], minimum: float) -> Iterator[str]:
-    for (task, variation), episodes in by_variation(outcomes).items():
-        rate = success_rate(episodes)
-        if rate.successes < minimum * rate.trials:
-            yield f"{task}, variation {variation}: {rate.successes}/{rate.trials} is less than {minimum:.0%}"
-
-
-def _flaws_of_experts(split: str, outcomes: Sequence[EpisodeOutcome]) -> Iterator[str]:
-    keyframes: dict[str, list[bool]] = {}
-    for outcome in (outcome for outcome in outcomes if outcome.success):
-        for move in (outcome.moves[index] for index in outcome.late_moves):
-            errors = f"{move.left_error_mm:.0f} and {move.right_error_mm:.0f}"
-            yield f"{_place(split, outcome)}: at {move.name!r} the hands ended {errors} mm from their targets"
-        if outcome.keyframes_found is not None:
-            keyframes.setdefault(outcome.task, []).append(outcome.keyframes_found)
-        if outcome.replayed is False:
-            yield f"{_place(split, outcome)}: its replay went through other states"
-    for task, found in keyframes.items():
-        if sum(found) < MIN_KEYFRAMES_FOUND * len(found):
-            yield f"{task}: keyframe discovery is right in {sum(found)} of {len(found)} episodes"
-
-
-def _too_frequent(player: PlayerName, outcomes: Sequence[EpisodeOutcome]) -> Iterator[str]:
-    for task in dict.fromkeys(outcome.task for outcome in outcomes):
-        rate = success_rate([outcome for outcome in outcomes if outcome.task == task])
-        maximum = get_task(task).spec.random_rate if player == "random" else MAX_RATES[player]
-        if rate.successes > maximum * rate.trials:
-            yield f"{task}: {player} succeeds in {rate.successes} of {rate.trials} episodes"
+def _flaws(outcome: EpisodeOutcome, is_discretised: bool) -> Iterator[str]:
+    """What is wrong with a solved episode of an expert."""
+    for move in (outcome.moves[index] for index in outcome.late_moves):
+        errors = f"{move.left_error_mm:.0f} and {move.right_error_mm:.0f}"
+        yield f"at {move.name!r} the hands ended {errors} mm from their targets"
+    if outcome.replayed is False:
+        yield "its replay went through other states"
+    if outcome.load is not None and not is_discretised:
+        yield from (excess for _, excess in excesses(outcome.task, outcome.load))
 
 
 def _place(split: str, outcome: EpisodeOutcome) -> str:

@@ -1,11 +1,13 @@
-"""Play one episode with the scripted expert, or with any other player that proposes one move after the other.
+"""Play one episode with a scripted expert, or with any other player that proposes one move after the other.
 
-Every player acts through `BimanualEnv.step`, so an expert has no power that a policy lacks.
+Every player acts through `BimanualEnv.step`, so an expert has no power that a policy lacks. Scripts read where things are,
+and use it for several stages. That is right as long as only the hands move them; where something else does, the replanning
+expert starts its script again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,12 +18,18 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
-from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport, PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 MAX_TIP_ERROR_MM = 12.0
 """At the end of a keypose; more is a hidden collision: in free space it is below 3 mm (docs/tasks.md)."""
+
+JUMP_M = 0.005
+"""In one control tick, from rest to rest. No hand that starts to push gets a thing that far, and leaves it at rest."""
+REST_M_S = 0.01
 
 OUT_OF_MOVES = "no move left"
 OUT_OF_TIME = "out of time"
@@ -82,6 +90,68 @@ def expert(codec: KeyposeCodec | None = None) -> Player:
     return play
 
 
+def expert_under(axes: Iterable[str]) -> PlayerName:
+    """Name of the expert under axes of perturbation: the replanning one if an axis moves things during the episode.
+
+    Args:
+        axes: their names; none in the nominal world.
+    """
+    return "replanning" if any(AXES.get(axis).disturb for axis in axes) else "expert"
+
+
+def expert_of(env: BimanualEnv, codec: KeyposeCodec | None = None) -> Player:
+    """The expert of an environment, the same in demonstrations, sweeps and reports.
+
+    Args:
+        env: its perturbations say whether things move later.
+        codec: round every keypose to its voxels and bins.
+    """
+    players = {"expert": expert, "replanning": replanning}
+    return players[expert_under(env.perturbations.magnitudes)](codec)
+
+
+def replanning(codec: KeyposeCodec | None = None) -> Player:
+    """The task's script, started again from the present scene each time that something other than a hand has moved a thing.
+
+    Args:
+        codec: round every keypose to its voxels and bins.
+    """
+    script = expert(codec)
+
+    def play(env: BimanualEnv) -> Iterator[Move]:
+        (positions_m, speeds_m_s), has_jumped = _free_things(env.scene), False
+
+        def watch(env: BimanualEnv, _: NDArray[np.float32] | None = None) -> None:
+            """Note whether something lay still a tick ago, and lies still elsewhere."""
+            nonlocal positions_m, speeds_m_s, has_jumped
+            before_m, before_m_s = positions_m, speeds_m_s
+            positions_m, speeds_m_s = _free_things(env.scene)
+            is_still = np.maximum(speeds_m_s, before_m_s) < REST_M_S
+            has_jumped |= bool(np.any(is_still & (np.linalg.norm(positions_m - before_m, axis=1) > JUMP_M)))
+
+        with env.observed_by(watch):
+            is_at_end = False
+            while not is_at_end:
+                has_jumped, is_at_end = False, True
+                for move in script(env):
+                    yield move
+                    watch(env)
+                    if has_jumped:
+                        is_at_end = False
+                        break
+
+    return play
+
+
+def _free_things(scene: SceneView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where all bodies with a free joint are, (n, 3) m, and how fast (n,) m/s."""
+    model, data = scene.model, scene.data
+    is_free = model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
+    xyz = np.arange(3)
+    velocities = data.qvel[model.jnt_dofadr[is_free, None] + xyz]
+    return data.qpos[model.jnt_qposadr[is_free, None] + xyz], np.linalg.norm(velocities, axis=1)
+
+
 def home_keypose(scene: SceneView) -> BimanualKeypose:
     """Where both arms are right after a reset, hands open."""
     left, right = (Keypose(scene.tcp(arm), gripper_open=True, ignore_collisions=True) for arm in ARMS)
@@ -105,9 +175,7 @@ def run_episode(
         variation: index; None leaves it to the environment's options.
     """
     _, info = env.reset(seed=seed, options=None if variation is None else {"variation": variation})
-    moves: list[MoveReport] = []
-    commands: list[tuple[float, ...]] = []
-    late_moves: list[int] = []
+    moves, commands, late_moves = list[MoveReport](), list[tuple[float, ...]](), list[int]()
     last_move, failure = "", OUT_OF_MOVES
     for move in player(env):
         if on_move is not None:
@@ -116,13 +184,13 @@ def run_episode(
         _, _, terminated, truncated, info = env.step(move.action)
         last_move, is_over = move.name, terminated or truncated
         if len(move.action) == KEYPOSE_DIM:
-            errors_mm = _tip_errors_mm(env.scene, move)
+            target = BimanualKeypose.from_vector(move.action)
+            errors_mm = [1000 * env.scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS]
             if not is_over and _is_late(env.scene, move, errors_mm):
                 late_moves.append(len(moves))
-            moves.append(
-                MoveReport(move.name, info["ticks"] - ticks_before, *(round(mm, 2) for mm in errors_mm))
-            )
-            commands.append(tuple(float(number) for number in move.action))
+            errors = (round(error_mm, 2) for error_mm in errors_mm)  # left, right
+            moves.append(MoveReport(move.name, info["ticks"] - ticks_before, *errors))
+            commands.append(tuple(move.action.tolist()))
         if is_over:
             failure = info["failure"] or OUT_OF_TIME
             break
@@ -158,13 +226,7 @@ def _outcome(env: BimanualEnv, **fields: Any) -> EpisodeOutcome:
     )
 
 
-def _tip_errors_mm(scene: SceneView, move: Move) -> list[float]:
-    """Distance in mm of the left and the right tool centre point from its target."""
-    target = BimanualKeypose.from_vector(move.action)
-    return [1000 * scene.tcp(arm).distance_to(target[arm].pose)[0] for arm in ARMS]
-
-
 def _is_late(scene: SceneView, move: Move, errors_mm: list[float]) -> bool:
-    """Whether a hand is away from its target and does not press what it should."""
+    """Whether a hand is away from its target and does not press what it should; by the tip errors, left and right."""
     away = [arm for arm, error_mm in zip(ARMS, errors_mm, strict=True) if error_mm > MAX_TIP_ERROR_MM]
     return not all(move.presses and scene.touching(arm, move.presses) for arm in away)

@@ -37,19 +37,8 @@ VERSION_DIGITS = 12
 SILENT_S = 2.0
 """Worlds are versioned without a progress bar for this long."""
 
-MODEL_PARTS = (
-    "body",
-    "jnt",
-    "dof",
-    "geom",
-    "site",
-    "cam",
-    "light",
-    "tendon",
-    "eq",
-    "actuator",
-    "pair",
-    "exclude",
+MODEL_PARTS = frozenset(
+    ["body", "jnt", "dof", "geom", "site", "cam", "light", "tendon", "eq", "actuator", "pair", "exclude"]
 )
 """Prefixes of the model's arrays that say what there is and how it moves; the rest is bookkeeping."""
 NOISY = ("body_iquat",)

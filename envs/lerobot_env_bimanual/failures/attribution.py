@@ -26,14 +26,18 @@ from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.replanning import expert_of
+from lerobot_env_bimanual.experts.runner import expert_of
 from lerobot_env_bimanual.failures.classes import FailureClass, classify
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents, EpisodeMonitor
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
-from lerobot_env_bimanual.verification.episodes import expert_env, proof_of, recorded_actions, replay_env
+from lerobot_env_bimanual.verification.episodes import (
+    Options,
+    expert_env,
+    proof_of,
+    recorded_actions,
+    replay_env,
+)
 from lerobot_env_bimanual.workers import WorkerPool
-
-type Options = tuple[tuple[str, str | int], ...]
 
 
 class Responsible(StrEnum):
@@ -98,11 +102,13 @@ class FailureAttributor:
         Raises:
             BimanualError: the replay differs from the record.
         """
-        self._reset(episode, self._expert_env)
-        expert_events, expert_solves = self._play_expert()
-        self._reset(episode, self._env)
         actions = recorded_actions(episode)
-        states, events = self._play(actions, episode.failure or "")
+        self._reset(episode, self._expert_env)
+        moves = expert_of(self._expert_env)(self._expert_env)
+        self._expert, _, expert_events = self._play(self._expert_env, (move.action for move in moves))
+        expert_solves = self._expert_env.progress.succeeded
+        self._reset(episode, self._env)
+        _, states, events = self._play(self._env, actions, episode.failure or "")
         if self._env.progress.ticks != episode.ticks or self._env.progress.succeeded:
             raise BimanualError(
                 f"seed {episode.seed} replays otherwise than recorded; `lerobot-bimanual results verify` says where"
@@ -136,29 +142,23 @@ class FailureAttributor:
                 f"seed {episode.seed} starts in another state here; `lerobot-bimanual results verify` says more"
             )
 
-    def _play_expert(self) -> tuple[EpisodeEvents, bool]:
-        env, self._expert = self._expert_env, []
-        monitor = EpisodeMonitor(env)
-        with env.observed_by(monitor.note, monitor.note_step):
-            for move in expert_of(env)(env):
-                self._expert.append(move.action)
-                _, _, terminated, truncated, _ = env.step(move.action)
-                if terminated or truncated:
-                    break
-        return monitor.events(), env.progress.succeeded
-
-    def _play(self, actions: Iterable[NDArray[np.float32]], failure: str) -> tuple[list[Any], EpisodeEvents]:
-        """States before every action and at the end, and the events."""
-        env, states = self._env, [self._env.save_state()]
-        monitor = EpisodeMonitor(env)
+    def _play(
+        self, env: BimanualEnv, actions: Iterable[NDArray[np.float32]], failure: str = ""
+    ) -> tuple[list[NDArray[np.float32]], list[Any], EpisodeEvents]:
+        """The actions until the episode is over, states before each of them and at the end, and the events."""
+        played, states, monitor = list[NDArray[np.float32]](), [env.save_state()], EpisodeMonitor(env)
         with env.observed_by(monitor.note, monitor.note_step):
             for action in actions:
+                played.append(action)
                 try:
-                    env.step(action)
+                    _, _, terminated, truncated, _ = env.step(action)
                 except InvalidAction as error:
-                    env.fail(failure if not action.size else f"{INVALID_ACTION}{error}")
+                    reason = f"{INVALID_ACTION}{error}" if action.size else failure
+                    _, _, terminated, truncated, _ = env.fail(reason)
                 states.append(env.save_state())
-        return states, monitor.events()
+                if terminated or truncated:
+                    break
+        return played, states, monitor.events()
 
     def _search(
         self, actions: list[NDArray[np.float32]], states: list[Any]
@@ -215,12 +215,13 @@ def attribute_failures(
     Raises:
         BimanualError: the replay of an episode differs from the record.
     """
-    options = tuple(sorted(record.options.items()))
-    jobs = [(record.task, options, episode) for episode in episodes]
+    attribute = functools.partial(_attribute, record.task, tuple(record.options.items()))
     label = f"{record.task}: failure attribution"
-    return list(
-        pool.map(_attribute, jobs, label, "episode", name=lambda job: f"{job[0]}, seed {job[2].seed}")
-    )
+    return [
+        *pool.map(
+            attribute, episodes, label, "episode", name=lambda episode: f"{record.task}, seed {episode.seed}"
+        )
+    ]
 
 
 @functools.lru_cache(maxsize=1)
@@ -229,8 +230,7 @@ def _attributor(task: str, options: Options) -> FailureAttributor:
     return FailureAttributor(task, dict(options))
 
 
-def _attribute(job: tuple[str, Options, Episode]) -> Attribution:
-    task, options, episode = job
+def _attribute(task: str, options: Options, episode: Episode) -> Attribution:
     return _attributor(task, options).attribute(episode)
 
 

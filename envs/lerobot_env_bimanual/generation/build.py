@@ -34,7 +34,7 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
         workers: number of processes; 0 takes one per core.
     """
     with WorkerPool(workers, preload=PRELOADED) as pool:
-        yield partial(pool.map, record_shard, label="", unit="", name=_shard_name, bar=False)
+        yield partial(pool.map, record_shard, label="", unit="", name=_shard_name)
 
 
 def _shard_name(job: Job) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import pairwise
@@ -14,7 +15,7 @@ from PIL import Image
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.results.episode import Episode
-from lerobot_env_bimanual.experts.replanning import expert_of
+from lerobot_env_bimanual.experts.runner import expert_of
 from lerobot_env_bimanual.rendering.rollout import recorded, rollout
 from lerobot_env_bimanual.rendering.side_by_side import frames
 from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
@@ -62,8 +63,7 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
     Raises:
         BimanualError: the replay differs from the record.
     """
-    verifier, env = EpisodeVerifier(task, options), expert_env(task, options)
-    try:
+    with closing(EpisodeVerifier(task, options)) as verifier, closing(expert_env(task, options)) as env:
         with recorded(verifier.env) as recording:
             differences = verifier.differences(played)
         if differences:
@@ -76,15 +76,11 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
         players = {policy: (recording, played.success), "expert": (expert, expert.outcome.success)}
         with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
             writer = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF)
-            last = None
-            for last in frames(env, renderer, players, EVERY, SIZE[1]):
-                writer.add(last)
+            for frame in frames(env, renderer, players, EVERY, SIZE[1]):
+                writer.add(frame)
+                last = Image.fromarray(frame)
             path, poster = writer.close("complete"), BytesIO()
             assert path is not None  # an episode has at least one state
-            assert last is not None
-            Image.fromarray(last).save(poster, "jpeg", quality=75)
+            last.save(poster, "jpeg", quality=75)
             seconds = writer.frames * EVERY * TICK_S
             return FailureVideo(played.seed, camera, seconds, path.read_bytes(), poster.getvalue())
-    finally:
-        verifier.close()
-        env.close()

@@ -12,7 +12,6 @@ from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.episode import Episode, success_rate
-from lerobot_bimanual.results.evaluation import eval_key
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.failures.attribution import Attribution, attribute_failures
 from lerobot_env_bimanual.failures.classes import FailureClass
@@ -40,12 +39,6 @@ class Section:
     def who(self) -> str:
         """Name of the policy, if it is known."""
         return "policy" if self.result.benchmark is None else self.result.benchmark.config.policy
-
-    @property
-    def place(self) -> str:
-        """Task, or one of its variations, with its perturbations."""
-        record = self.result.record
-        return eval_key(record.task, record.options.get("variation", "any"), record.perturb)
 
     @cached_property
     def rates(self) -> dict[str, SuccessRate]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from pydantic import ConfigDict
 
@@ -39,15 +39,13 @@ class Checkpoint:
     Attributes:
         folder: path of the folder.
         policy: type of the policy.
-        cameras: cameras whose images it reads, in the order of `CAMERA_NAMES`; may be empty.
-        image_size: size of these images in pixels, such as "128x128"; None without images.
+        options: options of an environment that shows the policy's inputs, and no more.
         sha256: SHA-256 of its weights.
     """
 
     folder: Path
     policy: str
-    cameras: tuple[str, ...]
-    image_size: str | None
+    options: dict[str, str]
     sha256: str
 
     @classmethod
@@ -64,18 +62,11 @@ class Checkpoint:
                     "training, as in outputs/peract2/checkpoints/last/pretrained_model"
                 )
         config = _Config.read(folder / CONFIG_FILE)
-        cameras = tuple(camera for camera in CAMERA_NAMES if image_key(camera) in config.input_features)
-        sizes = {config.input_features[image_key(camera)].shape[1:] for camera in cameras}
-        if len(sizes) > 1 or any(len(size) != 2 for size in sizes):
+        cameras = [camera for camera in CAMERA_NAMES if image_key(camera) in config.input_features]
+        sizes = {"x".join(map(str, config.input_features[image_key(name)].shape[1:])) for name in cameras}
+        if len(sizes) > 1:
             raise BimanualError(
-                f"{folder} reads images of the sizes {sizes}, but an environment gives one size"
+                f"{folder} reads images of the sizes {', '.join(sorted(sizes))}, but an environment gives one size"
             )
-        size = next((f"{height}x{width}" for height, width in sizes), None)
-        return cls(folder, config.type, cameras, size, sha256(folder / WEIGHTS_FILE))
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options of an environment that shows the policy's inputs, and no more."""
-        if self.image_size is None:
-            return {"obs": "state"}
-        return {"cameras": ",".join(self.cameras), "image_size": self.image_size}
+        options = {"cameras": ",".join(cameras), "image_size": sizes.pop()} if sizes else {"obs": "state"}
+        return cls(folder, config.type, options, sha256(folder / WEIGHTS_FILE))

@@ -1,9 +1,11 @@
-"""The conditions of a task (every level of every axis that applies to it), and what sweeps over them share."""
+"""The conditions of a task (every level of every axis that applies to it), sweeps of experts over them, and what sweeps share."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,17 +16,20 @@ from lerobot_bimanual.results.robustness import (
     AxisRecord,
     Condition,
     ConditionKey,
+    ExpertCondition,
+    ExpertRobustnessConfig,
     ExpertRobustnessReport,
     RobustnessResult,
     perturb_text,
 )
 from lerobot_env_bimanual.episode.progress import draw_episode
-from lerobot_env_bimanual.experts.replanning import expert_under
+from lerobot_env_bimanual.experts.runner import expert_under
 from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.perturbations.axis import Axis
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec, Evaluator
+from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool
 from lerobot_env_bimanual.world.arena import build_spec
@@ -55,9 +60,8 @@ class Conditions:
 
     def played_as(self, key: ConditionKey) -> ConditionKey:
         """The condition whose episodes are those of players that do not look: of axes that are only seen, the nominal one."""
-        return (
-            ("", 0) if key[0] in {axis.name for axis in self.axes if axis.changes_only_observations} else key
-        )
+        is_only_seen = {axis.name: axis.changes_only_observations for axis in self.axes}
+        return ("", 0) if is_only_seen.get(key[0]) else key
 
     @property
     def records(self) -> dict[str, AxisRecord]:
@@ -71,8 +75,9 @@ class Conditions:
 
     def worlds(self, keys: Sequence[ConditionKey], pool: WorkerPool) -> dict[ConditionKey, str]:
         """Versions of the task's world in conditions, each found by an episode in a process of the pool."""
-        places = [(self.task, perturb_text(*key)) for key in keys]
-        return dict(zip(keys, pool.map(_world, places, f"{self.task}: worlds", "condition"), strict=True))
+        perturbations = [perturb_text(*key) for key in keys]
+        version, label = partial(world_version, self.task), f"{self.task}: worlds"
+        return dict(zip(keys, pool.map(version, perturbations, label, "condition"), strict=True))
 
 
 def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = LEVELS) -> Conditions:
@@ -126,29 +131,19 @@ def solved_seeds(
     Raises:
         BimanualError: an episode could not be played.
     """
-    if not conditions:
-        return {}
-    spec = get_task(template.task).spec
-    fixed = spec.variation_index(template.variation)
-    drawn = {seed: draw_episode(spec, template.split, seed, fixed).variation.index for seed in seeds}
-    is_open_loop = player == "open_loop"
-    means = {
-        index: evaluator.mean_keyposes(template.task, str(index)) if is_open_loop else ()
-        for index in sorted(set(drawn.values()))
-    }
-    specs = {
-        (key, seed): replace(
-            template,
-            seed=seed,
-            player="open_loop" if is_open_loop else expert_under(filter(None, [key[0]])),
-            mean_keyposes=means[drawn[seed]],
-            perturb=perturb_text(*key),
+    task = get_task(template.task).spec
+    fixed = task.variation_index(template.variation)
+    specs: dict[tuple[ConditionKey, int], EpisodeSpec] = {}
+    for key, seed in product(conditions, seeds):
+        spec = replace(
+            template, seed=seed, player=expert_under(filter(None, key[:1])), perturb=perturb_text(*key)
         )
-        for key in conditions
-        for seed in seeds
-    }
+        if player == "open_loop":
+            drawn = draw_episode(task, template.split, seed, fixed).variation.index
+            spec = replace(spec, player=player, mean_keyposes=evaluator.mean_keyposes(task.name, str(drawn)))
+        specs[key, seed] = spec
     outcomes = evaluator.play([*specs.values()], f"{template.task}: {player}")
-    solved: dict[ConditionKey, tuple[int, ...]] = {key: () for key, _ in specs}
+    solved: dict[ConditionKey, tuple[int, ...]] = dict.fromkeys(conditions, ())
     for (key, seed), outcome in zip(specs, outcomes, strict=True):
         if outcome.success:
             solved[key] += (seed,)
@@ -166,14 +161,10 @@ def read_earlier[Result: (RobustnessResult, ExpertRobustnessReport)](
     if not path.exists():
         return None
     earlier, records = kind.read(path), conditions.records
-    pairs = [
-        (name, getattr(earlier.config, name), getattr(config, name)) for name in type(config).model_fields
-    ]
-    pairs += [
-        (f"axis {axis.name}", axis, records[axis.name]) for axis in earlier.axes if axis.name in records
-    ]
-    for name, theirs, ours in pairs:
-        check_same(path, name, theirs, ours)
+    for name, ours in config:
+        check_same(path, name, getattr(earlier.config, name), ours)
+    for axis in earlier.axes:
+        check_same(path, f"axis {axis.name}", axis, records.get(axis.name, axis))
     return earlier
 
 
@@ -215,5 +206,45 @@ def extended(
     }
 
 
-def _world(place: tuple[str, str]) -> str:
-    return world_version(*place)
+def sweep_expert(
+    conditions: Conditions, config: ExpertRobustnessConfig, output: Path, workers: int = 0
+) -> ExpertRobustnessReport:
+    """Play the conditions that no report in the file's place holds for the present world, and write all of them.
+
+    Conditions that are only seen are left out, since the players there act as in the nominal world.
+
+    Args:
+        conditions: of one task.
+        config: what is measured.
+        output: the report, a JSON file.
+        workers: number of processes; 0 takes one per core.
+
+    Raises:
+        BimanualError: the file is damaged or of another measurement, or an episode could not be played.
+    """
+    earlier = read_earlier(ExpertRobustnessReport, output, config, conditions)
+    keys = [key for key in conditions if conditions.played_as(key) == key]
+    seeds = range(config.first_seed, config.first_seed + config.expert_episodes)
+    log = EpisodeLog(output.with_suffix(".partial.jsonl"))
+    with Evaluator(workers, log) as evaluator:
+        worlds = conditions.worlds(keys, evaluator)
+        known = earlier.by_key if earlier else {}
+        missing = [key for key in keys if key not in known or known[key].world != worlds[key]]
+        template = EpisodeSpec(config.task, ANY_VARIATION, config.split, 0, "expert")
+        few = seeds[: config.open_loop_episodes]
+        expert = solved_seeds(evaluator, "expert", missing, template, seeds)
+        open_loop = solved_seeds(evaluator, "open_loop", missing, template, few)
+    found = [
+        ExpertCondition(
+            axis=axis,
+            level=level,
+            world=worlds[axis, level],
+            expert_failed=tuple(seed for seed in seeds if seed not in expert[axis, level]),
+            open_loop_solved=open_loop[axis, level],
+        )
+        for axis, level in missing
+    ]
+    report = ExpertRobustnessReport(schema_version=3, config=config, **extended(earlier, found, conditions))
+    report.write(output)
+    log.remove()
+    return report

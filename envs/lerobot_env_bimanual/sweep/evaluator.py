@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
@@ -17,9 +19,9 @@ from typing import Literal
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
-from lerobot_bimanual.files import UnwritableOutput, write_file
+from lerobot_bimanual.files import UnwritableOutput, read_file, write_file
 from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, PlayerName
-from lerobot_bimanual.results.record import Record
+from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import run_measured
@@ -34,6 +36,7 @@ MEAN_EPISODES = 30
 """Training episodes whose mean keyposes the open-loop baseline plays."""
 MAX_SHOWN = 3
 """Accidents that an error names."""
+MAX_LOG_BYTES = 2**30
 
 type Keyposes = tuple[tuple[float, ...], ...]
 """Keyposes (18,) each."""
@@ -66,26 +69,19 @@ class EpisodeSpec:
     perturb: str = ""
 
     def __str__(self) -> str:
-        return (
-            f"{self.player} on seed {self.seed} of {self.task}{f' at {self.perturb}' if self.perturb else ''}"
-        )
+        place = f"{self.task} at {self.perturb}" if self.perturb else self.task
+        return f"{self.player} on seed {self.seed} of {place}"
 
 
-_environments: dict[tuple[str, str, str, str], BimanualEnv] = {}
-"""The environment of the last episode of this process."""
+@lru_cache(maxsize=1)
+def _environment(task: str, variation: str, split: str, perturb: str) -> BimanualEnv:
+    """The environment of the last episode of this process, kept for the next one of its kind."""
+    return BimanualEnv(task, variation=variation, split=split, obs="state", perturb=perturb)
 
 
 def play(spec: EpisodeSpec) -> EpisodeOutcome:
-    """Play one episode in this process, in an environment that is kept for the next episode of its kind."""
-    key = (spec.task, spec.variation, spec.split, spec.perturb)
-    if key not in _environments:
-        for env in _environments.values():
-            env.close()
-        _environments.clear()
-        _environments[key] = BimanualEnv(
-            spec.task, variation=spec.variation, split=spec.split, obs="state", perturb=spec.perturb
-        )
-    env = _environments[key]
+    """Play one episode in this process."""
+    env = _environment(spec.task, spec.variation, spec.split, spec.perturb)
     codec = KeyposeCodec(voxels=spec.discretise) if spec.discretise else None
     player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes)
     try:
@@ -95,7 +91,7 @@ def play(spec: EpisodeSpec) -> EpisodeOutcome:
     except PlacementFailure as failure:
         return failed_to_start(env, str(failure))
     except Exception:
-        del _environments[key]  # its state is unknown
+        _environment.cache_clear()  # its state is unknown
         raise
 
 
@@ -114,29 +110,32 @@ class _Line(Record):
 class EpisodeLog:
     """A file with one line per finished episode, written as they finish.
 
-    Lines of other code or other versions are discarded, and so is a last line that was cut off, whose episode is played
-    again.
+    Lines of other code or other versions are discarded, and so are damaged ones, as of a last line that was cut off:
+    their episodes are played again.
 
     Args:
         path: the file; its folder is made.
 
     Raises:
-        BimanualError: the file is damaged before its end, and is left unchanged.
+        BimanualError: it cannot be read.
         UnwritableOutput: it cannot be written.
     """
 
     def __init__(self, path: Path):
         self._path = path
         header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
-        self._lines = _read(path, header)
-        write_file(
-            path, "\n".join([header, *(line.model_dump_json() for line in self._lines.values())]) + "\n"
-        )
+        self._outcomes: dict[str, EpisodeOutcome] = {}
+        first, *lines = read_file(path, MAX_LOG_BYTES).split(b"\n") if path.exists() else [b""]
+        for text in lines if first == header.encode() else ():
+            with suppress(BadRecord):
+                line = _Line.from_json(text)
+                self._outcomes[line.spec] = line.outcome
+        kept = (_Line(spec=spec, outcome=each).model_dump_json() for spec, each in self._outcomes.items())
+        write_file(path, "\n".join([header, *kept]) + "\n")
 
     def get(self, spec: EpisodeSpec) -> EpisodeOutcome | None:
         """The outcome of an episode, if it is known."""
-        line = self._lines.get(_key(spec))
-        return line and line.outcome
+        return self._outcomes.get(_key(spec))
 
     def add(self, spec: EpisodeSpec, outcome: EpisodeOutcome) -> None:
         """Keep an outcome.
@@ -144,11 +143,11 @@ class EpisodeLog:
         Raises:
             UnwritableOutput: it cannot be written.
         """
-        line = _Line(spec=_key(spec), outcome=outcome)
-        self._lines[line.spec] = line
+        key = _key(spec)
+        self._outcomes[key] = outcome
         try:
             with self._path.open("a", encoding="utf-8") as file:
-                print(line.model_dump_json(), file=file)
+                print(_Line(spec=key, outcome=outcome).model_dump_json(), file=file)
         except OSError as error:
             raise UnwritableOutput(self._path, error.strerror or str(error)) from error
 
@@ -169,33 +168,10 @@ def _source_digest() -> str:
         if spec is None or spec.origin is None:
             continue  # playing the task reports that it cannot be imported
         origin = Path(spec.origin)
-        root = origin.parent
-        files = (path for path in root.rglob("*") if path.suffix in (".py", ".toml"))
-        for path in sorted(files) if spec.submodule_search_locations else [origin]:
-            digest.update(f"{name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
+        files = sorted(path for path in origin.parent.rglob("*") if path.suffix in (".py", ".toml"))
+        for path in files if spec.submodule_search_locations else [origin]:
+            digest.update(f"{name}/{path.relative_to(origin.parent)}".encode() + path.read_bytes())
     return digest.hexdigest()
-
-
-def _read(path: Path, header: str) -> dict[str, _Line]:
-    if not path.exists():
-        return {}
-    try:
-        first, *lines = path.read_bytes().split(b"\n")
-    except OSError as error:
-        raise BimanualError(f"{path}: {error}") from error
-    if first != header.encode():
-        return {}
-    found = {}
-    for number, text in enumerate(lines[:-1], start=2):  # text after the last newline was cut off
-        try:
-            line = _Line.from_json(text)
-        except BimanualError as error:
-            raise BimanualError(
-                f"{path}, line {number}: {error}; the file holds the episodes of an interrupted run: repair it, or remove "
-                "it to play them again"
-            ) from error
-        found[line.spec] = line
-    return found
 
 
 def _key(spec: EpisodeSpec) -> str:
@@ -234,10 +210,13 @@ class Evaluator(WorkerPool):
             if self._log:
                 self._log.add(spec, outcome)
 
-        for _ in self.map(play, missing, label, "episode", len(known), failed=_reason, note=note):
-            pass  # `note` keeps each outcome at once, also one behind an episode that takes long
+        # `note` keeps each outcome at once, also one behind an episode that takes long.
+        [*self.map(play, missing, label, "episode", len(known), failed=lambda _, reason: reason, note=note)]
         if accidents:
-            raise BimanualError(_not_played(accidents))
+            reasons = "; ".join(f"{spec}: {reason}" for spec, reason in islice(accidents.items(), MAX_SHOWN))
+            raise BimanualError(
+                f"{len(accidents)} of {len(specs)} episodes were not played ({reasons}); the same command tries again"
+            )
         return [known[spec] for spec in specs]
 
     def mean_keyposes(self, task: str, variation: str) -> Keyposes:
@@ -251,19 +230,6 @@ class Evaluator(WorkerPool):
             outcomes = self.play(specs, f"{task}: training episodes")
             episodes = [outcome.commands for outcome in outcomes if outcome.success]
             if not episodes:
-                raise BimanualError(
-                    f"the expert of {task!r} solved no training episode, so there is no mean to play"
-                )
+                raise BimanualError(f"the expert of {task!r} solves no training episode: there is no mean")
             self._mean_keyposes[task, variation] = tuple(map(tuple, mean_of_episodes(episodes).tolist()))
         return self._mean_keyposes[task, variation]
-
-
-def _reason(_: EpisodeSpec, reason: str) -> str:
-    return reason
-
-
-def _not_played(accidents: Mapping[EpisodeSpec, str]) -> str:
-    shown = islice(sorted(accidents.items(), key=lambda item: item[0].seed), MAX_SHOWN)
-    what = "one episode was" if len(accidents) == 1 else f"{len(accidents)} episodes were"
-    reasons = "; ".join(f"{spec}: {reason}" for spec, reason in shown)
-    return f"{what} not played ({reasons}); the same command tries again"

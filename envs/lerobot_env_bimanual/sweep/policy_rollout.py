@@ -59,11 +59,16 @@ class PolicyRollout:
             self._device = get_safe_torch_device(str(policy_config.device))
             set_seed(seeds.start)
             self._policy = make_policy(policy_config, env_cfg=config).eval()
-            self._processors = self._make_processors(policy_config, folder)
+            around_policy = _processors(
+                policy_config, folder, rename_observations_processor={"rename_map": {}}
+            )
+            around_env = make_env_pre_post_processors(env_cfg=config, policy_cfg=policy_config)
         except BimanualError:
             raise
         except Exception as error:  # a policy of another package may fail in any way
             raise _not_loaded(folder, error) from error
+        names = ("env_preprocessor", "env_postprocessor", "preprocessor", "postprocessor")
+        self._processors = dict(zip(names, (*around_env, *around_policy), strict=True))
         self._random_state = get_rng_state()  # in which LeRobot's evaluation begins to play
         self._uses_amp = bool(policy_config.use_amp)
         # As in LeRobot's evaluation, whose bits depend on them on a GPU.
@@ -114,24 +119,6 @@ class PolicyRollout:
             raise BimanualError(f"{path} lacks episodes of the seeds {seeds.start}:{seeds.stop}")
         return record.model_copy(update={"episodes": episodes})
 
-    def _make_processors(self, config: PreTrainedConfig, folder: str) -> dict[str, Any]:
-        """The processors around the policy, by the names of the arguments of LeRobot's loop."""
-        before, behind = make_pre_post_processors(
-            policy_cfg=config,
-            pretrained_path=folder,
-            preprocessor_overrides={
-                "device_processor": {"device": str(config.device)},
-                "rename_observations_processor": {"rename_map": {}},
-            },
-        )
-        env_before, env_behind = make_env_pre_post_processors(env_cfg=self._config, policy_cfg=config)
-        return {
-            "env_preprocessor": env_before,
-            "env_postprocessor": env_behind,
-            "preprocessor": before,
-            "postprocessor": behind,
-        }
-
 
 def policy_player(folder: Path) -> Player:
     """The policy of a folder `pretrained_model` as a player, on the device of its config.
@@ -147,11 +134,7 @@ def policy_player(folder: Path) -> Player:
     try:
         config = PreTrainedConfig.from_pretrained(folder)
         policy = get_policy_class(config.type).from_pretrained(folder, config=config)
-        preprocess, postprocess = make_pre_post_processors(
-            config,
-            pretrained_path=str(folder),
-            preprocessor_overrides={"device_processor": {"device": config.device}},
-        )
+        preprocess, postprocess = _processors(config, str(folder))
     except Exception as error:  # LeRobot passes on whatever a reader of files raises
         raise _not_loaded(str(folder), error) from error
 
@@ -165,6 +148,12 @@ def policy_player(folder: Path) -> Player:
             yield Move("predicted", action[0].to("cpu").numpy())
 
     return play
+
+
+def _processors(config: PreTrainedConfig, folder: str, **overrides: dict[str, Any]) -> tuple[Any, Any]:
+    """LeRobot's processors before and behind a policy, on the device of its config."""
+    overrides["device_processor"] = {"device": str(config.device)}
+    return make_pre_post_processors(config, pretrained_path=folder, preprocessor_overrides=overrides)
 
 
 def _not_loaded(folder: str, error: Exception) -> BimanualError:

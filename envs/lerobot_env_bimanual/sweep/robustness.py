@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
@@ -12,7 +11,6 @@ from pathlib import Path
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import result_versions
 from lerobot_bimanual.results.robustness import (
     ConditionKey,
@@ -23,7 +21,6 @@ from lerobot_bimanual.results.robustness import (
     condition_name,
     perturb_text,
 )
-from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
 from lerobot_env_bimanual.sweep.conditions import (
@@ -36,9 +33,6 @@ from lerobot_env_bimanual.sweep.conditions import (
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
 from lerobot_env_bimanual.vector.evaluation_log import RECORDED_OPTIONS
-
-N_ESTIMATE_EPISODES = 4
-"""Episodes of the expert from which the time is estimated."""
 
 
 @dataclass(frozen=True)
@@ -125,79 +119,47 @@ class PolicySweep:
         self._check_worlds()
         result, missing = self.played(), self.missing()
         if result is not None:
-            renewed = (self._with_expert_report(each) for each in result.conditions)
-            result = self._write(result, renewed)
+            result = self._write(result, map(self._with_expert_report, result.conditions))
         if not missing:
             return
-        rollout = self._rollout(self.seeds)  # fails, if at all, before anything is played
-        template, keys = self._template, dict.fromkeys(map(self.conditions.played_as, missing))
+        # It fails, if at all, before anything is played.
+        rollout = PolicyRollout(
+            self.checkpoint, self.env_config, self.batch_size, self.seeds, self.policy_flags
+        )
+        template = EpisodeSpec(self.task, str(self.env_config.variation), self.env_config.split, 0, "expert")
+        keys = dict.fromkeys(map(self.conditions.played_as, missing))
         with Evaluator(self.workers, EpisodeLog(self.expert_log)) as evaluator:
             expert = solved_seeds(evaluator, "expert", keys, template, self.seeds)
             open_loop = solved_seeds(evaluator, "open_loop", keys, template, self.seeds)
         with tqdm(total=len(missing) * len(self.seeds), unit="episode", smoothing=0) as bar:
             for key in missing:
                 bar.set_description(f"{self.task}: {condition_name(*key)}")
-                record, played_as = (
-                    rollout.play(perturb_text(*key), self.records, bar.update),
-                    self.conditions.played_as(key),
-                )
+                record = rollout.play(perturb_text(*key), self.records, bar.update)
+                played_as = self.conditions.played_as(key)
+                without_proof = {"first_met_tick": None, "proof": None}
                 condition = PolicyCondition(
                     axis=key[0],
                     level=key[1],
                     world=record.world,
                     expert_solved=expert[played_as],
                     open_loop_solved=open_loop[played_as],
-                    episodes=tuple(map(_without_proof, record.episodes)),
+                    episodes=tuple(each.model_copy(update=without_proof) for each in record.episodes),
                 )
                 condition = self._with_expert_report(condition)
                 result = self._write(result, [condition])
                 yield condition
 
-    def estimate_s(self, folder: Path) -> float:
-        """About how long the missing conditions take, from a few nominal episodes played now.
-
-        Args:
-            folder: folder for their records.
-
-        Raises:
-            BimanualError: as in `run`.
-        """
-        self._check_worlds()
-        missing, few = self.missing(), self.seeds[:N_ESTIMATE_EPISODES]
-        n_expert_conditions = len({self.conditions.played_as(key) for key in missing})
-        rollout = self._rollout(self.seeds[: self.batch_size])
-        start_s = time.monotonic()
-        with Evaluator(self.workers) as evaluator:
-            solved_seeds(evaluator, "expert", [("", 0)], self._template, few)
-        expert_s = (time.monotonic() - start_s) / len(few)
-        rollout.play("", folder)  # the first batch warms up
-        start_s = time.monotonic()
-        rollout.play("", folder)
-        batches = -(-len(self.seeds) // self.batch_size) * len(missing)
-        n_expert_episodes = 2 * n_expert_conditions * len(self.seeds)  # expert and open-loop baseline
-        return expert_s * n_expert_episodes + (time.monotonic() - start_s) * batches
-
-    @property
-    def _template(self) -> EpisodeSpec:
-        config = self.env_config
-        return EpisodeSpec(self.task, str(config.variation), config.split, 0, "expert")
-
-    def _rollout(self, seeds: range) -> PolicyRollout:
-        return PolicyRollout(self.checkpoint, self.env_config, self.batch_size, seeds, self.policy_flags)
-
     def _check_worlds(self) -> None:
         """Make sure that chosen conditions that are played or reported already are of the worlds here."""
         result, chosen = self.played(), [*self.conditions]
-        played = {key: result.by_key[key].world for key in chosen if key in result.by_key} if result else {}
+        played = result.by_key if result else {}
         reported = self.expert_report.by_key if self.expert_report else {}
-        decisive = {key for key in map(self.conditions.played_as, chosen) if key in reported}
-        if not (keys := sorted(decisive | played.keys())):
-            return
-        with Evaluator(self.workers) as evaluator:
-            here = self.conditions.worlds(keys, evaluator)
-        for key, world in played.items():
-            check_same(self.output, f"world of {condition_name(*key)}", world, here[key])
-        for key in sorted(decisive):
+        decisive = sorted({*map(self.conditions.played_as, chosen)} & reported.keys())
+        with Evaluator(self.workers) as pool:
+            here = self.conditions.worlds(sorted({*decisive} | ({*chosen} & played.keys())), pool)
+        for key in sorted(here.keys() & played.keys()):
+            check_same(self.output, f"world of {condition_name(*key)}", played[key].world, here[key])
+        for key in decisive:
             if reported[key].world != here[key]:
                 raise BimanualError(
                     f"the expert's report on {self.task} at {condition_name(*key)} is of world {reported[key].world}, but here "
@@ -209,11 +171,10 @@ class PolicySweep:
         report, key = self.expert_report, self.conditions.played_as(condition.key)
         if report is None or key not in report.by_key or condition.key not in [*self.conditions]:
             return condition
-        rate: SuccessRate = report.rates(report.by_key[key])["expert"]
-        return condition.model_copy(update={"expert_report": rate})
+        return condition.model_copy(update={"expert_report": report.rates(report.by_key[key])["expert"]})
 
     def _write(
-        self, earlier: RobustnessResult | None, conditions: Iterator[PolicyCondition] | list[PolicyCondition]
+        self, earlier: RobustnessResult | None, conditions: Iterable[PolicyCondition]
     ) -> RobustnessResult:
         """Write and return the result with further or renewed conditions."""
         result = RobustnessResult(
@@ -226,7 +187,3 @@ class PolicySweep:
         if result != earlier:
             result.write(self.output)
         return result
-
-
-def _without_proof(episode: Episode) -> Episode:
-    return episode.model_copy(update={"first_met_tick": None, "proof": None})

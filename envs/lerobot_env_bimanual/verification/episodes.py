@@ -70,12 +70,15 @@ def verify_episodes(
     record: EvaluationRecord, episodes: Sequence[Episode], pool: WorkerPool
 ) -> list[list[str]]:
     """Differences between each episode of an evaluation and its replay, in parallel and with a progress bar."""
-    options = tuple(sorted(record.options.items()))
-    jobs = [(record.task, options, episode) for episode in episodes]
-    label = f"{record.task}: replay"
-    return list(
-        pool.map(_verify, jobs, label, "episode", failed=lambda _, reason: [f"not replayed: {reason}"])
+    verify = functools.partial(_verify, record.task, tuple(record.options.items()))
+    results = pool.map(
+        verify,
+        episodes,
+        f"{record.task}: replay",
+        "episode",
+        failed=lambda _, reason: [f"not replayed: {reason}"],
     )
+    return [*results]
 
 
 @functools.lru_cache(maxsize=1)
@@ -84,8 +87,7 @@ def _verifier(task: str, options: Options) -> EpisodeVerifier:
     return EpisodeVerifier(task, dict(options))
 
 
-def _verify(job: tuple[str, Options, Episode]) -> list[str]:
-    task, options, episode = job
+def _verify(task: str, options: Options, episode: Episode) -> list[str]:
     return _verifier(task, options).differences(episode)
 
 
@@ -106,13 +108,8 @@ def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
 
 
 def proof_of(episode: Episode) -> Proof:
-    """The proof of an episode.
-
-    Raises:
-        BimanualError: the episode has no proof.
-    """
-    if episode.proof is None:
-        raise BimanualError(f"seed {episode.seed} has no proof, so it cannot be replayed")
+    """The proof of an episode of an evaluation; every one has a proof."""
+    assert episode.proof is not None
     return episode.proof
 
 
@@ -120,7 +117,7 @@ def recorded_actions(episode: Episode) -> list[NDArray[np.float32]]:
     """The actions of an episode.
 
     Raises:
-        BimanualError: the episode has no proof, or the actions in it cannot be read.
+        BimanualError: they cannot be read.
     """
     try:
         return proof_of(episode).action_list()

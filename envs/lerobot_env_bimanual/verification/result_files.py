@@ -56,20 +56,22 @@ class ResultFile:
     @property
     def name(self) -> str:
         """What was evaluated and the policy; several trainings of one policy share a name."""
-        record = self.record
-        key = eval_key(record.task, record.options.get("variation", "any"), record.perturb)
-        return f"{key} {self.policy_id or self.path.stem}"
+        return f"{self.place} {self.policy_id or self.path.stem}"
 
     @property
-    def world_problem(self) -> str | None:
-        """How the result's world differs from the installed one; None if it does not."""
+    def place(self) -> str:
+        """Task, or one of its variations, with its perturbations."""
+        record = self.record
+        return eval_key(record.task, record.options.get("variation", "any"), record.perturb)
+
+    @property
+    def world_problem(self) -> str:
+        """How the result's world differs from the installed one; "" if it does not."""
         record = self.record
         if record.world == (installed := world_version(record.task, record.perturb)):
-            return None
-        return (
-            f"world of {record.task} is {record.world}, but {installed} here: replay it with the versions "
-            f"{record.versions}"
-        )
+            return ""
+        difference = f"world of {record.task} is {record.world}, but {installed} here"
+        return f"{difference}: replay it with the versions {record.versions}"
 
     def check_world(self) -> None:
         """Make sure that episodes replay here as they were recorded.
@@ -77,8 +79,8 @@ class ResultFile:
         Raises:
             BimanualError: the result is of another world.
         """
-        if self.world_problem is not None:
-            raise BimanualError(f"{self.path}: {self.world_problem}")
+        if problem := self.world_problem:
+            raise BimanualError(f"{self.path}: {problem}")
 
 
 def sampled(episodes: Sequence[Episode], count: int, seed: int) -> list[Episode]:

@@ -73,11 +73,6 @@ def _differences(
         for name, values in wanted.items():
             found = np.ravel(np.asarray(stored.get(key, {}).get(name, np.nan), np.float64))
             tolerance = 0 if name == "count" else TOLERANCE * scale + 1e-9
-            if found.shape != (values.size,) or not np.allclose(
-                found, values.ravel(), rtol=0, atol=tolerance
-            ):
-                text = (
-                    np.array2string(found[:4], precision=4),
-                    np.array2string(values.ravel()[:4], precision=4),
-                )
-                yield Fault(f"{name} of {key} is {text[0]}, but its rows have {text[1]}")
+            if found.size != values.size or not np.allclose(found, values.ravel(), rtol=0, atol=tolerance):
+                has, ours = (np.array2string(some[:4], precision=4) for some in (found, values.ravel()))
+                yield Fault(f"{name} of {key} is {has}, but its rows have {ours}")
