@@ -32,7 +32,6 @@ from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.replay import ReplayMode, replay
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
-from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
@@ -109,10 +108,9 @@ class LoadMeter:
 
     def __init__(self, scene: Scene):
         model, pair = scene.model, scene.arm_pair
-        contacts = ContactQueries(model, scene.data)
         self._arm_of_geom = np.full(model.ngeom, NONE)
         for arm in ARMS:
-            self._arm_of_geom[contacts.geoms(pair.base_body(arm))] = arm.ordinal
+            self._arm_of_geom[scene.geoms(pair.base_body(arm))] = arm.ordinal
         self._scene = scene
         self._joint_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
         self._finger_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.finger_names(arm)]

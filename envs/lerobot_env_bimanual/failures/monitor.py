@@ -15,7 +15,6 @@ from lerobot_env_bimanual.conditions import Condition
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import LoadMeter
 from lerobot_env_bimanual.task import Task, Variation
-from lerobot_env_bimanual.world.contacts import ContactQueries
 
 MIN_TICKS = 5
 """A quarter of a second: a shorter contact may be a bounce or a flicker, and is not counted."""
@@ -161,14 +160,13 @@ class _Bodies:
     def __init__(self, env: BimanualEnv):
         self._scene = scene = env.scene
         model, pair = scene.model, scene.arm_pair
-        contacts = ContactQueries(model, scene.data)
         part, root = model.body_weldid, model.body_rootid
         movable = np.where(part[root] != 0, root, part)
         self._body_of_geom = movable[model.geom_bodyid]
         for arm in ARMS:
-            self._body_of_geom[contacts.geoms(pair.base_body(arm))] = 0
-        self._hands = {arm: contacts.geoms(pair.hand_body(arm)) for arm in ARMS}
-        self._fingers = {arm: [contacts.geoms(finger) for finger in pair.finger_names(arm)] for arm in ARMS}
+            self._body_of_geom[scene.geoms(pair.base_body(arm))] = 0
+        self._hands = {arm: scene.geoms(pair.hand_body(arm)) for arm in ARMS}
+        self._fingers = {arm: [scene.geoms(finger) for finger in pair.finger_names(arm)] for arm in ARMS}
 
     def touched(self, arm: Arm) -> set[str]:
         """Names of the bodies that a hand touches."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
-from lerobot_env_bimanual.world.contacts import ContactQueries
 from lerobot_env_bimanual.world.scene import Scene, SceneState
 
 RAYS = (48, 64)
@@ -50,9 +49,8 @@ def clearest_camera(scene: Scene, states: Sequence[SceneState]) -> str:
 def _objects(scene: Scene) -> NDArray[np.int_]:
     """(ngeom + 1,) the movable object, a kinematic tree, of each geom; -1 of arms, of what cannot move, of nothing."""
     trees = np.append(scene.model.body_treeid[scene.model.geom_bodyid], -1)
-    contacts = ContactQueries(scene.model, scene.data)
     for arm in ARMS:
-        trees[:-1][contacts.geoms(scene.arm_pair.base_body(arm))] = -1
+        trees[:-1][scene.geoms(scene.arm_pair.base_body(arm))] = -1
     return trees
 
 

@@ -35,8 +35,7 @@ class JointLimits:
 class ArmPair:
     """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
 
-    A new pair is one instance of this class: a function that writes a single arm into a model, and the kinematics of
-    that arm. Names are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
+    Names are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
     `<arm>_actuator1..7`, `<arm>_gripper`, site `<arm>_tcp`, bodies `<arm>_base`, `<arm>_link1..7`,
     `<arm>_hand`, geoms `<arm>_pad1/2`, camera `<arm>_wrist`.
 
@@ -53,7 +52,6 @@ class ArmPair:
             object.
         finger_travel_m: stroke of one finger, and where an opening hand is sent.
         finger_speed_m_s: at which a finger moves.
-        kinematics_at: the kinematics of an arm whose base has this pose in the world, within the joint limits.
         add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
     """
 
@@ -67,7 +65,6 @@ class ArmPair:
     closed_travel_m: float
     finger_travel_m: float
     finger_speed_m_s: float
-    kinematics_at: Callable[[Pose, np.ndarray, np.ndarray], ArmKinematics]
     add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
@@ -82,9 +79,7 @@ class ArmPair:
     @functools.cached_property
     def kinematics(self) -> dict[Arm, ArmKinematics]:
         """Kinematics of both arms at their places in the world."""
-        return {
-            arm: self.kinematics_at(self.base_pose(arm), self.joint_lower, self.joint_upper) for arm in ARMS
-        }
+        return {arm: ArmKinematics(self.base_pose(arm), self.joint_lower, self.joint_upper) for arm in ARMS}
 
     def joint_names(self, arm: Arm) -> tuple[str, ...]:
         """The seven arm joints, base to wrist."""

@@ -1,14 +1,24 @@
-"""Kinematics of one arm at its place in the world; a robot supplies the closed forms."""
+"""Kinematics of one Panda at its place in the world.
+
+Seven joints reach a pose in a one-parameter family of ways. With the last angle q7 given, the rest has a closed
+form (the `frankik` package): up to four solutions. Searching over q7 is therefore a complete search, without
+starting values, iterations or random restarts. At the very edge of a branch, and where joints 1 and 3 turn about one
+axis, one solution in a thousand is off by up to 2 mm; see `ArmKinematics.reaches`.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+import itertools
 from collections.abc import Iterator
+from typing import Any
 
+import frankik
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.robots import panda
 
 Array = NDArray[np.floating]
 
@@ -16,10 +26,22 @@ LIMIT_SAFETY_RAD = 0.02
 """Distance that every solution keeps from the joint limits."""
 EXACT = 1e-6
 """Largest error of a solution's pose matrix, m and rad."""
+GRID_SIZE = 77
+GRID_SPAN_DEG = 326.0
+"""The redundancy angle q7 is searched at 77 values over its whole range."""
+NEAR_GRID_SIZE = 20
+NEAR_GRID_SPAN_DEG = 40.0
+
+# frankik's inverse kinematics aims the flange, its forward kinematics returns the hand's tool centre point.
+_frankik: Any = frankik  # its stubs ask for literal array shapes, which NumPy's own types do not carry
+_HALF = np.sqrt(0.5)
+TCP_T_FLANGE = np.array(
+    [[_HALF, -_HALF, 0.0, 0.0], [_HALF, _HALF, 0.0, 0.0], [0.0, 0.0, 1.0, -panda.TCP_M], [0.0, 0.0, 0.0, 1.0]]
+)
 
 
-class ArmKinematics(ABC):
-    """Forward and inverse kinematics; poses are homogeneous matrices of the tool centre point in the world.
+class ArmKinematics:
+    """Forward and inverse kinematics of a Panda; poses are homogeneous matrices of the tool centre point in the world.
 
     Args:
         base: world pose of the arm's base.
@@ -30,7 +52,7 @@ class ArmKinematics(ABC):
         near_span_rad: range of the last joint that `ik` searches around a given angle.
     """
 
-    near_span_rad: float
+    near_span_rad = np.deg2rad(NEAR_GRID_SPAN_DEG)
 
     def __init__(self, base: Pose, lower: Array, upper: Array):
         self.lower = lower
@@ -38,11 +60,10 @@ class ArmKinematics(ABC):
         self._base_matrix = base.matrix
         self._to_base = base.inverse().matrix
 
-    @abstractmethod
     def fk(self, joints: Array) -> Array:
         """Pose (4, 4) for joints (7,) in rad."""
+        return self._base_matrix @ _frankik.fk(joints)
 
-    @abstractmethod
     def ik(self, target: Array, near_q7: float | None = None) -> Array:
         """Joint solutions (n, 7) of a pose (4, 4), within the limits.
 
@@ -51,8 +72,15 @@ class ArmKinematics(ABC):
             near_q7: search finely around this angle of the last joint, itself included; without it, coarsely over
                 the joint's whole range.
         """
+        seed = np.zeros(JOINTS_PER_ARM)
+        size, span = GRID_SIZE, GRID_SPAN_DEG
+        if near_q7 is not None:
+            seed[-1] = near_q7
+            size, span = NEAR_GRID_SIZE, NEAR_GRID_SPAN_DEG
+        found = _frankik.ik_sample_q7(self.in_base(target) @ TCP_T_FLANGE, seed, False, size, span, True)
+        solutions = np.concatenate(found or [seed[:0]]).reshape(-1, JOINTS_PER_ARM)
+        return solutions[self.within_limits(solutions)]
 
-    @abstractmethod
     def poses_and_jacobians(self, joints: Array) -> tuple[Array, Array]:
         """Poses and Jacobians of the tool centre point in the frame of the arm's base.
 
@@ -62,6 +90,21 @@ class ArmKinematics(ABC):
         Returns:
             Poses (n, 4, 4) and the Jacobian (n, 6, 7): linear over angular velocity per joint velocity.
         """
+        sine, cosine = (function(joints.T)[..., None, None] for function in (np.sin, np.cos))
+        frames = (
+            _CONSTANT + sine * _TIMES_SINE + cosine * _TIMES_COSINE
+        )  # (7, n, 4, 4), each in the last joint's
+        for before, frame in itertools.pairwise(frames):
+            np.matmul(before, frame, out=frame)
+        hand = frames[-1] @ _JOINT7_T_TCP
+
+        axis = frames[..., :3, 2].transpose(2, 1, 0)  # (3, n, 7)
+        lever = hand[:, :3, 3].T[..., None] - frames[..., :3, 3].transpose(2, 1, 0)
+        jacobian = np.empty((len(joints), 6, JOINTS_PER_ARM))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            jacobian[:, i] = axis[j] * lever[k] - axis[k] * lever[j]
+            jacobian[:, 3 + i] = axis[i]
+        return hand, jacobian
 
     def pose(self, joints: Array) -> Pose:
         """The same as `fk`, as a position and a quaternion."""
@@ -105,3 +148,27 @@ class ArmKinematics(ABC):
             if self.reaches(ranked[best], target):
                 yield ranked[best]
                 eligible &= np.abs(ranked - ranked[best]).max(axis=1) > difference_rad
+
+
+def _joint_frames() -> tuple[Array, Array, Array]:
+    """What is constant, goes with the sine and with the cosine of the angle in each joint's frame, (7, 1, 4, 4)."""
+    constant, sine, cosine = np.zeros((3, JOINTS_PER_ARM, 1, 4, 4))
+    sine_twist, cosine_twist = np.sin(panda.LINK_TWIST_RAD), np.cos(panda.LINK_TWIST_RAD)
+    cosine[:, 0, 0, 0], sine[:, 0, 0, 1] = 1.0, -1.0
+    sine[:, 0, 1, 0] = cosine[:, 0, 1, 1] = cosine_twist
+    sine[:, 0, 2, 0] = cosine[:, 0, 2, 1] = sine_twist
+    constant[:, 0, 1, 2], constant[:, 0, 2, 2] = -sine_twist, cosine_twist
+    constant[:, 0, 0, 3] = panda.LINK_LENGTH_M
+    constant[:, 0, 1, 3], constant[:, 0, 2, 3] = (
+        -sine_twist * panda.LINK_OFFSET_M,
+        cosine_twist * panda.LINK_OFFSET_M,
+    )
+    constant[:, 0, 3, 3] = 1.0
+    return constant, sine, cosine
+
+
+_CONSTANT, _TIMES_SINE, _TIMES_COSINE = _joint_frames()
+_SINE, _COSINE = np.sin(panda.HAND_YAW_RAD), np.cos(panda.HAND_YAW_RAD)
+_JOINT7_T_TCP = np.array(
+    [[_COSINE, -_SINE, 0, 0], [_SINE, _COSINE, 0, 0], [0, 0, 1, panda.FLANGE_M + panda.TCP_M], [0, 0, 0, 1]]
+)

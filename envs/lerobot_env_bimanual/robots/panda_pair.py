@@ -6,7 +6,6 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.robots import panda
 from lerobot_env_bimanual.robots.arm_pair import ArmPair, JointLimits
-from lerobot_env_bimanual.robots.panda_kinematics import PandaKinematics
 
 PANDA_PAIR = ArmPair(
     # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints
@@ -30,6 +29,5 @@ PANDA_PAIR = ArmPair(
     closed_travel_m=panda.CLOSED_TRAVEL_M,
     finger_travel_m=panda.FINGER_TRAVEL_M,
     finger_speed_m_s=panda.FINGER_SPEED_M_S,
-    kinematics_at=PandaKinematics,
     add_arm=panda.add_panda,
 )

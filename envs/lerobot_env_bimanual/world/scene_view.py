@@ -9,7 +9,6 @@ from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.world.appearance import NOMINAL
-from lerobot_env_bimanual.world.contacts import ContactQueries
 
 MIN_SQUEEZE_N = 2.0
 """Force on each finger of a hand that grips; a hand that is only touched exerts none."""
@@ -41,7 +40,7 @@ class SceneView:
         self.arm_pair = arm_pair
         self.appearance = NOMINAL
         self._commanded = commanded
-        self._contacts = ContactQueries(self.model, self.data)
+        self._geoms_of: dict[str, NDArray[np.bool_]] = {}
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]
         fingers = [[model.joint(name) for name in arm_pair.finger_names(arm)] for arm in ARMS]
         self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
@@ -101,7 +100,19 @@ class SceneView:
 
     def contacts(self, body_a: str, body_b: str) -> bool:
         """Whether two bodies, each with all bodies below it, touch."""
-        return self._contacts.between(body_a, body_b)
+        a, b = self.geoms(body_a), self.geoms(body_b)
+        first, second = self.data.contact.geom.reshape(-1, 2).T
+        return bool(np.any((a[first] & b[second]) | (b[first] & a[second])))
+
+    def geoms(self, body: str) -> NDArray[np.bool_]:
+        """Mask (ngeom,) of the geoms on a body and all bodies below it, looked up once."""
+        if body not in self._geoms_of:
+            in_subtree = np.zeros(self.model.nbody, dtype=bool)
+            in_subtree[self.model.body(body).id] = True
+            for child, parent in enumerate(self.model.body_parentid):  # parents come before children
+                in_subtree[child] |= in_subtree[parent]
+            self._geoms_of[body] = in_subtree[self.model.geom_bodyid]
+        return self._geoms_of[body]
 
     def touching(self, arm: Arm, body: str) -> bool:
         """Whether the hand (palm or fingers) touches a body."""
