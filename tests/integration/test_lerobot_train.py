@@ -123,26 +123,6 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     assert evaluate(policy, room)["n_episodes"] == 1
 
 
-def test_a_checkpoint_elsewhere_warns_and_without_depth_stops_with_the_flag(room, tiny_flags):
-    train(*tiny_flags["peract2"], folder=room, data=KEYFRAMES, steps=1, output="away")
-    flags = (
-        "--policy.path=away/checkpoints/last/pretrained_model",
-        "--policy.device=cpu",
-        "--env.type=bimanual",
-        "--env.task=lift_ball",
-        "--env.image_size=48",
-        "--eval.n_episodes=2",
-        "--eval.batch_size=1",
-    )
-    said = run("lerobot-eval", *flags, "--output_dir=away/eval", folder=room)
-    assert said.count("never trained with 'lift the ball'") == 1
-    assert said.count("--env.image_size=32x32") == 1
-    said = run("lerobot-eval", *flags, "--env.obs=rgb", "--output_dir=away/rgb", folder=room, fails=True)
-    (line,) = [line for line in said.splitlines() if "BadObservation: " in line]
-    assert "--env.obs=rgbd" in line
-    assert "KeyError" not in said
-
-
 @pytest.mark.parametrize(
     ("command", "randomness"),
     [

@@ -151,7 +151,7 @@ def tiny() -> dict[str, Any]:
     return dict(TINY_PERACT)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def random_keyposes() -> Callable[[int], torch.Tensor]:
     """Flat keyposes (b, 18), well inside the workspace."""
 
@@ -166,7 +166,7 @@ def random_keyposes() -> Callable[[int], torch.Tensor]:
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., dict[str, Any]]:
     """Random training batches with the keys of the schema: all cameras look down on noise."""
 

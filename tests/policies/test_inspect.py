@@ -9,13 +9,12 @@ import pytest
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-from lerobot.policies.pretrained import PreTrainedPolicy
 from matplotlib.colors import to_rgb
 from PIL import Image
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
@@ -26,63 +25,45 @@ from lerobot_policy_bimanual.inspection.inspection import inspect_sample
 from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
 from lerobot_policy_bimanual.inspection.sheet import ARM_COLORS, INK
 from lerobot_policy_bimanual.keypose.losses import keypose_errors
-from lerobot_policy_bimanual.peract2.configuration_peract2 import PerAct2Config
-from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
-SIDE_PX = 16
 ROWS = 3
-LOOKING_DOWN = np.array([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
 
 
-def record(root: Path, cameras: tuple[str, ...]) -> Path:
-    """A dataset of one made-up episode of two stages: cameras look down on noise."""
-    rng = np.random.default_rng(0)
-    calibration = {
-        schema.CAMERA_EXTRINSICS: np.tile(LOOKING_DOWN.ravel(), len(CAMERA_NAMES)),
-        schema.CAMERA_INTRINSICS: np.tile(
-            intrinsics_from_fovy(np.pi / 3, SIDE_PX, SIDE_PX).ravel(), len(CAMERA_NAMES)
-        ),
-    }
+def record(root: Path, batch: dict, cameras: tuple[str, ...]) -> Path:
+    """A dataset of one made-up episode of two stages, whose rows are those of a batch."""
 
-    def observation(step: int) -> dict[str, np.ndarray]:
-        names = (schema.STATE, schema.EE_POSE, schema.GRIPPER_FINGERS)
-        noise = {key: rng.uniform(0, 0.04, len(schema.VECTORS[key])) for key in names}
-        vectors = noise | calibration | {schema.KEYPOSE_STEP: np.array([step])}
-        return {key: vector.astype(np.float32) for key, vector in vectors.items()}
+    def observation(row: int) -> dict[str, np.ndarray]:
+        return {key: batch[key][row].numpy() for key in schema.VECTORS if key.startswith("observation.")}
 
     def images(row: int) -> dict[str, np.ndarray]:
-        pictures = {}
-        for camera in cameras:
-            pictures[schema.image_key(camera)] = rng.integers(0, 256, (SIDE_PX, SIDE_PX, 3), dtype=np.uint8)
-            depth_mm = rng.uniform(800, 1300, (1, SIDE_PX, SIDE_PX))
-            pictures[schema.depth_key(camera)] = depth_mm.astype(np.float32)
-        return pictures
+        rgb = {
+            key: (255 * batch[key][row]).byte().permute(1, 2, 0).numpy()
+            for key in map(schema.image_key, cameras)
+        }
+        return rgb | {key: batch[key][row].numpy() for key in map(schema.depth_key, cameras)}
 
-    action = rng.normal(size=len(schema.JOINT_NAMES)).astype(np.float32)
-    keypose = np.array(
-        [0.3, 0.2, 1.0, 0, 1, 0, 0, 1, 0, 0.3, -0.2, 0.9, 0.6, 0.8, 0, 0, 0, 1], dtype=np.float32
-    )
     episode = Demonstration(
         meta=EpisodeMeta("lift_ball", 0, "train", 0, "lift the ball"),
-        keyposes=np.stack([keypose, keypose]),
-        steps=tuple(Step(observation(stage), action, stage, stage) for stage in range(2)),
+        keyposes=batch[schema.NEXT_KEYPOSE][:2].numpy(),
+        steps=tuple(Step(observation(row), batch["action"][row].numpy(), row, row) for row in range(2)),
         final_observation=observation(2),
         images=images,
     )
-    with ViewWriter(root, "local/made_up", "keyframes", cameras, SIDE_PX, SIDE_PX) as writer:
+    with ViewWriter(root, "local/made_up", "keyframes", cameras, 16, 16) as writer:
         write_episode(episode, [writer])
     return root
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("data") / "keyframes", CAMERA_NAMES)
+def dataset(tmp_path_factory: pytest.TempPathFactory, make_batch) -> Path:
+    return record(tmp_path_factory.mktemp("data") / "keyframes", make_batch(ROWS), CAMERA_NAMES)
 
 
-def save(policy: PreTrainedPolicy, folder: Path) -> Path:
-    """A policy and its processors, written as LeRobot writes them."""
-    policy.save_pretrained(folder)
-    for processor in make_pre_post_processors(policy.config):
+def save(name: str, options: dict, folder: Path) -> Path:
+    """A new policy and its processors, written as LeRobot writes them."""
+    config = PreTrainedConfig.get_choice_class(name)(**options)
+    get_policy_class(name)(config).save_pretrained(folder)
+    for processor in make_pre_post_processors(config):
         processor.save_pretrained(folder)
     return folder
 
@@ -97,9 +78,9 @@ def count(picture: Image.Image, color: str) -> int:
 
 
 def test_the_command_draws_every_policys_prediction(policy_type, specimens, dataset, tmp_path, capsys):
-    options = next(iter(specimens[policy_type].tiny.values()))
-    policy = get_policy_class(policy_type)(PreTrainedConfig.get_choice_class(policy_type)(**options))
-    checkpoint = save(policy, tmp_path / "pretrained_model")
+    checkpoint = save(
+        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
+    )
     # A root of both views holds them as folders.
     assert run(checkpoint, dataset.parent, "--index=1", f"--output={tmp_path / 'pictures'}") == 0
     (path,) = (tmp_path / "pictures").iterdir()
@@ -114,9 +95,9 @@ def test_the_command_draws_every_policys_prediction(policy_type, specimens, data
 
 
 def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, dataset, tmp_path, capsys):
-    options = next(iter(specimens[policy_type].tiny.values()))
-    policy = get_policy_class(policy_type)(PreTrainedConfig.get_choice_class(policy_type)(**options))
-    checkpoint = save(policy, tmp_path / "pretrained_model")
+    checkpoint = save(
+        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
+    )
     policy, preprocess = load_policy(checkpoint)
     found = measure(policy, preprocess, open_dataset(dataset))
     assert found["after"].tolist() == [row for row in range(ROWS) for _ in ARMS]
@@ -182,8 +163,7 @@ def test_a_checkpoint_that_is_none_is_refused(dataset, tmp_path, capsys):
 
 @pytest.fixture
 def peract_checkpoint(tiny, tmp_path: Path) -> Path:
-    policy = PerAct2Policy(PerAct2Config(**tiny))
-    return save(policy, tmp_path / "peract2")
+    return save("peract2", tiny, tmp_path / "peract2")
 
 
 def test_a_row_that_is_not_there_is_refused_with_the_rows_that_are(peract_checkpoint, dataset, capsys):
@@ -192,8 +172,10 @@ def test_a_row_that_is_not_there_is_refused_with_the_rows_that_are(peract_checkp
         assert f"has {ROWS} rows" in message
 
 
-def test_a_dataset_without_depth_or_label_is_refused_by_name(peract_checkpoint, dataset, tmp_path, capsys):
-    few = record(tmp_path / "few", ("front",))
+def test_a_dataset_without_depth_or_label_is_refused_by_name(
+    peract_checkpoint, dataset, make_batch, tmp_path, capsys
+):
+    few = record(tmp_path / "few", make_batch(ROWS), ("front",))
     assert schema.depth_key("left_wrist") in refusal(capsys, peract_checkpoint, few)
     copy = shutil.copytree(dataset, tmp_path / "copy")
     info = json.loads((copy / INFO_FILE).read_text())

@@ -1,5 +1,7 @@
 """The follower is told what the leader is going to do; independent arms are told nothing."""
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -12,8 +14,6 @@ from lerobot_policy_bimanual.peract_independent.configuration_peract_independent
     PerActIndependentConfig,
 )
 from lerobot_policy_bimanual.peract_independent.modeling_peract_independent import PerActIndependentPolicy
-
-SHIFT_M = 0.05
 
 
 @pytest.fixture(params=ARMS)
@@ -49,11 +49,20 @@ def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
     return torch.cat([2 * (position - lower) / (upper - lower) - 1, angles_deg / 180, 2 * flags - 1], dim=-1)
 
 
-def test_in_training_the_follower_is_told_the_label_of_the_leader(policy, leader, make_batch):
+@pytest.mark.parametrize("shift_m", [(0.0, 0.0, 0.0), (0.05, -0.05, 0.05)])
+def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the_scene(
+    make_leader_follower, leader, make_batch, shift_m
+):
+    policy = make_leader_follower(leader=str(leader), augmentation=True).train()
+    motion = torch.eye(4).repeat(4, 1, 1)
+    motion[:, :3, 3] = torch.tensor(shift_m)
+    policy.augmentation = SimpleNamespace(sample=lambda keyposes: motion)
     seen, batch = spy(policy), make_batch(samples=4)
-    policy.train()(batch)
+    policy(batch)
     assert seen["follower"].shape == (4, 4 + 8)
-    label = policy.codec.encode(batch[NEXT_KEYPOSE])
+    moved = batch[NEXT_KEYPOSE].view(-1, 2, 9).clone()
+    moved[..., :3] += torch.tensor(shift_m)
+    label = policy.codec.encode(moved.flatten(1))
     torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
     assert seen["follower"][:, 4:].abs().max() <= 1
 
@@ -105,20 +114,6 @@ def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch
     network = parts(policy)
     assert all(value.grad is None or not value.grad.any() for value in network.leader.parameters())
     assert any(value.grad is not None and value.grad.any() for value in network.follower.parameters())
-
-
-def test_what_the_follower_is_told_moves_with_the_augmented_scene(make_leader_follower, leader, make_batch):
-    policy = make_leader_follower(leader=str(leader), augmentation=True).train()
-    shift = torch.tensor([SHIFT_M, -SHIFT_M, SHIFT_M])
-    motion = torch.eye(4).repeat(2, 1, 1)
-    motion[:, :3, 3] = shift
-    policy.augmentation = type("Fixed", (), {"sample": staticmethod(lambda keyposes: motion)})()
-    seen, batch = spy(policy), make_batch()
-    policy(batch)
-    moved = batch[NEXT_KEYPOSE].view(-1, 2, 9).clone()
-    moved[..., :3] += shift
-    label = policy.codec.encode(moved.flatten(1))
-    torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
 
 
 def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch):

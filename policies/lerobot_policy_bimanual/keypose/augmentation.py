@@ -53,9 +53,8 @@ class SceneAugmentation:
         options = {"dtype": keyposes.dtype, "device": keyposes.device}
         drawn = {"device": keyposes.device, "generator": _generator(keyposes.device)}
         steps = int(self.yaw_deg / self.yaw_step_deg + 1e-6)
-        yaw = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), **drawn) * math.radians(
-            self.yaw_step_deg
-        )
+        yaw_steps = torch.randint(-steps, steps + 1, (MAX_DRAWS, samples), **drawn)
+        yaw = yaw_steps * math.radians(self.yaw_step_deg)
         shift = torch.rand(MAX_DRAWS, samples, 3, dtype=keyposes.dtype, **drawn) * 2 - 1
         shift = shift * torch.tensor(self.shift_m, **options)
         draws = self._transforms(yaw.to(keyposes.dtype), shift)  # (draws, b, 4, 4)

@@ -6,11 +6,7 @@ from typing import Any
 
 import numpy as np
 from lerobot.configs import NormalizationMode, PreTrainedConfig
-from lerobot.optim import (
-    CosineDecayWithWarmupSchedulerConfig,
-    LRSchedulerConfig,
-    OptimizerConfig,
-)
+from lerobot.optim import CosineDecayWithWarmupSchedulerConfig, LRSchedulerConfig, OptimizerConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
@@ -223,7 +219,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
             dataset_meta: LeRobot's metadata of the dataset.
         """
         tasks = () if dataset_meta.tasks is None else tuple(map(str, dataset_meta.tasks.index))
-        # A dataset of very many sentences has no typical one, so a warning would tell nothing.
+        # Of very many sentences none is typical, so a warning would tell nothing.
         self.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
         for key, feature in dataset_to_policy_features(dataset_meta.features).items():
             if self.input_features and key in self.input_features:
@@ -236,14 +232,10 @@ class KeyposePolicyConfig(PreTrainedConfig):
             LambConfig,
         )
 
-        shared: dict[str, Any] = {
-            "lr": self.optimizer_lr,
-            "weight_decay": self.optimizer_weight_decay,
-            "grad_clip_norm": self.optimizer_grad_clip_norm,
-        }
-        if self.optimizer == "lamb":
-            return LambConfig(**shared)
-        return FusedAdamWConfig(**shared, betas=(0.9, 0.99))
+        config = LambConfig() if self.optimizer == "lamb" else FusedAdamWConfig(betas=(0.9, 0.99))
+        config.lr, config.weight_decay = self.optimizer_lr, self.optimizer_weight_decay
+        config.grad_clip_norm = self.optimizer_grad_clip_norm
+        return config
 
     def get_scheduler_preset(self) -> LRSchedulerConfig | None:
         """Warm-up and cosine over the whole training, however long, or nothing."""

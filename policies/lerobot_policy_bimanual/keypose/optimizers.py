@@ -79,10 +79,8 @@ class LambConfig(OptimizerConfig):
     grad_clip_norm: float = 0.0
 
     def build(self, params: Any) -> torch.optim.Optimizer:
-        """Make the optimizer."""
-        options = asdict(self)
-        options.pop("grad_clip_norm")
-        return Lamb(params, **options)
+        """The optimizer of parameters or groups of parameters."""
+        return Lamb(params, **_options(self))
 
 
 @OptimizerConfig.register_subclass("fused_adamw")
@@ -92,6 +90,9 @@ class FusedAdamWConfig(AdamWConfig):
 
     def build(self, params: Any) -> torch.optim.Optimizer:
         """The optimizer of parameters or groups of parameters."""
-        options = asdict(self)
-        options.pop("grad_clip_norm")  # LeRobot's training loop clips
-        return torch.optim.AdamW(params, fused=True, **options)
+        return torch.optim.AdamW(params, fused=True, **_options(self))
+
+
+def _options(config: OptimizerConfig) -> dict[str, Any]:
+    """The options of an optimizer, without those of LeRobot's training loop, which clips."""
+    return {name: value for name, value in asdict(config).items() if name != "grad_clip_norm"}

@@ -27,14 +27,11 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
     try:
         with safe_open(file, framework="pt") as tensors:
             names = set(tensors.keys())
-            if expected is not None and names != expected.keys():
-                word, which = (
-                    ("lacks", expected.keys() - names)
-                    if expected.keys() - names
-                    else ("has unknown", names - expected.keys())
-                )
+            if expected is not None and (differ := names ^ expected.keys()):
+                missing = expected.keys() - names
                 raise CheckpointError(
-                    f"{file} {word} tensors for the network of its config, such as {min(which)}"
+                    f"{file} {'lacks' if missing else 'has unknown'} tensors for the network of its config, such as "
+                    f"{min(missing or differ)}"
                 )
             for name in sorted(names):
                 tensor = tensors.get_tensor(name)

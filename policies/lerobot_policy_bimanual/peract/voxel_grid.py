@@ -41,11 +41,8 @@ def voxelise(points: Tensor, colours: Tensor, *, workspace: Workspace, voxels: i
         # Points outside go to many cells behind the grid: filtering would synchronise host and device, and a single cell
         # would serialise the atomic additions.
         behind = V**3 + torch.arange(N, dtype=torch.int32, device=points.device) % CELLS_BEHIND
-        cell = (
-            torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind)
-            .long()[:, None]
-            .expand(-1, 3, -1)
-        )
+        index = torch.where(inside, torch.add(z, torch.add(y, x, alpha=V), alpha=V), behind)
+        cell = index.long()[:, None].expand(-1, 3, -1)
 
         grid = points.new_zeros(B, V**3 + CELLS_BEHIND, GRID_CHANNELS).transpose(1, 2)
         grid[:, :3].scatter_add_(2, cell, points)
