@@ -49,7 +49,8 @@ class KeyposeCodec(KeyposeGrid):
 
     def encode(self, vectors: ArrayLike) -> DiscreteKeypose:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
-        arms = _per_arm(vectors)
+        array = np.asarray(vectors, dtype=np.float64)
+        arms = array.reshape(*array.shape[:-1], len(ARMS), ARM_KEYPOSE_DIM)
         voxel = np.floor((arms[..., POSITION] - self.workspace.lower) / self.voxel_size_m)
         euler_deg = np.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
         rotation = np.round((euler_deg + 180) / self.rotation_bin_deg).astype(np.int64) % self.rotation_bins
@@ -77,8 +78,3 @@ class KeyposeCodec(KeyposeGrid):
             np.clip(bins.voxel, 0, self.voxels - 1), bins.rotation, bins.gripper_open, bins.ignore_collisions
         )
         return BimanualKeypose.from_vector(self.decode(inside))
-
-
-def _per_arm(vectors: ArrayLike) -> NDArray[np.float64]:
-    array = np.asarray(vectors, dtype=np.float64)
-    return array.reshape(*array.shape[:-1], len(ARMS), ARM_KEYPOSE_DIM)

@@ -1,13 +1,14 @@
 """Batches and configs for the policy tests."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 import torch
 from lerobot.configs import PreTrainedConfig
-from lerobot.policies.factory import get_policy_class
+from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset.schema import (
@@ -188,3 +189,17 @@ def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., 
         return batch
 
     return make
+
+
+@pytest.fixture(scope="session")
+def save_policy() -> Callable[[str, dict[str, Any], Path], Path]:
+    """Writes a new policy and its processors to a folder as LeRobot writes them."""
+
+    def save(name: str, options: dict[str, Any], folder: Path) -> Path:
+        config = PreTrainedConfig.get_choice_class(name)(**options)
+        get_policy_class(name)(config).save_pretrained(folder)
+        for processor in make_pre_post_processors(config):
+            processor.save_pretrained(folder)
+        return folder
+
+    return save

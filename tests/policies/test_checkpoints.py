@@ -12,8 +12,8 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
-from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.policies.factory import get_policy_class
 from safetensors.torch import load_file, save_file
 
 from lerobot_bimanual import cli
@@ -28,18 +28,9 @@ BIAS = "network.stem.conv.bias"
 Damage = Callable[[Path], Any]
 
 
-def save(name: str, options: dict[str, Any], folder: Path) -> Path:
-    """A new policy with its processors, written as LeRobot writes them."""
-    config = PreTrainedConfig.get_choice_class(name)(**options)
-    get_policy_class(name)(config).save_pretrained(folder)
-    for processor in make_pre_post_processors(config):
-        processor.save_pretrained(folder)
-    return folder
-
-
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory, tiny: dict[str, Any]) -> Path:
-    return save("peract2", tiny, tmp_path_factory.mktemp("sound"))
+def sound(save_policy, tmp_path_factory: pytest.TempPathFactory, tiny: dict[str, Any]) -> Path:
+    return save_policy("peract2", tiny, tmp_path_factory.mktemp("sound"))
 
 
 @pytest.fixture
@@ -145,8 +136,10 @@ def test_a_checkpoint_with_changed_bytes_is_read_or_refused(data, sound, tmp_pat
         check_checkpoint(folder)
 
 
-def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(policy_type, specimens, tmp_path):
-    checkpoint = save(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model")
+def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(save_policy, policy_type, specimens, tmp_path):
+    checkpoint = save_policy(
+        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model"
+    )
     marker = tmp_path / "it_ran"
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text('{"total_frames": 1}')
@@ -162,10 +155,10 @@ def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(policy_type, speci
 
 
 def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
-    policy_type, specimens, make_batch, tmp_path, capsys
+    save_policy, policy_type, specimens, make_batch, tmp_path, capsys
 ):
     for variant, options in specimens[policy_type].tiny.items():
-        checkpoint = save(policy_type, options, tmp_path / variant)
+        checkpoint = save_policy(policy_type, options, tmp_path / variant)
         assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 0
         said = capsys.readouterr().out
         loaded, _ = load_policy(checkpoint)
@@ -177,8 +170,8 @@ def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
         assert torch.equal(loaded.select_action(batch), stock.select_action(batch))
 
 
-def test_lerobot_loads_the_weights_of_a_policy_strictly(policy_type, specimens, tmp_path):
-    checkpoint = save(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path)
+def test_lerobot_loads_the_weights_of_a_policy_strictly(save_policy, policy_type, specimens, tmp_path):
+    checkpoint = save_policy(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path)
     stock = get_policy_class(policy_type)
     stock.from_pretrained(checkpoint)
     weights(lambda tensors: tensors.pop(min(tensors)))(checkpoint)
@@ -194,7 +187,7 @@ def test_the_file_of_a_clip_tower_is_not_opened_to_check_a_policy_that_uses_it(c
     assert check_checkpoint(checkpoint).config.language_encoder == "clip:/no/such/folder"
 
 
-def test_a_policy_of_lerobot_is_checked_without_being_built(tmp_path, capsys):
+def test_a_policy_of_lerobot_is_checked_without_being_built(save_policy, tmp_path, capsys):
     options = {
         "device": "cpu",
         "pretrained_backbone_weights": None,
@@ -209,7 +202,7 @@ def test_a_policy_of_lerobot_is_checked_without_being_built(tmp_path, capsys):
         },
         "output_features": {"action": PolicyFeature(FeatureType.ACTION, (16,))},
     }
-    act = save("act", options, tmp_path / "act")
+    act = save_policy("act", options, tmp_path / "act")
     assert cli.main(["policy", "check", f"--checkpoint={act}"]) == 0
     assert capsys.readouterr().out.startswith("act with")
     with pytest.raises(CheckpointError, match="predicts no keyposes"):

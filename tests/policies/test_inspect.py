@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from lerobot.configs import PreTrainedConfig
-from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from matplotlib.colors import to_rgb
 from PIL import Image
 
@@ -59,15 +57,6 @@ def dataset(tmp_path_factory: pytest.TempPathFactory, make_batch) -> Path:
     return record(tmp_path_factory.mktemp("data") / "keyframes", make_batch(ROWS), CAMERA_NAMES)
 
 
-def save(name: str, options: dict, folder: Path) -> Path:
-    """A new policy and its processors, written as LeRobot writes them."""
-    config = PreTrainedConfig.get_choice_class(name)(**options)
-    get_policy_class(name)(config).save_pretrained(folder)
-    for processor in make_pre_post_processors(config):
-        processor.save_pretrained(folder)
-    return folder
-
-
 def run(checkpoint: Path, dataset: Path, *flags: str) -> int:
     return cli.main(["policy", "inspect", f"--checkpoint={checkpoint}", f"--root={dataset}", *flags])
 
@@ -77,8 +66,10 @@ def count(picture: Image.Image, color: str) -> int:
     return int((abs(np.asarray(picture) / 255 - to_rgb(color)).max(axis=-1) < 0.15).sum())
 
 
-def test_the_command_draws_every_policys_prediction(policy_type, specimens, dataset, tmp_path, capsys):
-    checkpoint = save(
+def test_the_command_draws_every_policys_prediction(
+    save_policy, policy_type, specimens, dataset, tmp_path, capsys
+):
+    checkpoint = save_policy(
         policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
     )
     # A root of both views holds them as folders.
@@ -94,8 +85,10 @@ def test_the_command_draws_every_policys_prediction(policy_type, specimens, data
         assert count(views, color) > 50
 
 
-def test_accuracy_is_that_of_each_policys_actions(policy_type, specimens, dataset, tmp_path, capsys):
-    checkpoint = save(
+def test_accuracy_is_that_of_each_policys_actions(
+    save_policy, policy_type, specimens, dataset, tmp_path, capsys
+):
+    checkpoint = save_policy(
         policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
     )
     policy, preprocess = load_policy(checkpoint)
@@ -162,8 +155,8 @@ def test_a_checkpoint_that_is_none_is_refused(dataset, tmp_path, capsys):
 
 
 @pytest.fixture
-def peract_checkpoint(tiny, tmp_path: Path) -> Path:
-    return save("peract2", tiny, tmp_path / "peract2")
+def peract_checkpoint(save_policy, tiny, tmp_path: Path) -> Path:
+    return save_policy("peract2", tiny, tmp_path / "peract2")
 
 
 def test_a_row_that_is_not_there_is_refused_with_the_rows_that_are(peract_checkpoint, dataset, capsys):

@@ -124,22 +124,17 @@ def test_pooling_keeps_the_ranking_of_bfloat16_features():
     torch.testing.assert_close(pool(x)[0], torch.tensor([1.0, -1.0, -1 / 3, 8.0]))
 
 
-def test_factorised_head_gives_one_normalised_distribution_over_all_voxels(make_network):
-    network = make_network(translation_head="factorised").eval()  # 8 patches, all within the beam
-    candidates = network(*make_inputs()).translation.candidates()
-    assert candidates.voxel.shape == (2, 2, 1000, 3)
-    assert len(torch.unique(candidates.voxel[0, 0], dim=0)) == 1000
+def test_factorised_head_gives_one_distribution_over_all_voxels_of_which_the_loss_is_the_likelihood(
+    make_network,
+):
+    network, inputs = make_network(translation_head="factorised").eval(), make_inputs()
+    candidates = network(*inputs).translation.candidates()  # 8 patches, all within the beam
+    assert len(torch.unique(candidates.voxel[0, 0], dim=0)) == candidates.voxel.shape[2] == 1000
     torch.testing.assert_close(candidates.score.exp().sum(-1), torch.ones(2, 2, dtype=torch.float64))
-
-
-def test_factorised_loss_is_the_negative_log_likelihood_of_the_same_distribution(make_network):
-    network = make_network(translation_head="factorised").eval()
-    inputs = make_inputs()
     voxel = torch.randint(0, 10, (2, 2, 3))
-    candidates = network(*inputs).translation.candidates()
     hit = (candidates.voxel == voxel[:, :, None]).all(-1)
-    expected = -candidates.score[hit].view(2, 2)
-    torch.testing.assert_close(network(*inputs, labels(voxel)).translation.cross_entropy(voxel), expected)
+    loss = network(*inputs, labels(voxel)).translation.cross_entropy(voxel)
+    torch.testing.assert_close(loss, -candidates.score[hit].view(2, 2))
 
 
 def read_stem(stem: torch.Tensor) -> StemFeatures:
@@ -220,28 +215,14 @@ def test_a_network_with_cells_learns_a_position_finer_than_a_voxel(make_network)
 
 @pytest.mark.parametrize("head", ["dense", "factorised"])
 def test_local_mean_is_the_expectation_over_the_window_round_the_best_voxel(make_network, head):
-    network = make_network(translation_head=head).eval()
-    candidates = network(*make_inputs()).translation.candidates()
-    best, mean = candidates.best(), candidates.local_mean()
-    for sample in range(2):
-        for arm in range(2):
-            scores = dict(
-                zip(
-                    map(tuple, candidates.voxel[sample, arm].tolist()),
-                    candidates.score[sample, arm].exp().tolist(),
-                    strict=True,
-                )
-            )
-            window = {
-                voxel: weight
-                for voxel, weight in scores.items()
-                if max(abs(a - b) for a, b in zip(voxel, best[sample, arm].tolist(), strict=True)) <= 1
-            }
-            assert tuple(best[sample, arm].tolist()) == max(scores, key=scores.__getitem__)
-            expected = [
-                sum(v[axis] * w for v, w in window.items()) / sum(window.values()) for axis in range(3)
-            ]
-            torch.testing.assert_close(mean[sample, arm], torch.tensor(expected, dtype=torch.float64))
+    candidates = make_network(translation_head=head).eval()(*make_inputs()).translation.candidates()
+    for sample, arm in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        voxel, weight = candidates.voxel[sample, arm], candidates.score[sample, arm].exp()
+        best = voxel[weight.argmax()]
+        assert torch.equal(candidates.best()[sample, arm], best)
+        window = ((voxel - best).abs() <= 1).all(-1)
+        expected = (weight[window, None] * voxel[window]).sum(0) / weight[window].sum()
+        torch.testing.assert_close(candidates.local_mean()[sample, arm], expected)
 
 
 def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
