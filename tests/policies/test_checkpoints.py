@@ -70,10 +70,6 @@ def write(name: str, content: bytes) -> Damage:
     return lambda folder: (folder / name).write_bytes(content)
 
 
-def cut(name: str) -> Damage:
-    return lambda folder: (folder / name).write_bytes((folder / name).read_bytes()[:-100])
-
-
 def remove(name: str) -> Damage:
     return lambda folder: (folder / name).unlink()
 
@@ -102,10 +98,6 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a step by class": (
         edit(PREPROCESSOR, lambda value: value["steps"].append({"class": "subprocess.Popen"})),
         "names the class 'subprocess.Popen'",
-    ),
-    "our class with a stranger's name": (
-        step(**{"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep"}),
-        "names the class",
     ),
     "an unknown step": (step(registry_name="stranger"), "which LeRobot does not have"),
     "another step of LeRobot": (step(registry_name="tokenizer_processor"), "but must list"),

@@ -53,11 +53,8 @@ def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, 
     assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
 
 
-def training(root, policy: str = "act", inputs: dict | None = None) -> SimpleNamespace:
-    return SimpleNamespace(
-        dataset=SimpleNamespace(root=str(root), repo_id="local/data"),
-        policy=SimpleNamespace(type=policy, input_features=inputs),
-    )
+def training(root) -> SimpleNamespace:
+    return SimpleNamespace(dataset=SimpleNamespace(root=str(root), repo_id="local/data"))
 
 
 def touch_dataset(folder) -> None:
