@@ -1,5 +1,7 @@
 """The PerAct family's voxel transformer, for one arm (PerAct) or two (PerAct2)."""
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -96,7 +98,7 @@ class PerActNetwork(nn.Module):
         # Standard deviation 1 for the same reason as the latents of `PerceiverIO`.
         self.positions = nn.Parameter(torch.randn(config.language_tokens + self.patches**3, token_dim))
         self.perceiver = PerceiverIO(config, streams=arms)
-        self.translation = _translation_head(config, arms)
+        self.translation: Any = _translation_head(config, arms)
         outputs = 3 * self.rotation_bins + 2 + 2
         self.pose_heads = nn.ModuleList(
             _pose_head(self.translation.feature_dim, outputs) for _ in range(arms)
@@ -135,7 +137,7 @@ class PerActNetwork(nn.Module):
         return KeyposePrediction(translation, rotation, gripper_open, ignore_collisions)
 
 
-def _translation_head(config: PerActConfig, arms: int) -> nn.Module:
+def _translation_head(config: PerActConfig, arms: int) -> Any:
     """The paper's head, or the cheaper one, which is imported for the configs that ask for it."""
     if config.translation_head == "dense":
         return DenseTranslationHead(config, arms=arms)
