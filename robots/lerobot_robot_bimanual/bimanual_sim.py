@@ -13,7 +13,7 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 from numpy.typing import NDArray
 
-from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
@@ -27,6 +27,7 @@ from lerobot_env_bimanual.window import mujoco_window, no_window
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
+from lerobot_robot_bimanual.leader_arms import HOME
 
 logger = logging.getLogger(__name__)
 
@@ -143,11 +144,10 @@ class BimanualSim(Robot):
         self._options = config.env_options()
         self.cameras = () if self._options.obs == "state" else self._options.camera_names
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
-        self._home = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
         self._env: UntimedEnv | None = None
         self._viewer: Viewer | None = None
         self._next_seed = config.seed
-        self._command = self._home
+        self._command = HOME
         self._has_left_home = False
         self._began_s = 0.0
 
@@ -245,7 +245,7 @@ class BimanualSim(Robot):
         command = self._read(action)
         self._keep_up(env)
         self._command = command
-        distance_rad = float(np.abs(by_arm(command - self._home)[:, :JOINTS_PER_ARM]).max())
+        distance_rad = float(np.abs(by_arm(command - HOME)[:, :JOINTS_PER_ARM]).max())
         if self._has_left_home and distance_rad < AT_HOME_RAD:
             if not env.progress.terminated:
                 env.log_outcome()
@@ -278,7 +278,7 @@ class BimanualSim(Robot):
     def _begin_episode(self, env: UntimedEnv) -> None:
         env.reset(seed=self._next_seed)
         self._next_seed += 1
-        self._command, self._has_left_home = self._home, False
+        self._command, self._has_left_home = HOME, False
         self._began_s = time.perf_counter()
         logger.info('%s: "%s"', env.episode_name, env.task_description)
 

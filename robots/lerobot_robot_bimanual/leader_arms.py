@@ -13,11 +13,12 @@ from lerobot_bimanual.geometry.rotations import (
     rotation_vector,
 )
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
 from lerobot_env_bimanual.robots.kinematics import EXACT, LIMIT_SAFETY_RAD
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 Array = NDArray[np.floating]
 
+HOME = np.array([*PANDA_PAIR.home_joints, 1.0] * len(ARMS), dtype=np.float32)
 HOME_PULL = 0.02
 """Share of the way to the home posture that the initial guess of every step takes, so that elbows do not drift."""
 MAX_JOINT_STEP_RAD = 0.5
@@ -30,32 +31,27 @@ MIN_SINGULAR_SHARE = 1e-3
 class LeaderArms:
     """Joints and openings of both arms, initially at home.
 
-    Args:
-        arm_pair: the arms, with their kinematics, home posture and joint limits.
-
     Attributes:
         joint_action: (16,) float32, see `lerobot_bimanual.joint_action`.
     """
 
-    def __init__(self, arm_pair: ArmPair):
-        self._arm_pair = arm_pair
-        self.joint_action = np.zeros(0, dtype=np.float32)
-        self.go_home()
+    def __init__(self) -> None:
+        self.joint_action = HOME.copy()
 
     def go_home(self) -> None:
         """Move both arms home and open the hands."""
-        self.joint_action = np.array([*self._arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
+        self.joint_action = HOME.copy()
 
     def go_to(self, joint_action: ArrayLike) -> None:
         """Move both arms to a joint action (16,), within the limits."""
-        pair = self._arm_pair
+        pair = PANDA_PAIR
         lower = [*(pair.joint_lower + LIMIT_SAFETY_RAD), 0.0] * len(ARMS)
         upper = [*(pair.joint_upper - LIMIT_SAFETY_RAD), 1.0] * len(ARMS)
         self.joint_action = np.clip(joint_action, lower, upper).astype(np.float32)
 
     def hand(self, arm: Arm) -> Pose:
         """World pose of a hand's tool centre point."""
-        return self._arm_pair.kinematics[arm].pose(self._joints(arm))
+        return PANDA_PAIR.kinematics[arm].pose(self._joints(arm))
 
     def move(self, arm: Arm, offset_m: ArrayLike, turn_rad: ArrayLike) -> bool:
         """Move and turn a hand, or leave it where it is if the arm cannot follow.
@@ -91,9 +87,9 @@ class LeaderArms:
 
         The nearest solution of the closed form is not continuous where a hand moves far to the side.
         """
-        kinematics, start = self._arm_pair.kinematics[arm], self._joints(arm)
+        kinematics, start = PANDA_PAIR.kinematics[arm], self._joints(arm)
         wanted = kinematics.in_base(target.matrix)
-        joints = start + HOME_PULL * (self._arm_pair.home_joints - start)
+        joints = start + HOME_PULL * (PANDA_PAIR.home_joints - start)
         for _ in range(MAX_NEWTON_STEPS):
             poses, jacobians = kinematics.poses_and_jacobians(joints[None])
             turn_rad = rotation_vector(wanted[:3, :3] @ poses[0, :3, :3].T)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.joint_action import CONTROL_HZ
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig
 from lerobot_robot_bimanual.gamepad import Gamepad, HalfState
 from lerobot_robot_bimanual.leader_arms import LeaderArms
@@ -70,7 +69,7 @@ class Leader[D: Device](Teleoperator):
 
     def __init__(self, config: TeleoperatorConfig):
         super().__init__(config)
-        self._arms = LeaderArms(PANDA_PAIR)
+        self._arms = LeaderArms()
         self._stuck: set[Arm] = set()
         self._device: D | None = None
 

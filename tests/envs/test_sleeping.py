@@ -1,5 +1,7 @@
 """Things at rest sleep, which saves time and must change nothing else."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,10 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
         actions.append(action.copy())
         hashes.append(env.state_hash())
         slept.append(sleepers(env.scene))
+        # A touch wakes: no hand touches what sleeps.
+        for arm, tree in product(Arm, np.flatnonzero(env.scene.data.tree_asleep >= 0)):
+            body = env.scene.model.body(env.scene.model.tree_bodyadr[tree]).name
+            assert not env.scene.touching(arm, body)
 
     env.tick_observers.append(note)
     assert run_expert(env, seed=3).success
@@ -52,20 +58,4 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
         for tick in range(start, min(start + 8, len(states) - 1)):
             other.tick(actions[tick])
             assert other.state_hash() == hashes[tick + 1], (start, tick)
-    env.close()
-
-
-@pytest.mark.sim
-def test_a_touch_wakes():
-    env = BimanualEnv("handover_item_easy", split="val", obs="state")
-    woken = []
-
-    def note(env, _):
-        held = any(env.scene.touching(arm, "item") for arm in (Arm.LEFT, Arm.RIGHT))
-        woken.append((held, sleepers(env.scene)))
-
-    env.tick_observers.append(note)
-    run_expert(env, seed=0)
-    assert (False, 1) in woken
-    assert all(asleep == 0 for held, asleep in woken if held)
     env.close()

@@ -28,8 +28,9 @@ def home(offset_rad: float = 0.0) -> dict[str, float]:
     return at_home
 
 
-def test_its_features_are_those_of_our_datasets(make_robot):
-    robot = make_robot(obs="rgbd", cameras="front,left_wrist", image_size="24x32")
+def test_its_features_are_those_of_our_datasets_and_it_shows_what_the_environment_shows(make_robot):
+    options = {"obs": "rgbd", "cameras": "front,left_wrist", "image_size": "24x32"}
+    robot = make_robot(**options, seed=5)
     ours = schema.features(("front", "left_wrist"), 24, 32, "frames")
     theirs = hw_to_dataset_features(robot.observation_features, "observation")
     theirs |= hw_to_dataset_features(robot.action_features, "action")
@@ -44,12 +45,8 @@ def test_its_features_are_those_of_our_datasets(make_robot):
     }
     assert frame[schema.depth_key("front")].dtype == np.uint16
     assert robot.robot_type == schema.ROBOT_TYPE
-
-
-def test_it_shows_what_the_environment_shows(make_robot):
-    env = BimanualEnv("push_box", split="train", obs="rgbd", cameras="front", image_size=32)
+    env = BimanualEnv("push_box", split="train", **options)
     expected, _ = env.reset(seed=5)
-    robot = make_robot(obs="rgbd", cameras="front", image_size=32, seed=5)
     observed = robot.get_observation()
     assert [observed[name] for name in schema.JOINT_NAMES] == expected["agent_pos"].tolist()
     assert np.array_equal(observed["front"], expected["pixels"]["front"])
@@ -144,19 +141,6 @@ def test_a_wrong_action_is_refused_and_changes_nothing(make_robot, change, messa
     assert robot.env.state_hash() == before
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "named"),
-    [
-        ("task", "push_bocks", "push_box"),
-        ("seed", -1, "2\\*\\*63"),
-        ("perturb", "earthquake:1", "mass"),
-    ],
-)
-def test_an_option_outside_its_choices_is_refused_with_the_choices(option, value, named):
-    with pytest.raises(BimanualError, match=named):
-        BimanualSimConfig(**{option: value})
-
-
 def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeypatch):
     now_s = 100.0
     monkeypatch.setattr("lerobot_robot_bimanual.bimanual_sim.time.perf_counter", lambda: now_s)
@@ -171,13 +155,6 @@ def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeyp
     assert robot.env.state_hash() == patient.env.state_hash()
 
 
-def test_a_window_without_a_display_is_one_clear_error(make_robot, monkeypatch):
-    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(BimanualError, match=r"--robot\.video_dir"):
-        make_robot(viewer=True)
-
-
 def test_every_episode_has_a_video(make_robot, tmp_path):
     robot = make_robot(video_dir=str(tmp_path / "videos"))
     for offset_rad in (0.2, 0.0, 0.2):
@@ -185,3 +162,19 @@ def test_every_episode_has_a_video(make_robot, tmp_path):
     robot.disconnect()
     videos = sorted(path.stem for path in (tmp_path / "videos").glob("*.mp4"))
     assert videos == [f"push_box_v0_train_seed{seed}_unfinished" for seed in (0, 1)]
+
+
+def test_an_option_outside_its_choices_is_refused_with_the_choices_and_a_window_without_a_display(
+    make_robot, monkeypatch
+):
+    for option, named in (
+        ({"task": "push_bocks"}, "push_box"),
+        ({"seed": -1}, "2\\*\\*63"),
+        ({"perturb": "earthquake:1"}, "mass"),
+    ):
+        with pytest.raises(BimanualError, match=named):
+            BimanualSimConfig(**option)
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(BimanualError, match=r"--robot\.video_dir"):
+        make_robot(viewer=True)

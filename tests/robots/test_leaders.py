@@ -179,15 +179,6 @@ def test_a_stick_moves_and_turns_its_own_hand(gamepad_leader, pad, arm, modifier
     assert_moved(before, after, (arm,), offset_m, turn_rad)
 
 
-def test_a_stick_that_is_let_go_moves_nothing_and_speed_begins_at_nothing(gamepad_leader, pad):
-    before = gamepad_leader.get_action()
-    hold(gamepad_leader, pad, LEFTX=0.14, RIGHTY=-0.14)
-    assert gamepad_leader.get_action() == before
-    start = poses(gamepad_leader)
-    slow = hold(gamepad_leader, pad, LEFTY=-0.2)
-    assert 0 < slow[Arm.LEFT].position[0] - start[Arm.LEFT].position[0] < 0.001
-
-
 def test_keys_switch_grippers_and_send_both_hands_home(keyboard_leader, script):
     openings = []
     for keys in ("1", "f", "f", "2f", "3f"):
@@ -206,6 +197,14 @@ def test_a_pressed_stick_switches_its_gripper_once_and_start_sends_both_hands_ho
         assert (action["left_gripper.pos"], action["right_gripper.pos"]) == (1.0, right_opening)
     hold(gamepad_leader, pad, START=1, LEFTY=-1.0)
     assert np.allclose([*gamepad_leader.get_action().values()], [*PANDA_PAIR.home_joints, 1.0] * 2)
+
+
+def test_a_stick_begins_at_no_speed_beyond_its_dead_zone(gamepad_leader, pad):
+    start = gamepad_leader.get_action(), poses(gamepad_leader)
+    hold(gamepad_leader, pad, LEFTX=0.14, RIGHTY=-0.14)
+    assert gamepad_leader.get_action() == start[0]
+    slow = hold(gamepad_leader, pad, LEFTY=-0.2)
+    assert 0 < slow[Arm.LEFT].position[0] - start[1][Arm.LEFT].position[0] < 0.001
 
 
 def test_an_arm_goes_as_far_as_it_reaches_and_says_so_once(gamepad_leader, pad, capsys):

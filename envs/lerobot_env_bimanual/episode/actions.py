@@ -32,7 +32,7 @@ from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION, QUATERNION
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import ArmPair
 
 JOINT_TOLERANCE_RAD = 0.1
 EMPTY_ACTION = np.zeros(0, np.float32)

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Move, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.registry import checked_perturbation
-from lerobot_env_bimanual.robots.arm_pair import FINGERS
+from lerobot_env_bimanual.robots.panda_pair import FINGERS
 from lerobot_env_bimanual.task import Task
 from lerobot_env_bimanual.tasks.registry import list_tasks
 

@@ -8,7 +8,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.motion.carrying import is_free
 from lerobot_env_bimanual.motion.time_law import MotionLimits
-from lerobot_env_bimanual.robots.arm_pair import JointLimits
+from lerobot_env_bimanual.robots.panda_pair import JointLimits
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene_view import SceneView
 

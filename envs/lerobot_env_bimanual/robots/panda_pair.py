@@ -1,11 +1,121 @@
-"""Two Pandas that face each other across the table."""
+"""Two Pandas that face each other across the table: a pair of arms as the rest of the world uses it."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots import panda
-from lerobot_env_bimanual.robots.arm_pair import ArmPair, JointLimits
+from lerobot_env_bimanual.robots.kinematics import ArmKinematics
+
+FINGERS = (1, 2)
+ELBOW = 4
+"""Number of the joint whose link is the last of the upper arm."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """What the joints of the real arm can do at most, (7,) each.
+
+    Attributes:
+        torque_nm: of the motors, the arm's weight included.
+        velocity_rad_s: of commanded joints, as are acceleration and jerk.
+    """
+
+    torque_nm: np.ndarray
+    velocity_rad_s: np.ndarray
+    acceleration_rad_s2: np.ndarray
+    jerk_rad_s3: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPair:
+    """Two equal seven-joint arms with parallel grippers; everything that is particular to the robot.
+
+    Names are part of the contract: `<arm>_joint1..7`, `<arm>_finger1/2` (bodies and slide joints),
+    `<arm>_actuator1..7`, `<arm>_gripper`, site `<arm>_tcp`, bodies `<arm>_base`, `<arm>_link1..7`,
+    `<arm>_hand`, geoms `<arm>_pad1/2`, camera `<arm>_wrist`.
+
+    Attributes:
+        base_poses: world poses of the left and the right base.
+        home_joints: (7,) rad, the joints of either arm at reset.
+        joint_lower: (7,) rad.
+        joint_upper: (7,) rad.
+        joint_limits: of torque, velocity, acceleration and jerk.
+        position_gain_nm_rad: (7,) of the joints' servos.
+        servo_lead_s: seconds by which a position servo lags a moving target (velocity gain over position gain);
+            the command is advanced by this time times the target's velocity.
+        closed_travel_m: finger travel to which a closing hand is sent; below zero so that it still pushes on a thin
+            object.
+        finger_travel_m: stroke of one finger, and where an opening hand is sent.
+        finger_speed_m_s: at which a finger moves.
+        add_arm: writes one arm, named by the prefix, at a world pose into a model under construction.
+    """
+
+    base_poses: tuple[Pose, Pose]
+    home_joints: np.ndarray
+    joint_lower: np.ndarray
+    joint_upper: np.ndarray
+    joint_limits: JointLimits
+    position_gain_nm_rad: np.ndarray
+    servo_lead_s: float
+    closed_travel_m: float
+    finger_travel_m: float
+    finger_speed_m_s: float
+    add_arm: Callable[[mujoco.MjSpec, str, Pose], None]
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Write both arms; their actuators come in the order of the joint action."""
+        for arm in ARMS:
+            self.add_arm(spec, arm.value, self.base_pose(arm))
+
+    def base_pose(self, arm: Arm) -> Pose:
+        """World pose of an arm's base."""
+        return self.base_poses[arm.ordinal]
+
+    @functools.cached_property
+    def kinematics(self) -> dict[Arm, ArmKinematics]:
+        """Kinematics of both arms at their places in the world."""
+        return {arm: ArmKinematics(self.base_pose(arm), self.joint_lower, self.joint_upper) for arm in ARMS}
+
+    def joint_names(self, arm: Arm) -> tuple[str, ...]:
+        """The seven arm joints, base to wrist."""
+        return tuple(f"{arm.value}_joint{i}" for i in range(1, JOINTS_PER_ARM + 1))
+
+    def actuator_names(self, arm: Arm) -> tuple[str, ...]:
+        """The arm's eight actuators in the order of the joint action: seven joints, then the gripper."""
+        joints = (f"{arm.value}_actuator{i}" for i in range(1, JOINTS_PER_ARM + 1))
+        return (*joints, f"{arm.value}_gripper")
+
+    def finger_names(self, arm: Arm) -> tuple[str, ...]:
+        """The two fingers: bodies, and slide joints of the same name."""
+        return tuple(f"{arm.value}_finger{i}" for i in FINGERS)
+
+    def upper_links(self, arm: Arm) -> tuple[str, ...]:
+        """Bodies from the shoulder to the elbow."""
+        return tuple(f"{arm.value}_link{i}" for i in range(1, ELBOW + 1))
+
+    def base_body(self, arm: Arm) -> str:
+        """Root body of the arm's subtree."""
+        return f"{arm.value}_base"
+
+    def hand_body(self, arm: Arm) -> str:
+        """Root body of the hand's subtree (palm and fingers)."""
+        return f"{arm.value}_hand"
+
+    def tcp_site(self, arm: Arm) -> str:
+        """Site of the tool centre point."""
+        return f"{arm.value}_tcp"
+
+    def finger_target_m(self, opening: float) -> float:
+        """Finger travel to which a hand is sent for an opening of 0 (closed) to 1 (open)."""
+        return self.closed_travel_m + opening * (self.finger_travel_m - self.closed_travel_m)
+
 
 PANDA_PAIR = ArmPair(
     # PerAct2 ships no scene file; these poses are the ones for which its stored home tips and all its waypoints

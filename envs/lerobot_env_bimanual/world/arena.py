@@ -17,7 +17,7 @@ from lerobot_env_bimanual.props.prop import (
     add_camera,
     draw_box,
 )
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import ArmPair
 from lerobot_env_bimanual.world.cameras import FIXED_CAMERAS
 from lerobot_env_bimanual.world.textures import add_material, boards, plaster
 

@@ -14,8 +14,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import Prop
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
-from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR, ArmPair
 from lerobot_env_bimanual.world.alterations import Alterations
 from lerobot_env_bimanual.world.appearance import NOMINAL, Appearance
 from lerobot_env_bimanual.world.arena import build_spec

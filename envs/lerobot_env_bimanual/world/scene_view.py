@@ -7,7 +7,7 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.arm_pair import ArmPair
+from lerobot_env_bimanual.robots.panda_pair import ArmPair
 from lerobot_env_bimanual.world.appearance import NOMINAL
 
 MIN_SQUEEZE_N = 2.0
