@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.dataset.schema import state_hash_column
-from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_env_bimanual.env import BimanualEnv
+
+if TYPE_CHECKING:
+    from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
+    from lerobot_bimanual.episode import EpisodeMeta
 
 type ReplayMode = Literal["joint", "keypose"]
 """By joint actions, one per tick, or by keyposes, a whole motion each."""
@@ -86,13 +87,13 @@ class Replayer:
     """Plays episodes of one dataset; keeps the environment of the last task.
 
     Args:
-        root: folder of one view.
+        dataset: one view.
         mode: "joint" plays the recorded joint actions tick by tick, which the view `frames` stores, "keypose" the
             recorded keyposes.
     """
 
-    def __init__(self, root: Path, mode: ReplayMode):
-        self._dataset = RecordedDataset(root)
+    def __init__(self, dataset: RecordedDataset, mode: ReplayMode):
+        self._dataset = dataset
         self._mode: ReplayMode = mode
         self._env: BimanualEnv | None = None
 

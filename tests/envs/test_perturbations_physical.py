@@ -15,7 +15,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player
-from lerobot_env_bimanual.experts.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
 from lerobot_env_bimanual.experts.runner import expert, run_episode, run_expert
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
@@ -149,8 +149,9 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     env = shared("handover_item_easy", "nudge", 3)
     assert not run_expert(env, 0, variation=0).success  # it read the scene once
     looks_again = run_episode(env, 0, make_player("replanning", 0), variation=0)
-    recorder = Recorder("handover_item_easy", env.options.split, ("front",), (64, 64), perturb="nudge:3")
-    outcome, episode = recorder.record(0, 0)
+    world = RecordedWorld("handover_item_easy", env.options.split, ("front",), (64, 64), perturb="nudge:3")
+    recorder = Recorder()
+    outcome, episode = recorder.record(world, 0, 0)
     recorder.close()
     assert episode is not None
     assert outcome == looks_again

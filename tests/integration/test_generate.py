@@ -22,7 +22,7 @@ from lerobot_env_bimanual.commands.dataset_generate import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 
@@ -184,8 +184,8 @@ def test_skipped_seeds_are_listed_with_their_reason(
 ) -> None:
     record = Recorder.record
 
-    def fail_on_odd_seeds(recorder: Recorder, seed: int, variation: int):
-        outcome, episode = record(recorder, seed, variation)
+    def fail_on_odd_seeds(recorder: Recorder, world: RecordedWorld, seed: int, variation: int):
+        outcome, episode = record(recorder, world, seed, variation)
         if seed % 2 == 0:
             return outcome, episode
         return outcome.model_copy(update={"failure": "out of time", "unmet": ("lifted",)}), None

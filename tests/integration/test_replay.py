@@ -20,7 +20,7 @@ pytestmark = pytest.mark.sim
 def test_every_recorded_episode_replays_tick_by_tick_and_keypose_by_keypose(generated) -> None:
     recorded = RecordedDataset(generated / "frames")
     for view, mode in (("frames", "joint"), ("frames", "keypose"), ("keyframes", "keypose")):
-        replayer = Replayer(generated / view, mode)
+        replayer = Replayer(RecordedDataset(generated / view), mode)
         for index in (2, 0, 1) if mode == "joint" else (1,):
             meta, result = replayer.replay(index)
             assert result.matches
@@ -52,7 +52,7 @@ def test_a_changed_action_is_found_at_its_tick_and_the_command_names_both(copy, 
     column = table.column_names.index(schema.ACTION)
     field = table.schema.field(schema.ACTION)
     pq.write_table(table.set_column(column, field, pa.array(actions, field.type)), file)
-    replayer = Replayer(root, "joint")
+    replayer = Replayer(RecordedDataset(root), "joint")
     (_, whole), (_, changed) = map(replayer.replay, (0, 1))
     assert whole.matches
     assert changed.divergence == 30

@@ -15,9 +15,9 @@ from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_generate import dataset_generate
 from lerobot_env_bimanual.commands.dataset_verify import DatasetVerifyConfig, dataset_verify
+from lerobot_env_bimanual.verification.columns import Player
 from lerobot_env_bimanual.verification.metadata import verify_metadata
 from lerobot_env_bimanual.verification.rendering import ALL_ROWS
-from lerobot_env_bimanual.verification.simulation import Player
 from lerobot_env_bimanual.verification.verifier import Thoroughness, Verifier
 
 pytestmark = pytest.mark.sim

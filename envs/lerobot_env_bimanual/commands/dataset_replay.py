@@ -121,9 +121,10 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
 
 @lru_cache(maxsize=1)
 def _replayer(root: Path, mode: ReplayMode) -> Replayer:
+    from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_env_bimanual.replay import Replayer
 
-    return Replayer(root, mode)
+    return Replayer(RecordedDataset(root), mode)
 
 
 def _replay(job: tuple[Path, ReplayMode, int]) -> tuple[EpisodeMeta, ReplayResult] | str:

@@ -147,7 +147,7 @@ class _ViewReport:
 
         self.root, self.n_episodes, self.remark = root, 0, ""
         self._episodes: list[EpisodeReport] = []
-        self._faults: dict[str, list[tuple[int | None, tuple[Fault, ...]]]] = defaultdict(list)
+        self._faults: dict[str, list[tuple[int | None, list[Fault]]]] = defaultdict(list)
         metadata = verify_metadata(root)
         self.is_loadable = not any(metadata.get(check) for check in LOADED_AFTER)
         if READABLE not in metadata:
@@ -157,7 +157,7 @@ class _ViewReport:
                 if difference := other_simulation(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
             except BimanualError as error:
-                metadata[READABLE] = (Fault(str(error)),)
+                metadata[READABLE] = [Fault(str(error))]
         for check, faults in metadata.items():
             self._faults[check].append((None, faults))
 
@@ -212,7 +212,7 @@ def _prepare(roots: Sequence[Path], plans: Sequence[Thoroughness]) -> None:
     import datasets
     import pyarrow
 
-    from lerobot_env_bimanual.verification.simulation import Player
+    from lerobot_env_bimanual.verification.columns import Player
     from lerobot_env_bimanual.verification.verifier import Verifier
 
     av.logging.set_libav_level(av.logging.PANIC)  # what is broken comes back as a fault
@@ -228,8 +228,8 @@ def _verify(index: int) -> list[EpisodeReport]:
 
 def _unverified(n_views: int, index: int, reason: str) -> list[EpisodeReport]:
     """The reports of an episode whose checks came to no end."""
-    from lerobot_env_bimanual.verification.fault import Fault
+    from lerobot_env_bimanual.verification.fault import Fault, Findings
     from lerobot_env_bimanual.verification.metadata import READABLE
     from lerobot_env_bimanual.verification.verifier import EpisodeReport
 
-    return [EpisodeReport(index, "", {READABLE: (Fault(reason),)})] * n_views
+    return [EpisodeReport(index, "", Findings({READABLE: [Fault(reason)]}))] * n_views

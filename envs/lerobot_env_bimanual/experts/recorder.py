@@ -8,7 +8,7 @@ memory.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,46 +19,44 @@ from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.runner import Move, expert_of, run_episode
+from lerobot_env_bimanual.experts.runner import expert_of, run_episode
 from lerobot_env_bimanual.world.scene import SceneState
 
 
-class Recorder:
-    """Plays a task's expert and records what happens.
+class RecordedWorld(NamedTuple):
+    """What the recorded episodes of a task have in common.
 
-    Args:
+    Attributes:
         task: registered task name.
         split: "train", "val" or "test".
         cameras: cameras of the images.
         image_size: (height, width) in pixels.
-        codec: round every keypose to its voxels and bins before it is executed and recorded.
+        voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         perturb: perturbations, `AXIS:LEVEL,...`.
     """
 
-    def __init__(
-        self,
-        task: str,
-        split: str,
-        cameras: tuple[str, ...],
-        image_size: tuple[int, int],
-        codec: KeyposeCodec | None = None,
-        perturb: str = "",
-    ):
-        self._env = BimanualEnv(
-            task,
-            split=split,
-            cameras=cameras,
-            image_size=image_size,
-            obs="state",
-            control_mode="keypose",
-            perturb=perturb,
-        )
-        self._codec = codec
+    task: str
+    split: str
+    cameras: tuple[str, ...]
+    image_size: tuple[int, int]
+    voxels: int = 0
+    perturb: str = ""
 
-    def record(self, seed: int, variation: int) -> tuple[EpisodeOutcome, Demonstration | None]:
+
+class Recorder:
+    """Plays the experts of tasks and records what happens; keeps the last world, most likely that of the next episode."""
+
+    def __init__(self):
+        self._world: RecordedWorld | None = None
+        self._env: BimanualEnv | None = None
+
+    def record(
+        self, world: RecordedWorld, seed: int, variation: int
+    ) -> tuple[EpisodeOutcome, Demonstration | None]:
         """Play one episode.
 
         Args:
+            world: where it is played.
             seed: seed of the reset.
             variation: index of the task's variation.
 
@@ -69,62 +67,54 @@ class Recorder:
         Raises:
             PlacementFailure: the seed has no placement of the props that both arms can serve.
         """
-        tape = _Tape()
-        with self._env.observed_by(tape.note_tick):
-            player = expert_of(self._env, self._codec)
-            outcome = run_episode(self._env, seed, player, tape.start_stage, variation)
+        env = self._env_of(world)
+        keyposes: list[NDArray[np.float32]] = []
+        ticks: list[tuple[dict[str, NDArray], NDArray[np.float32], int]] = []
+        states: list[SceneState] = []
+        hashes: list[str] = []
+
+        def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+            """Note the state before a tick; its hash belongs to the tick before."""
+            ticks.append((_vectors(env.observe()), joint_action.copy(), len(keyposes) - 1))
+            states.append(env.scene.save_state())
+            hashes.append(env.state_hash())
+
+        with env.observed_by(note):
+            player = expert_of(env, KeyposeCodec(voxels=world.voxels) if world.voxels else None)
+            outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None
-        tape.states.append(self._env.scene.save_state())
-        tape.hashes.append(outcome.state_hash)
-        meta = EpisodeMeta(
-            self._env.task, variation, self._env.options.split, seed, self._env.task_description
-        )
-        return outcome, tape.episode(meta, _vectors(self._env.observe()), self._render)
+        states.append(env.scene.save_state())
+        hashes_after = map(schema.state_hash_column, [*hashes[1:], outcome.state_hash])
+        steps = tuple(Step(*tick, state_hash) for tick, state_hash in zip(ticks, hashes_after, strict=True))
+
+        def images(row: int) -> dict[str, NDArray]:
+            env.scene.restore_state(states[row])
+            return _camera_images(env.images(), world.cameras)
+
+        meta = EpisodeMeta(world.task, variation, world.split, seed, env.task_description)
+        return outcome, Demonstration(meta, np.array(keyposes), steps, _vectors(env.observe()), images)
 
     def close(self) -> None:
         """Free the simulation and the renderer."""
-        self._env.close()
+        if self._env is not None:
+            self._env.close()
+        self._env = self._world = None
 
-    def _render(self, state: SceneState) -> dict[str, NDArray]:
-        self._env.scene.restore_state(state)
-        return _camera_images(self._env.images(), self._env.options.camera_names)
-
-
-class _Tape:
-    """What is noted while an episode is played."""
-
-    def __init__(self):
-        self.keyposes: list[NDArray[np.float32]] = []
-        self.observations: list[dict[str, NDArray]] = []
-        self.actions: list[NDArray[np.float32]] = []
-        self.stages: list[int] = []
-        self.states: list[SceneState] = []
-        self.hashes: list[str] = []
-
-    def start_stage(self, move: Move) -> None:
-        self.keyposes.append(move.action)
-
-    def note_tick(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
-        """Note the state before a tick; its hash belongs to the tick before."""
-        self.observations.append(_vectors(env.observe()))
-        self.actions.append(joint_action.copy())
-        self.stages.append(len(self.keyposes) - 1)
-        self.states.append(env.scene.save_state())
-        self.hashes.append(env.state_hash())
-
-    def episode(self, meta: EpisodeMeta, final_observation: dict[str, NDArray], render: Any) -> Demonstration:
-        hashes_after = self.hashes[1:]
-        steps = tuple(
-            Step(observation, action, stage, schema.state_hash_column(state_hash))
-            for observation, action, stage, state_hash in zip(
-                self.observations, self.actions, self.stages, hashes_after, strict=True
+    def _env_of(self, world: RecordedWorld) -> BimanualEnv:
+        if self._env is None or self._world != world:
+            self.close()
+            self._world = world
+            self._env = BimanualEnv(
+                world.task,
+                split=world.split,
+                cameras=world.cameras,
+                image_size=world.image_size,
+                obs="state",
+                control_mode="keypose",
+                perturb=world.perturb,
             )
-        )
-        states = self.states
-        return Demonstration(
-            meta, np.array(self.keyposes), steps, final_observation, lambda row: render(states[row])
-        )
+        return self._env
 
 
 def _vectors(observation: dict[str, Any]) -> dict[str, NDArray]:

@@ -15,13 +15,13 @@ import hashlib
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.env import BimanualEnv
@@ -31,6 +31,9 @@ from lerobot_env_bimanual.registry import checked_perturbation
 from lerobot_env_bimanual.robots.panda_pair import FINGERS
 from lerobot_env_bimanual.task import Task
 from lerobot_env_bimanual.tasks.registry import list_tasks
+
+if TYPE_CHECKING:
+    from lerobot_bimanual.dataset.provenance import Provenance
 
 PROBE_SPLIT, PROBE_SEED = "val", 0
 VERSION_DIGITS = 12

@@ -5,15 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import PlacementFailure
-from lerobot_env_bimanual.experts.recorder import Recorder
+from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
@@ -37,8 +37,9 @@ def record_shard(job: Job) -> int:
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 
     settings, shard, target = job
-    recorder = _recorder_of(settings, shard.candidates[0].task)
-    size = settings.height, settings.width
+    recorder, size = _recorder(), (settings.height, settings.width)
+    task, split, cameras = shard.candidates[0].task, settings.split, settings.cameras
+    world = RecordedWorld(task, split, cameras, size, settings.discretise, settings.perturb)
     episodes: list[EpisodeKey] = []
     skipped: list[SkippedSeed] = []
     with plain_write_errors(target), new_folder(target.parent.parent) as folder:
@@ -46,7 +47,7 @@ def record_shard(job: Job) -> int:
             writers: list[ViewWriter] = []
             for candidate in shard.candidates:
                 try:
-                    outcome, episode = recorder.record(candidate.seed, candidate.variation)
+                    outcome, episode = recorder.record(world, candidate.seed, candidate.variation)
                     unmet = ", ".join(outcome.unmet) or "none"
                     reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
                 except PlacementFailure as failure:
@@ -72,21 +73,11 @@ def record_shard(job: Job) -> int:
     return len(episodes)
 
 
-_recorders: dict[tuple[GenerationSettings, str], Recorder] = {}
-"""In this process the recorder of the last shard, whose compiled world is most likely that of the next one."""
-
-
-def _recorder_of(settings: GenerationSettings, task: str) -> Recorder:
-    if (settings, task) not in _recorders:
-        _quieten_libraries()
-        while _recorders:
-            _recorders.popitem()[1].close()
-        codec = KeyposeCodec(voxels=settings.discretise) if settings.discretise else None
-        size = settings.height, settings.width
-        _recorders[settings, task] = Recorder(
-            task, settings.split, settings.cameras, size, codec, settings.perturb
-        )
-    return _recorders[settings, task]
+@cache
+def _recorder() -> Recorder:
+    """The recorder of this process, kept from shard to shard."""
+    _quieten_libraries()
+    return Recorder()
 
 
 def _quieten_libraries() -> None:

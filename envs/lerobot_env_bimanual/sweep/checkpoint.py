@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -9,7 +10,6 @@ from typing import Self
 from pydantic import ConfigDict
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.record import Record
@@ -69,4 +69,6 @@ class Checkpoint:
                 f"{folder} reads images of the sizes {', '.join(sorted(sizes))}, but an environment gives one size"
             )
         options = {"cameras": ",".join(cameras), "image_size": sizes.pop()} if sizes else {"obs": "state"}
-        return cls(folder, config.type, options, sha256(folder / WEIGHTS_FILE))
+        with (folder / WEIGHTS_FILE).open("rb") as weights:
+            digest = hashlib.file_digest(weights, "sha256")
+        return cls(folder, config.type, options, digest.hexdigest())

@@ -1,4 +1,4 @@
-"""Checks of an episode's columns that need no simulation: which episode it is, and LeRobot's own columns."""
+"""Checks of an episode's columns: which episode it is, LeRobot's own columns, and all others, which its expert plays again."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ from lerobot_bimanual.dataset.reader import (
     RecordedDataset,
     RecordedEpisode,
 )
+from lerobot_bimanual.dataset.views import row_columns, rows_of_view
+from lerobot_bimanual.episode import Demonstration, EpisodeMeta
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
 from lerobot_env_bimanual.options import SPLITS
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.verification.fault import Fault, first_of
@@ -66,3 +70,77 @@ def check_bookkeeping(
     }
     for key, values in wanted.items():
         yield from first_of(episode.bookkeeping[key] != values, f"{key} is not that of its row")
+
+
+class Player:
+    """Plays episodes of datasets again, as they were recorded; keeps the last one.
+
+    An episode is recorded once more, from its seed, by the expert. Where its keyposes, joint actions and states are
+    those of the dataset, the dataset's keyposes and joint actions lead to the dataset's states: the simulation is given
+    the same numbers. So one play answers for both kinds of replay, and for both views of an episode.
+    """
+
+    def __init__(self):
+        self._recorder = Recorder()
+        self._last: tuple[object, Demonstration] | None = None
+
+    def play(self, dataset: RecordedDataset, meta: EpisodeMeta, image_size: tuple[int, int]) -> Demonstration:
+        """The episode, recorded again; its images can be asked for until another one is played.
+
+        Args:
+            dataset: whose cameras and rounding of keyposes are taken.
+            meta: which episode.
+            image_size: (height, width) of new images in pixels.
+
+        Raises:
+            BimanualError: it cannot be played, or is not solved.
+        """
+        voxels, perturb = setting(dataset, "discretise", 0), setting(dataset, "perturb", "")
+        world = RecordedWorld(meta.task, meta.split, dataset.cameras, image_size, voxels, perturb)
+        which = world, meta.variation, meta.seed
+        if self._last is None or self._last[0] != which:
+            self._last = None  # its images are lost now
+            outcome, episode = self._recorder.record(world, meta.seed, meta.variation)
+            if episode is None:
+                raise DatasetError(
+                    f"the expert does not solve it: {outcome.failure}, at {outcome.last_move!r}"
+                )
+            self._last = which, episode
+        return self._last[1]
+
+    def close(self) -> None:
+        """Free the world and its images."""
+        self._recorder.close()
+        self._last = None
+
+
+def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demonstration) -> Iterator[Fault]:
+    """Every column of an episode is what the simulation gives, bit for bit.
+
+    Args:
+        dataset: its settings say which rows are stored.
+        stored: an episode of it.
+        played: the same episode, played again.
+    """
+    if stored.meta.instruction != played.meta.instruction:
+        yield Fault(f"the instruction is {stored.meta.instruction!r}, not {played.meta.instruction!r}")
+    ticks = stored.columns[schema.TICK]
+    expected = np.array(rows_of_view(played, dataset.view, tuple(setting(dataset, "intermediate", ()))))
+    if not np.array_equal(ticks, expected):
+        yield Fault(f"the ticks are {_short(ticks)}, not {_short(expected)}")
+    rows = [row for row, tick in enumerate(ticks) if tick in expected]
+    wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
+    for key in (schema.VECTORS | schema.SCALARS) if rows else ():
+        values = np.stack([np.squeeze(columns[key]) for columns in wanted])
+        differs = np.zeros(len(stored), bool)
+        differs[rows] = (stored.columns[key][rows] != values).reshape(len(rows), -1).any(axis=1)
+        yield from first_of(differs, f"{key} is not what the simulation gives")
+
+
+def setting(dataset: RecordedDataset, name: str, otherwise: Any) -> Any:
+    """What a dataset says that it was made with, or something else where it says nothing."""
+    return otherwise if dataset.provenance is None else dataset.provenance.settings.get(name, otherwise)
+
+
+def _short(ticks: np.ndarray) -> str:
+    return np.array2string(ticks, threshold=12, edgeitems=5, separator=" ")

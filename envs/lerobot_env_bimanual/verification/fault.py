@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,19 +38,20 @@ def first_of(wrong_rows: ArrayLike, text: str) -> Iterator[Fault]:
         yield Fault(text + more, int(rows[0]))
 
 
-def faults_of[**Arguments](
-    check: Callable[Arguments, Iterator[Fault]], *args: Arguments.args, **kwargs: Arguments.kwargs
-) -> tuple[Fault, ...]:
-    """All that a check finds; a check that breaks is a finding, too.
+class Findings(dict[str, list[Fault]]):
+    """Check -> what is wrong, an empty list for a check that passed."""
 
-    Damaged files make libraries raise nearly anything. What a check cannot read has not passed, and all other checks
-    and episodes are still reported.
-    """
-    found: list[Fault] = []
-    try:
-        found.extend(check(*args, **kwargs))
-    except BimanualError as error:
-        found.append(Fault(str(error)))
-    except Exception as error:
-        found.append(Fault(f"cannot be checked: {type(error).__name__}: {error}"))
-    return tuple(found)
+    @contextmanager
+    def of(self, check: str) -> Iterator[list[Fault]]:
+        """The list of a check, for as long as it runs; a check that breaks is a finding, too.
+
+        Damaged files make libraries raise nearly anything. What a check cannot read has not passed, and all other checks
+        and episodes are still reported.
+        """
+        found = self.setdefault(check, [])
+        try:
+            yield found
+        except BimanualError as error:
+            found.append(Fault(str(error)))
+        except Exception as error:
+            found.append(Fault(f"cannot be checked: {type(error).__name__}: {error}"))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,11 @@ from lerobot_bimanual.dataset.reader import (
     VIDEO_PATH,
     RecordedDataset,
     episode_table,
+    is_depth,
     read_info,
 )
 from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.versions import STAMPED_PACKAGES
-from lerobot_env_bimanual.verification.fault import Fault, faults_of
+from lerobot_env_bimanual.verification.fault import Fault, Findings
 from lerobot_env_bimanual.verification.statistics import check_dataset_statistics
 
 READABLE = "readable"
@@ -35,14 +35,18 @@ LANGUAGE_COLUMNS = ("language_persistent", "language_events")
 """Columns that LeRobot's annotation adds to a dataset; they may be there."""
 
 
-def verify_metadata(root: Path) -> dict[str, tuple[Fault, ...]]:
-    """Checks of a dataset as a whole: check -> what is wrong.
+def verify_metadata(root: Path) -> Findings:
+    """What is wrong with a dataset as a whole, by check.
 
     Where it holds links or pipes that is all that is said, as every other check would follow them.
     """
     if odd := what_is_no_file(root):
-        return {READABLE: tuple(Fault(text) for text in odd)}
-    return {name: faults_of(check, root) for name, check in METADATA_CHECKS.items()}
+        return Findings({READABLE: [Fault(text) for text in odd]})
+    findings = Findings()
+    for name, check in METADATA_CHECKS.items():
+        with findings.of(name) as found:
+            found += check(root)
+    return findings
 
 
 def check_checksums(root: Path) -> Iterator[Fault]:
@@ -80,15 +84,18 @@ def check_schema(root: Path) -> Iterator[Fault]:
         yield Fault(f"images have the sizes {sorted(sizes)}, but must have one")
         return
     height, width = sizes.pop()
-    wanted = _expected_features(dataset.cameras, height, width, dataset.view, dataset.has_depth)
+    wanted = schema.features(dataset.cameras, height, width, dataset.view, dataset.has_depth)
+    wanted |= {key: {"dtype": dtype, "shape": (1,), "names": None} for key, dtype in BOOKKEEPING.items()}
     found = {key: feature for key, feature in features.items() if key not in LANGUAGE_COLUMNS}
     for key in sorted(wanted.keys() ^ found.keys()):
         yield Fault(f"{key} is {'missing' if key in wanted else 'not in the schema'}")
     for key in sorted(wanted.keys() & found.keys()):
-        for aspect in ("dtype", "shape", "names", "info"):
-            ours, theirs = wanted[key].get(aspect), found[key].get(aspect)
-            if not _same(theirs or None, ours or None):
+        for aspect in ("dtype", "shape", "names"):
+            ours, theirs = wanted[key][aspect], found[key].get(aspect)
+            if not _same(theirs, ours):
                 yield Fault(f"{aspect} of {key} is {theirs!r}, not {ours!r}")
+        if is_depth(found[key]) and (unit := found[key]["info"].get("depth_unit", "mm")) != "mm":
+            yield Fault(f"the unit of {key} is {unit!r}, not 'mm'")
 
 
 def check_episodes(root: Path) -> Iterator[Fault]:
@@ -108,22 +115,16 @@ def check_episodes(root: Path) -> Iterator[Fault]:
 
 
 def check_provenance(root: Path) -> Iterator[Fault]:
-    """It tells view, versions, worlds, one key per episode, and the cameras and the size of the images."""
+    """It tells view and cameras, and one key per episode."""
     dataset = RecordedDataset(root)
     provenance = dataset.provenance
     if provenance is None:
         yield Fault("the dataset does not say where it comes from: meta/bimanual.json is missing")
         return
-    sizes = [f["shape"][:2] for f in dataset.info["features"].values() if f["dtype"] in IMAGE_TYPES]
-    settings = provenance.settings
     for what, said, held in (
         ("view", provenance.view, dataset.view),
-        ("packages", sorted(provenance.versions), sorted(STAMPED_PACKAGES)),
-        ("worlds", sorted(provenance.worlds), sorted({key.task for key in provenance.episodes})),
         ("number of episodes", len(provenance.episodes), len(dataset)),
-        ("cameras", settings.get("cameras"), [*dataset.cameras]),
-        ("depth", settings.get("depth"), dataset.has_depth),
-        ("size of images", [settings.get("height"), settings.get("width")], sizes[0] if sizes else None),
+        ("cameras", provenance.settings.get("cameras"), [*dataset.cameras]),
     ):
         if said != held:
             yield Fault(f"its {what} is {said}, but the dataset's is {held}")
@@ -142,41 +143,6 @@ METADATA_CHECKS: dict[str, Callable[[Path], Iterator[Fault]]] = {
 }
 
 
-def _expected_features(
-    cameras: tuple[str, ...], height: int, width: int, view: schema.View, depth: bool
-) -> dict[str, dict[str, Any]]:
-    """LeRobot's feature table of a dataset that `dataset generate` made, with all that LeRobot adds to the schema."""
-    table = schema.features(cameras, height, width, view, depth)
-    for feature in table.values():
-        if feature["dtype"] in IMAGE_TYPES:
-            is_depth = bool(feature.get("info"))
-            feature["info"] = {"is_depth_map": True, "depth_unit": "mm"} if is_depth else {}
-            if view == "frames":
-                feature["info"] |= _coding(is_depth, height, width)
-    return table | {key: {"dtype": dtype, "shape": (1,), "names": None} for key, dtype in BOOKKEEPING.items()}
-
-
-def _coding(is_depth: bool, height: int, width: int) -> dict[str, Any]:
-    """What LeRobot notes about the coding of our videos."""
-    from lerobot_bimanual.dataset.video import depth_encoder, rgb_encoder
-
-    encoder = depth_encoder() if is_depth else rgb_encoder()
-    options = {f"video.{name}": value for name, value in asdict(encoder).items() if name != "vcodec"}
-    return options | {
-        "video.height": height,
-        "video.width": width,
-        "video.codec": encoder.vcodec,
-        "video.fps": schema.FPS,
-        "video.channels": 1 if is_depth else 3,
-        "has_audio": False,
-        "is_depth_map": is_depth,
-    }
-
-
 def _same(found: Any, wanted: Any) -> bool:
     """Equality in JSON, where true is not 1 and a tuple is a list."""
-    if isinstance(wanted, Mapping) and isinstance(found, Mapping):
-        return wanted.keys() == found.keys() and all(_same(found[key], wanted[key]) for key in wanted)
-    if isinstance(wanted, tuple):
-        wanted = list(wanted)
-    return found == wanted and isinstance(found, bool) == isinstance(wanted, bool)
+    return json.dumps(found, sort_keys=True) == json.dumps(wanted, sort_keys=True)

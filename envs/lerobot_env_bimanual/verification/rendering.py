@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ ALL_ROWS = -1
 FASTEST = 0.1
 """Share of an episode's rows from which one is drawn where the hands move fastest: there neighbouring images differ."""
 
-
 MIN_PSNR_DB = 20.0
 """Least likeness of a decoded frame of H.264 video to a new image.
 
@@ -29,7 +29,7 @@ Measured over twelve episodes of five tasks and all cameras: at least 23.6 dB at
 4:2:0 halves. Over an episode of each task, the video of another camera has frames below 12 dB.
 """
 
-BEFORE, AFTER, SWAPPED = "the tick before", "the tick after", "exchanged red and blue"
+OWN, BEFORE, AFTER, SWAPPED = "its own tick", "the tick before", "the tick after", "exchanged red and blue"
 RIVAL_SHARE = 0.5
 """What a video must be less like than its own images: the error against it may not be below this share.
 
@@ -55,7 +55,9 @@ def draw_rows(episode: RecordedEpisode, count: int, seed: int, in_pairs: bool = 
     rng = np.random.default_rng([seed, episode.index])
     drawn: list[int] = []
     if in_pairs and count >= 2:
-        steps = np.argsort(_speeds(episode), kind="stable")
+        hands = episode.columns[schema.EE_POSE].astype(np.float64).reshape(rows, len(ARMS), -1)[..., POSITION]
+        moved_m = np.linalg.norm(np.diff(hands, axis=0), axis=-1).sum(axis=1)  # (rows - 1,)
+        steps = np.argsort(moved_m, kind="stable")
         first = int(rng.choice(steps[-max(1, round(FASTEST * len(steps))) :]))
         drawn = [first, first + 1]
     others = [row for row in range(rows) if row not in drawn]
@@ -77,12 +79,19 @@ class RenderedRows:
 
     def __init__(self, episode: RecordedEpisode, played: Demonstration, rows: Iterable[int], is_video: bool):
         ticks = episode.columns[schema.TICK].tolist()
+        new = {row: played.images(ticks[row]) for row in rows if 0 <= ticks[row] < played.rows}
+        # As a dataset stores them: depth in whole millimetres.
         self._new = {
-            row: _as_stored(played.images(ticks[row])) for row in rows if 0 <= ticks[row] < played.rows
+            row: {
+                key: image if image.dtype == np.uint8 else schema.stored_depth(image[0])
+                for key, image in images.items()
+            }
+            for row, images in new.items()
         }
         self._is_video = is_video
-        self._videos: dict[str, VideoComparison] = {}
         self._found: dict[str, list[Fault]] = {RGB: [], DEPTH: []}
+        # Of each video: squared errors of its frames against new images, by what these show.
+        self._errors: dict[str, Counter[str]] = defaultdict(Counter)
 
     def see(self, key: str, row: int, image: NDArray) -> None:
         """Compare the image of a row, if it is one of those."""
@@ -90,94 +99,34 @@ class RenderedRows:
             return
         new = self._new[row][key]
         if image.dtype == np.uint16:
-            if (error_mm := int(np.abs(image.astype(np.int32) - new).max())) > 0:
+            if error_mm := int(np.abs(image.astype(np.int32) - new).max()):
                 self._found[DEPTH].append(Fault(f"{key} is wrong by up to {error_mm} mm", row))
         elif self._is_video:
             self._see_frame(key, row, image)
-        elif not np.array_equal(image, new):
-            pixels = (image != new).any(axis=-1).sum()
+        elif pixels := int((image != new).any(axis=-1).sum()):
             self._found[RGB].append(Fault(f"{key} differs from a new image in {pixels} pixels", row))
 
-    def faults(self) -> dict[str, tuple[Fault, ...]]:
+    def faults(self) -> dict[str, list[Fault]]:
         """What differs, by check, after the last row; of each check the first fault only."""
-        whole = [fault for video in self._videos.values() for fault in video.faults()]
-        self._found[RGB][:0] = whole  # they explain what is wrong with single frames
-        return {name: tuple(found[:1]) for name, found in self._found.items()}
+        for key, errors in self._errors.items():
+            own, (rival, least) = errors.pop(OWN), min(errors.items(), key=lambda item: item[1])
+            if least < RIVAL_SHARE * own:
+                text = f"{key} shows {rival}: it is more like that than like new images"
+                self._found[RGB].insert(0, Fault(text))  # it explains what is wrong with single frames
+        return {name: found[:1] for name, found in self._found.items()}
 
     def _see_frame(self, key: str, row: int, image: NDArray[np.uint8]) -> None:
-        video = self._videos.setdefault(key, VideoComparison(key))
-        self._found[RGB].extend(video.frame_faults(image, self._new[row][key], row))
+        new = self._new[row][key]
+        psnr_db = 10 * np.log10(255**2 * image.size / max(_squared_error(image, new), 1.0))
+        if psnr_db < MIN_PSNR_DB:
+            text = f"{key} is unlike a new image: {psnr_db:.1f} dB, least {MIN_PSNR_DB} dB"
+            self._found[RGB].append(Fault(text, row))
         near = {BEFORE: row - 1, AFTER: row + 1}
-        neighbours = {name: self._new[other][key] for name, other in near.items() if other in self._new}
-        if neighbours:
-            video.add(image, self._new[row][key], neighbours)
-
-
-class VideoComparison:
-    """Frames of one video beside new images, of their own and of neighbouring ticks.
-
-    Args:
-        key: of the video, for messages.
-    """
-
-    def __init__(self, key: str):
-        self._key = key
-        self._own = 0.0
-        self._rivals: dict[str, float] = {}
-
-    def frame_faults(self, stored: NDArray[np.uint8], new: NDArray[np.uint8], row: int) -> Iterator[Fault]:
-        """What is wrong with one frame by itself."""
-        error = _squared_error(stored, new)
-        likeness_db = psnr_db(error / stored.size)
-        if likeness_db < MIN_PSNR_DB:
-            yield Fault(
-                f"{self._key} is unlike a new image: {likeness_db:.1f} dB, least {MIN_PSNR_DB} dB", row
-            )
-
-    def add(
-        self, stored: NDArray[np.uint8], new: NDArray[np.uint8], neighbours: Mapping[str, NDArray[np.uint8]]
-    ) -> None:
-        """Take a frame into account for the verdict on the video as a whole.
-
-        Args:
-            stored: the frame.
-            new: image of its tick.
-            neighbours: images of the ticks `BEFORE` and `AFTER`, as far as there are any.
-        """
-        self._own += _squared_error(stored, new)
-        for rival, image in {**neighbours, SWAPPED: new[..., ::-1]}.items():
-            self._rivals[rival] = self._rivals.get(rival, 0.0) + _squared_error(stored, image)
-
-    def faults(self) -> Iterator[Fault]:
-        """What is wrong with the video as a whole, after its last frame."""
-        if not self._rivals:
-            return
-        rival = min(self._rivals, key=self._rivals.__getitem__)
-        if self._rivals[rival] < RIVAL_SHARE * self._own:
-            yield Fault(f"{self._key} shows {rival}: it is more like that than like new images")
-
-
-def psnr_db(mean_squared_error: float) -> float:
-    """Peak signal-to-noise ratio of two 8-bit images; infinite if they are equal."""
-    return float("inf") if mean_squared_error == 0 else float(10 * np.log10(255**2 / mean_squared_error))
+        if shown := {name: self._new[other][key] for name, other in near.items() if other in self._new}:
+            shown |= {OWN: new, SWAPPED: new[..., ::-1]}
+            self._errors[key].update({what: _squared_error(image, other) for what, other in shown.items()})
 
 
 def _squared_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     difference = a.astype(np.float32) - b.astype(np.float32)
     return float(np.vdot(difference, difference))
-
-
-def _as_stored(images: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Images of the environment as a dataset stores them: depth in whole millimetres."""
-    return {
-        key: image if image.dtype == np.uint8 else schema.stored_depth(image[0])
-        for key, image in images.items()
-    }
-
-
-def _speeds(episode: RecordedEpisode) -> NDArray[np.float64]:
-    """(rows - 1,) how far the hands go from each row to the next."""
-    hands = (
-        episode.columns[schema.EE_POSE].astype(np.float64).reshape(len(episode), len(ARMS), -1)[..., POSITION]
-    )
-    return np.linalg.norm(np.diff(hands, axis=0), axis=-1).sum(axis=1)

@@ -19,15 +19,17 @@ from lerobot_bimanual.dataset.reader import (
     episode_table,
     read_table,
 )
+from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M, MM_PER_M
 from lerobot_bimanual.episode import Demonstration
-from lerobot_env_bimanual.verification.columns import check_bookkeeping, check_key
-from lerobot_env_bimanual.verification.fault import Fault, faults_of
-from lerobot_env_bimanual.verification.images import COMPLETE, DEPTH_RANGE, inspected_images
+from lerobot_bimanual.errors import DatasetError
+from lerobot_env_bimanual.verification.columns import Player, check_bookkeeping, check_key, check_replay
+from lerobot_env_bimanual.verification.fault import Fault, Findings
 from lerobot_env_bimanual.verification.metadata import READABLE
 from lerobot_env_bimanual.verification.rendering import RenderedRows, draw_rows
-from lerobot_env_bimanual.verification.simulation import Player, check_replay
 from lerobot_env_bimanual.verification.statistics import check_episode_statistics
 
+COMPLETE, DEPTH_RANGE = "images complete", "depth range"
+MIN_MM, MAX_MM = round(DEPTH_MIN_M * MM_PER_M), round(DEPTH_MAX_M * MM_PER_M)
 LOADED_ROWS = 2
 """Rows of the sampled episode that are read through LeRobot's loader."""
 
@@ -58,12 +60,12 @@ class EpisodeReport:
     Attributes:
         index: of the episode.
         content_hash: of its columns and decoded images, empty if they cannot be read.
-        faults: check -> what is wrong, empty for a check that passed.
+        faults: what is wrong, by check.
     """
 
     index: int
     content_hash: str
-    faults: Mapping[str, tuple[Fault, ...]]
+    faults: Findings
 
 
 class Verifier:
@@ -82,79 +84,52 @@ class Verifier:
 
     def verify(self, index: int) -> EpisodeReport:
         """All checks of one episode."""
-        episodes: list[RecordedEpisode] = []
-
-        def read() -> Iterator[Fault]:
-            episodes.append(self._dataset.episode(index))
-            yield from ()
-
-        faults = {READABLE: faults_of(read)}
-        if not episodes:
+        faults, episode, played, content_hash = Findings(), None, None, ""
+        with faults.of(READABLE):
+            episode = self._dataset.episode(index)
+        if episode is None:
             return EpisodeReport(index, "", faults)
-        (episode,) = episodes
-        faults["episode key"] = faults_of(check_key, self._dataset, episode)
-        faults["bookkeeping"] = faults_of(self._check_bookkeeping, episode)
-        played = self._play(episode, faults)
-        hashes: list[str] = []
-        faults["images"] = faults_of(self._check_images, episode, played, faults, hashes)
-        return EpisodeReport(index, "".join(hashes), faults)
+        with faults.of("episode key") as found:
+            found += check_key(self._dataset, episode)
+        with faults.of("bookkeeping") as found:
+            entry, fps = self._entries[episode.index], self._dataset.info["fps"]
+            found += check_bookkeeping(episode, entry, self._sentences, fps)
+        if self._thoroughness.simulate:
+            with faults.of("replay") as found:
+                height, width, _ = next(iter(self._reader.shapes.values()))
+                played = self._player.play(self._dataset, episode.meta, (height, width))
+                found += check_replay(self._dataset, episode, played)
+        with faults.of("images"):
+            content_hash = self._check_images(episode, played, faults)
+        return EpisodeReport(index, content_hash, faults)
 
-    def _check_bookkeeping(self, episode: RecordedEpisode) -> Iterator[Fault]:
-        entry = self._entries[episode.index]
-        yield from check_bookkeeping(episode, entry, self._sentences, self._dataset.info["fps"])
-
-    def _play(self, episode: RecordedEpisode, faults: dict[str, tuple[Fault, ...]]) -> Demonstration | None:
-        """The episode, played again and compared, if it can be."""
-        if not self._thoroughness.simulate:
-            return None
-        played: list[Demonstration] = []
-
-        def play() -> Iterator[Fault]:
-            height, width, _ = next(iter(self._reader.shapes.values()))
-            played.append(self._player.play(self._dataset, episode.meta, (height, width)))
-            yield from check_replay(self._dataset, episode, played[0])
-
-        faults["replay"] = faults_of(play)
-        return played[0] if played else None
-
-    def _check_images(
-        self,
-        episode: RecordedEpisode,
-        played: Demonstration | None,
-        faults: dict[str, tuple[Fault, ...]],
-        hashes: list[str],
-    ) -> Iterator[Fault]:
-        """Decode every image once for all checks, which add what they find to `faults`."""
-        image_faults: dict[str, list[Fault]] = {COMPLETE: [], DEPTH_RANGE: []}
-        digest = EpisodeHash(episode, self._reader.units)
-        is_sampled = episode.index == self._thoroughness.sampled
-        rows = draw_rows(episode, LOADED_ROWS, self._thoroughness.seed) if is_sampled else []
+    def _check_images(self, episode: RecordedEpisode, played: Demonstration | None, faults: Findings) -> str:
+        """Decode every image once for all checks; the content hash of the episode, empty if it has not all images."""
+        digest, how = EpisodeHash(episode, self._reader.units), self._thoroughness
+        rows = draw_rows(episode, LOADED_ROWS, how.seed) if episode.index == how.sampled else []
         loaded: dict[int, dict[str, NDArray]] = {row: {} for row in rows}
-        rendered = self._render(episode, played)
-        for key, row, image in inspected_images(self._reader, episode.index, len(episode), image_faults):
+        rendered = None
+        if played is not None and how.rendered_rows:
+            is_video = self._dataset.view == "frames"
+            compared = draw_rows(episode, how.rendered_rows, how.seed, in_pairs=is_video)
+            rendered = RenderedRows(episode, played, compared, is_video)
+        for key, row, image in _inspected_images(self._reader, episode.index, len(episode), faults):
             digest.add_image(key, image)
             if rendered is not None:
                 rendered.see(key, row, image)
             if row in loaded:
                 loaded[row][key] = image
-        faults |= {check: tuple(found) for check, found in image_faults.items()}
         if rendered is not None:
             faults |= rendered.faults()
-        if not image_faults[COMPLETE]:
-            hashes.append(digest.hexdigest())
-            faults["statistics"] = faults_of(check_episode_statistics, self._root, episode)
-            # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
-            if is_sampled:
-                faults["LeRobot's loader"] = faults_of(self._check_loader, episode, loaded)
-        yield from ()
-
-    def _render(self, episode: RecordedEpisode, played: Demonstration | None) -> RenderedRows | None:
-        """New images of some rows, if they can be had."""
-        is_video, count = self._dataset.view == "frames", self._thoroughness.rendered_rows
-        if played is None or count == 0:
-            return None
-        rows = draw_rows(episode, count, self._thoroughness.seed, in_pairs=is_video)
-        return RenderedRows(episode, played, rows, is_video)
+        if faults[COMPLETE]:
+            return ""
+        with faults.of("statistics") as found:
+            found += check_episode_statistics(self._root, episode)
+        # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
+        if loaded:
+            with faults.of("LeRobot's loader") as found:
+                found += self._check_loader(episode, loaded)
+        return digest.hexdigest()
 
     def _check_loader(
         self, episode: RecordedEpisode, images: Mapping[int, Mapping[str, NDArray]]
@@ -194,6 +169,38 @@ class Verifier:
     @cached_property
     def _sentences(self) -> list[Any]:
         return read_table(self._root / "meta/tasks.parquet", columns=["task"])["task"].to_pylist()
+
+
+def _inspected_images(
+    reader: ImageReader, episode: int, rows: int, faults: Findings
+) -> Iterator[tuple[str, int, NDArray]]:
+    """(key, row, image) of all images of an episode, key by key; an image that cannot be decoded ends its key.
+
+    Args:
+        reader: of the dataset.
+        episode: index.
+        rows: number of rows that the episode's table has.
+        faults: gets the findings of the checks `COMPLETE` and `DEPTH_RANGE`.
+    """
+    incomplete, out_of_range = (faults.setdefault(check, []) for check in (COMPLETE, DEPTH_RANGE))
+    for key, shape in reader.shapes.items():
+        row, form = 0, (shape, np.dtype(np.uint16 if reader.is_depth(key) else np.uint8))
+        try:
+            for image in reader.images(episode, key):
+                if row == rows or ((*image.shape, 1)[:3], image.dtype) != form:
+                    text = f"{key} has more images than rows, or one that is not {form[1]} {shape}"
+                    incomplete.append(Fault(text, row))
+                    break
+                if reader.is_depth(key) and (image.min() < MIN_MM or image.max() > MAX_MM):
+                    text = f"{key} reaches from {image.min()} to {image.max()} mm, beyond {MIN_MM} to {MAX_MM} mm"
+                    out_of_range.append(Fault(text, row))
+                yield key, row, image
+                row += 1
+            else:
+                if row < rows:
+                    incomplete.append(Fault(f"{key} has {row} images, but the episode {rows} rows"))
+        except DatasetError as error:
+            incomplete.append(Fault(str(error), row))
 
 
 def _stored(image: Any) -> NDArray:
