@@ -15,7 +15,7 @@ from pathlib import Path
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 type Figures = dict[str, float]

@@ -24,7 +24,7 @@ from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_bimanual.results.record import BadRecord
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table
 
 
 def check_task(settings: BenchmarkSettings) -> None:

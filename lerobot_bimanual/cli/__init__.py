@@ -36,6 +36,6 @@ How to write a command
 1 the command failed with a clear message, 2 the command line is wrong, 130 interrupted, 143 terminated.
 """
 
-from lerobot_bimanual.cli.command_line import config_type_of, find_command, find_commands, main, show_next
+from lerobot_bimanual.cli.command_line import config_type_of, find_command, find_commands, main
 
-__all__ = ["config_type_of", "find_command", "find_commands", "main", "show_next"]
+__all__ = ["config_type_of", "find_command", "find_commands", "main"]

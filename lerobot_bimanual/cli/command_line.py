@@ -4,7 +4,6 @@ import ast
 import difflib
 import inspect
 import os
-import shlex
 import signal
 import sys
 import textwrap
@@ -57,17 +56,6 @@ def main(words: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-
-
-def show_next(*words: object) -> None:
-    """Print the command that continues the work, as the last line of a command.
-
-    It goes to stderr, because programs may read what a command prints.
-
-    Args:
-        words: words of the command, the program's name included.
-    """
-    print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)
 
 
 def find_commands(group: str = "") -> dict[str, EntryPoint]:

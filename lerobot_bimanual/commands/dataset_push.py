@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.terminal import show_next
 
 
 @dataclass

@@ -11,7 +11,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.run import check_task, report, run
-from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.terminal import show_next
 
 
 @dataclass

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import NamedTuple
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import MissingGL
+from lerobot_bimanual.terminal import show_next
 
 CORE, PLUGINS = (
     "lerobot_bimanual",

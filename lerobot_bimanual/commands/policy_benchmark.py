@@ -5,7 +5,7 @@ from rich.console import Console
 from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.run import check_task, report, run, show
-from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.terminal import show_next
 
 
 def policy_benchmark(config: BenchmarkConfig) -> None:

@@ -4,14 +4,13 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 from lerobot_bimanual.results.statistics import SuccessRate, holm
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table, show_next
 
 
 @dataclass

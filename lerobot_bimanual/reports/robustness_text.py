@@ -11,7 +11,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness_table import conditions_table, corrected
 from lerobot_bimanual.results.robustness import RobustnessResult, condition_name
 from lerobot_bimanual.results.statistics import mcnemar_p_value, only_one_solved
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 

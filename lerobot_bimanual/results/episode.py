@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
 
-from lerobot_bimanual.results.action_text import actions_from_text
-from lerobot_bimanual.results.hash_chain import first_difference
+from lerobot_bimanual.results.proof import actions_from_text, first_difference
 from lerobot_bimanual.results.record import Record, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
@@ -28,7 +27,7 @@ class Proof(Record):
     Attributes:
         instruction: the sentence that the policy was given.
         start: SHA-256 of the simulation's state after the reset.
-        actions: the policy's actions, as `action_text` writes them: one text for each run of actions of equal length.
+        actions: the policy's actions, as `results.proof` writes them: one text for each run of actions of equal length.
             A refused action is the last; one that could not be read has length 0.
         links: the beginnings of the hash chain's links, one per action.
         end: the chain's last link.

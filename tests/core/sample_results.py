@@ -5,7 +5,6 @@ from typing import Any
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
-from lerobot_bimanual.results.action_text import actions_to_text
 from lerobot_bimanual.results.benchmark import (
     BenchmarkResult,
     BenchmarkSettings,
@@ -15,6 +14,7 @@ from lerobot_bimanual.results.benchmark import (
 )
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, LoadMetrics, MoveReport
+from lerobot_bimanual.results.proof import actions_to_text
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis.extra import numpy as drawn
 from sample_results import RESULT
 
-from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
-from lerobot_bimanual.results.hash_chain import HashChain, first_difference
+from lerobot_bimanual.results.proof import HashChain, actions_from_text, actions_to_text, first_difference
 
 SHAPES = drawn.array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=20)
 

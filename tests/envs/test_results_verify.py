@@ -9,9 +9,9 @@ import pytest
 from planted_failures import expert_keyposes, played, reproved
 
 from lerobot_bimanual.errors import InvalidAction
-from lerobot_bimanual.results.action_text import actions_from_text, actions_to_text
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.evaluation import EvaluationRecord
+from lerobot_bimanual.results.proof import actions_from_text, actions_to_text
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.registry import list_tasks

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.terminal import show_next
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.build import Executor

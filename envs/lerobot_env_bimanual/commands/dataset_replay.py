@@ -8,8 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.terminal import show_next
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.schema import View
@@ -93,7 +93,7 @@ def parse_episodes(text: str, count: int) -> list[int]:
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
     import pandas as pd
 
-    from lerobot_bimanual.tables import print_table
+    from lerobot_bimanual.terminal import print_table
 
     rows = [
         {

@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ class _ViewReport:
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
         from lerobot_bimanual.dataset.content_hash import combined_hash
-        from lerobot_bimanual.tables import print_table
+        from lerobot_bimanual.terminal import print_table
 
         rows = []
         for check, outcomes in self._faults.items():

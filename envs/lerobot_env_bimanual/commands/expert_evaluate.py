@@ -102,8 +102,8 @@ def _check(config: ExpertEvaluateConfig) -> None:
 
 
 def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
-    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.files import check_output_file
+    from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.experts.report import make_report, print_report
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
@@ -158,9 +158,9 @@ def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Ite
 
 
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
-    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.files import check_output_folder
     from lerobot_bimanual.results.robustness import ExpertRobustnessConfig
+    from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.conditions import conditions_of, sweep_expert
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.terminal import show_next
 
 ROBUSTNESS_PAGE = "expert_robustness.md"
 

@@ -59,9 +59,9 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
-    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_text import print_robustness
+    from lerobot_bimanual.terminal import show_next
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
     missing = sweep.missing()

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import InvalidChoice, check_range
+from lerobot_bimanual.terminal import show_next
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.failures.attribution import Attribution
@@ -85,7 +85,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
 
 
 def _print_episodes(attributions: Sequence[Attribution]) -> None:
-    from lerobot_bimanual.tables import print_table
+    from lerobot_bimanual.terminal import print_table
 
     headings = ("seed", "class", "last recoverable keypose", "responsible", "event")
     rows = [
@@ -97,7 +97,7 @@ def _print_episodes(attributions: Sequence[Attribution]) -> None:
 
 
 def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
-    from lerobot_bimanual.tables import print_table
+    from lerobot_bimanual.terminal import print_table
     from lerobot_env_bimanual.failures.attribution import Responsible
     from lerobot_env_bimanual.failures.classes import FailureClass
 

@@ -43,8 +43,8 @@ def results_report(config: ResultsReportConfig) -> None:
         lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
         lerobot-bimanual results report --results=results/leaderboard --format=html --output=outputs/results.html
     """
-    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.files import check_output_file
+    from lerobot_bimanual.terminal import show_next
 
     check_range("max_videos", config.max_videos, 0)
     if config.output is not None:

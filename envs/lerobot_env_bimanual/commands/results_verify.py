@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.terminal import show_next
 
 
 @dataclass

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from lerobot_bimanual.cli import show_next
+from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 

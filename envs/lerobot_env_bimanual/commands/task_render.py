@@ -7,8 +7,8 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from lerobot_bimanual.cli import show_next
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.window import no_window
 

@@ -19,7 +19,7 @@ from lerobot_bimanual.results.expert_report import (
     peak_load,
     worst_tip_error_mm,
 )
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.experts.load import excesses
 from lerobot_env_bimanual.experts.world_version import simulation_versions, world_version
 from lerobot_env_bimanual.tasks.registry import get_task

@@ -9,9 +9,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.results.action_text import actions_to_text
 from lerobot_bimanual.results.episode import Episode, Proof
-from lerobot_bimanual.results.hash_chain import HashChain
+from lerobot_bimanual.results.proof import HashChain, actions_to_text
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress

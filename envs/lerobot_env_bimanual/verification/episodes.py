@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.errors import BimanualError, InvalidAction
 from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
-from lerobot_bimanual.results.hash_chain import first_difference
+from lerobot_bimanual.results.proof import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone

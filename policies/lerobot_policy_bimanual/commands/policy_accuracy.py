@@ -26,9 +26,8 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
         lerobot-bimanual dataset generate --task=lift_ball --split=val --episodes=20 --view=keyframes --root=data/val
         lerobot-bimanual policy accuracy --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/val
     """
-    from lerobot_bimanual.cli import show_next
     from lerobot_bimanual.dataset.reader import find_view
-    from lerobot_bimanual.tables import print_table
+    from lerobot_bimanual.terminal import print_table, show_next
     from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint
 
     require_checkpoint(config.checkpoint)

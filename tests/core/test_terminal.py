@@ -2,7 +2,7 @@
 
 import pytest
 
-from lerobot_bimanual.tables import print_table
+from lerobot_bimanual.terminal import print_table
 
 HEADINGS = ("task", "first policy", "second policy")
 ROWS = [("take_tray_out_of_oven", "48 of 50 (86% to 99%)", "a reason in many words"), ("lift_ball", 1, "")]

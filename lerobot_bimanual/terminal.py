@@ -1,6 +1,8 @@
-"""Tables for the terminal, in which no word is ever cut."""
+"""What commands print: tables in which no word is ever cut, and the command that comes next."""
 
+import shlex
 import shutil
+import sys
 import textwrap
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -41,3 +43,14 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[object]], title
     with console.capture() as captured:
         console.print(table)
     print("\n".join(line.rstrip() for line in captured.get().splitlines()))
+
+
+def show_next(*words: object) -> None:
+    """Print the command that continues the work, as the last line of a command.
+
+    It goes to stderr, because programs may read what a command prints.
+
+    Args:
+        words: words of the command, the program's name included.
+    """
+    print(f"next: {shlex.join(map(str, words))}", file=sys.stderr)
