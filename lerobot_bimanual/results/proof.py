@@ -1,6 +1,8 @@
 """What proves an episode, as text: its actions, and a chain of hashes over its steps.
 
-A change of one action or state changes every link of the chain from there on.
+Actions take a few bytes each and lose no bit. Consecutive ones resemble each other: what differs between their bit patterns
+is sorted by significance, so that the many zero bytes stand together, and compressed. In the chain, a change of one action
+or state changes every link from there on.
 """
 
 import base64
