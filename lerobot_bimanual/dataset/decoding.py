@@ -92,7 +92,7 @@ class ImageReader:
         path = video_file(self.root, entry, key)
         try:
             millimetres = self._depth_of_codes(key) if self.is_depth(key) else None
-            pixel_format = "rgb24" if millimetres is None else "gray12le"
+            pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
             first, end = (round(entry[f"videos/{key}/{time}"] * self._fps) for time in SPAN)
             with av.open(str(path), format="mp4") as container:  # no playlist, which leads elsewhere
                 stream = container.streams.video[0]
@@ -104,7 +104,7 @@ class ImageReader:
                     if number >= end:
                         return
                     if number >= first:
-                        pixels = np.asarray(frame.to_ndarray(format=pixel_format))
+                        pixels = np.asarray(frame.to_ndarray(format=pixel_format), kind)
                         yield pixels if millimetres is None else millimetres[pixels]
         except (OSError, IndexError, TypeError, ValueError, OverflowError, av.error.FFmpegError) as error:
             raise DatasetError(f"cannot decode {path}: {error}") from error

@@ -100,22 +100,20 @@ class _Merger:
         for kind in (name.removesuffix(f"/{CHUNK}") for name in episodes if name.endswith(CHUNK)):
             if kind != "meta/episodes":  # all in one file
                 self._take_files(source, kind, episodes)
-        length = len(table)
-        offsets = {"episode_index": self.episodes, "index": self.rows}
-        shifts = {"episode_index": self.episodes} | dict.fromkeys(
-            ("dataset_from_index", "dataset_to_index"), self.rows
-        )
-        changed = {name: [number + shift for number in episodes[name]] for name, shift in shifts.items()}
-        changed |= {f"meta/episodes/{name}": [0] * length for name in (CHUNK, FILE)}
+        rows_before = ("dataset_from_index", self.rows), ("dataset_to_index", self.rows)
+        for name, shift in (("episode_index", self.episodes), *rows_before):
+            episodes[name] = [number + shift for number in episodes[name]]
+        for name in (CHUNK, FILE):
+            episodes[f"meta/episodes/{name}"] = [0] * len(table)
+        tasks = [float(self._sentences.index(sentence)) for (sentence,) in episodes["tasks"]]
         for statistic in SHIFTED_STATISTICS:  # of the columns that get new numbers
-            for column, offset in offsets.items():
+            for column, shift in (("episode_index", self.episodes), ("index", self.rows)):
                 name = f"stats/{column}/{statistic}"
-                changed[name] = [[value + offset for value in values] for values in episodes[name]]
-            numbers = [float(self._sentences.index(sentence)) for (sentence,) in episodes["tasks"]]
-            changed[f"stats/task_index/{statistic}"] = [[number] for number in numbers]
-        self.episodes += length
+                episodes[name] = [[value + shift for value in values] for values in episodes[name]]
+            episodes[f"stats/task_index/{statistic}"] = [[task] for task in tasks]
+        self.episodes += len(table)
         self.rows += sum(episodes["length"])
-        return pa.Table.from_pydict(episodes | changed, table.schema)
+        return pa.Table.from_pydict(episodes, table.schema)
 
     def _take_files(self, source: Path, kind: str, episodes: dict[str, list[Any]]) -> None:
         """Take over the files of a kind, and give the episodes their new numbers."""

@@ -4,11 +4,9 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from lerobot.datasets.aggregate import aggregate_datasets
-from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import EpisodeHash, combined_hash
@@ -93,21 +91,3 @@ def test_every_column_every_image_and_the_order_count(datasets) -> None:
         hashes.append(episode_hash(episode, images | {key: images[key][::-1]}, units))
     assert len(set(hashes)) == len(hashes)
     assert combined_hash(hashes[:2]) != combined_hash(hashes[1::-1])
-
-
-@pytest.mark.parametrize("view", schema.VIEWS)
-def test_images_are_decoded_as_lerobot_decodes_them(datasets, view: schema.View) -> None:
-    theirs = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
-    reader = ImageReader(datasets[view])
-    first = len(theirs) // 2  # of the second episode
-    for key in reader.shapes:
-        images = list(reader.images(1, key))
-        assert len(images) == len(theirs) - first
-        for row in (0, 1, len(images) - 1):
-            item = theirs[first + row]
-            assert isinstance(item, dict)
-            expected = item[key].numpy()
-            if reader.is_depth(key):
-                assert np.array_equal(images[row], expected[0])
-            else:
-                assert np.array_equal(images[row], np.rint(np.moveaxis(expected, 0, -1) * 255))

@@ -27,13 +27,6 @@ def test_views_differ_in_the_storage_of_images_only() -> None:
     assert differing == {f(camera) for camera in CAMERA_NAMES for f in (schema.image_key, schema.depth_key)}
 
 
-def test_whole_millimetres_survive_twelve_bits() -> None:
-    low, high = 1000 * schema.DEPTH_MIN_M, 1000 * schema.DEPTH_MAX_M
-    millimetres = np.arange(low, high + 1)
-    codes = np.rint((millimetres - low) / (high - low) * 4095)
-    assert np.array_equal(np.rint(low + codes * (high - low) / 4095), millimetres)
-
-
 def test_a_state_hash_fits_into_a_signed_integer() -> None:
     assert schema.state_hash_column("00000000000000ff" + "a" * 48) == 255
     assert schema.state_hash_column("f" * 64) == -1

@@ -8,6 +8,7 @@ import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.dataset.writer import ViewWriter, check_videos, write_episode
@@ -20,11 +21,15 @@ KEYFRAME_ROWS = 5
 
 
 @pytest.mark.parametrize(("view", "rows"), [("frames", TICKS), ("keyframes", KEYFRAME_ROWS)])
-def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.View, rows: int) -> None:
+def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
+    datasets, make_episode, view: schema.View, rows: int
+) -> None:
     dataset = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
     assert (len(dataset), dataset.num_episodes, dataset.fps) == (2 * rows, 2, 20)
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
-    episode = make_episode(1)
+    episode, reader = make_episode(1), ImageReader(datasets[view])
+    decoded = {key: [*reader.images(1, key)] for key in reader.shapes}
+    assert {*map(len, decoded.values())} == {rows}
     for position, row in enumerate(rows_of_view(episode, view, (0.5,))):
         item = dataset[rows + position]
         assert isinstance(item, dict)
@@ -38,6 +43,8 @@ def test_lerobot_loads_what_was_written(datasets, make_episode, view: schema.Vie
             assert np.abs(depth - images[schema.depth_key(camera)]).max() <= 0.5
             rgb = np.moveaxis(item[schema.image_key(camera)].numpy() * 255, 0, -1)
             error = np.abs(rgb - images[schema.image_key(camera)])
+            assert np.array_equal(decoded[schema.image_key(camera)][position], np.rint(rgb))
+            assert np.array_equal(decoded[schema.depth_key(camera)][position], depth[0])
             assert error.max() < 1e-3 if view == "keyframes" else error.mean() < 4
 
 

@@ -68,18 +68,16 @@ class RecordsHere:
 
     Args:
         order: brings the shards of a round into the order in which they are recorded.
-        after: called with the folder of all shards after each of them.
         limit: number of shards after which it is interrupted.
     """
 
     def __init__(
         self,
         order: Callable[[Sequence[Job]], Iterator[Job]] = iter,
-        after: Callable[[Path], object] = lambda _: None,
         limit: int = 1000,
     ):
         self.recorded: list[str] = []
-        self._order, self._after, self._limit = order, after, limit
+        self._order, self._limit = order, limit
         self._patch = pytest.MonkeyPatch()
 
     def __enter__(self) -> RecordShards:
@@ -93,7 +91,6 @@ class RecordsHere:
         for job in self._order(jobs):
             episodes = record_shard(job)
             self.recorded.append(job[1].name)
-            self._after(job[2].parent)
             if len(self.recorded) == self._limit:
                 raise KeyboardInterrupt
             yield episodes

@@ -79,19 +79,12 @@ def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(g
     env.close()
 
 
-@pytest.mark.parametrize(
-    ("field", "other", "remark"),
-    [
-        ("versions", {"mujoco": "1.2.3"}, "generated with mujoco 1.2.3 (installed: 3."),
-        ("worlds", {"lift_ball": "0123456789ab"}, "lift_ball in world 0123456789ab (here: "),
-    ],
-)
-def test_another_version_and_another_world_are_named(copy, capsys, field, other, remark) -> None:
+def test_another_world_is_named(copy, capsys) -> None:
     root = copy("keyframes")
-    rewrite(root / PROVENANCE_FILE, lambda origin: origin[field].update(other))
+    rewrite(root / PROVENANCE_FILE, lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))
     config = DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)
     assert dataset_replay(config) == 0
-    assert remark in capsys.readouterr().out
+    assert "warning: it holds lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
 
 
 def test_joint_actions_need_the_view_frames(generated) -> None:

@@ -117,22 +117,14 @@ def test_the_command_fails_and_says_where(generated, tmp_path, capsys) -> None:
     assert "frames" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("field", "other", "remark"),
-    [
-        ("versions", {"mujoco": "1.2.3"}, "generated with mujoco 1.2.3 (installed: 3."),
-        ("worlds", {"lift_ball": "0123456789ab"}, "it holds lift_ball in world 0123456789ab (here: "),
-    ],
-    ids=["another version", "another world"],
-)
-def test_not_replayed_is_not_passed(copy, capsys, field, other, remark) -> None:
+def test_not_replayed_is_not_passed(copy, capsys) -> None:
     root = copy("keyframes")
-    c.provenance(lambda origin: origin[field].update(other))(root)
+    c.provenance(lambda origin: origin["versions"].update(mujoco="1.2.3"))(root)
     write_card(root, "local/small")
     write_checksums(root)
     assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 3
     printed = capsys.readouterr().out
-    assert f"not replayed, so not passed: {remark}" in printed
+    assert "not replayed, so not passed: generated with mujoco 1.2.3 (installed: 3." in printed
     assert "replay  " not in printed
 
 

@@ -9,18 +9,15 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import VIEWS, View
-from lerobot_bimanual.errors import DatasetError, InvalidChoice, UnknownCamera
+from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import Version, installed_versions
 from lerobot_env_bimanual.experts.world_version import world_versions
-from lerobot_env_bimanual.options import ANY_VARIATION, MAX_IMAGE_SIDE, MIN_IMAGE_SIDE
-from lerobot_env_bimanual.registry import checked_perturbation
+from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
 
-Pixels = Annotated[int, Field(ge=MIN_IMAGE_SIDE, le=MAX_IMAGE_SIDE)]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -55,8 +52,8 @@ class GenerationSettings(Record):
     first_seed: Annotated[int, Field(ge=0, le=2**48)]
     views: tuple[View, ...]
     cameras: Annotated[tuple[str, ...], Field(min_length=1)]
-    height: Pixels
-    width: Pixels
+    height: int
+    width: int
     depth: bool
     intermediate: tuple[Fraction, ...]
     discretise: Annotated[int, Field(ge=0, le=1000)]
@@ -66,18 +63,18 @@ class GenerationSettings(Record):
 
     @model_validator(mode="after")
     def _exist(self) -> Self:
-        for option, names in (("tasks", self.tasks), ("cameras", self.cameras)):
-            if len(names) > len(set(names)):
-                raise InvalidChoice(option, names, ["a list of different names"])
+        if len(self.tasks) > len(set(self.tasks)):
+            raise InvalidChoice("tasks", self.tasks, ["a list of different names"])
         for task in self.tasks:
             get_task(task).spec.variation_index(self.variation)
-        for camera in self.cameras:
-            if camera not in CAMERA_NAMES:
-                raise UnknownCamera(camera, CAMERA_NAMES)
         if self.views not in (VIEWS, *((view,) for view in VIEWS)):
             raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
-        if self.perturb != (canonical := checked_perturbation(self.perturb)):
-            raise InvalidChoice("perturb", self.perturb, [canonical])
+        size = f"{self.height}x{self.width}"
+        options = EnvOptions(cameras=",".join(self.cameras), image_size=size, perturb=self.perturb)
+        if self.cameras != options.camera_names:
+            raise InvalidChoice("cameras", self.cameras, repr(options.camera_names))
+        if self.perturb != options.perturb:
+            raise InvalidChoice("perturb", self.perturb, repr(options.perturb))
         return self
 
     @classmethod
