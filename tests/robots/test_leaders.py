@@ -22,11 +22,6 @@ from lerobot_robot_bimanual.gamepad import FULL, NoGamepad
 from lerobot_robot_bimanual.leaders import BimanualGamepad, BimanualKeyboard, Leader
 from lerobot_robot_bimanual.terminal_keys import WRITTEN, NoTerminal, TerminalKeys
 
-CONTROLS = {
-    "AXIS": ("LEFTX", "LEFTY", "RIGHTX", "RIGHTY", "TRIGGERLEFT", "TRIGGERRIGHT"),
-    "BUTTON": ("START", "LEFTSTICK", "RIGHTSTICK", "LEFTSHOULDER", "RIGHTSHOULDER"),
-}
-
 
 class Script:
     """Keys that were written down beforehand, in place of a terminal."""
@@ -43,10 +38,10 @@ class Script:
 
 
 class Pad:
-    """A gamepad as SDL shows it: values by the numbers of axes and buttons.
+    """A gamepad as SDL shows it.
 
     Attributes:
-        held: values by name; what is missing is at rest.
+        held: values of axes and buttons by name; what is missing is at rest.
         is_there: whether it is connected.
     """
 
@@ -55,15 +50,9 @@ class Pad:
     def __init__(self):
         self.held: dict[str, float] = {}
         self.is_there = self.is_open = True
-
-    def get_axis(self, axis: int) -> int:
-        return int(self.held.get(CONTROLS["AXIS"][axis], 0.0) * FULL)
-
-    def get_button(self, button: int) -> bool:
-        return bool(self.held.get(CONTROLS["BUTTON"][button], False))
-
-    def attached(self) -> bool:
-        return self.is_there
+        self.attached = lambda: self.is_there
+        self.get_axis = lambda name: int(self.held.get(name, 0.0) * FULL)
+        self.get_button = lambda name: bool(self.held.get(name, False))
 
     def quit(self) -> None:
         self.is_open = False
@@ -80,9 +69,8 @@ def script(monkeypatch) -> Script:
 def pad(monkeypatch) -> Pad:
     """The second device, after one that is no gamepad, in a pygame of ours."""
     pad, pygame, sdl = Pad(), ModuleType("pygame"), ModuleType("pygame._sdl2.controller")
-    for kind, names in CONTROLS.items():
-        for number, name in enumerate(names):
-            setattr(pygame, f"CONTROLLER_{kind}_{name}", number)
+    # A constant such as CONTROLLER_AXIS_LEFTX is its own name.
+    pygame.__getattr__ = lambda constant: constant.split("_", 2)[2]
     vars(sdl).update(
         dict.fromkeys(("init", "quit", "update"), lambda: None),
         get_count=lambda: 2 * pad.is_there,
