@@ -68,13 +68,9 @@ CHANGES = {
     "a link": (lambda e: reproved(e, links=other_link(e.proof.links)), "another action or state at step 1"),
     "the last link": (lambda e: reproved(e, end="0" * 64), "chain of state hashes ends otherwise"),
     "the instruction": (lambda e: reproved(e, instruction="win"), "instruction is 'win'"),
-    "the outcome": (lambda e: e.model_copy(update={"success": False}), "success is False, but True"),
-    "the first tick of success": (
-        lambda e: e.model_copy(update={"first_met_tick": 1}),
-        "first_met_tick is 1",
-    ),
-    "the ticks": (lambda e: e.model_copy(update={"ticks": e.ticks + 1}), "ticks is"),
-    "the keyposes": (lambda e: e.model_copy(update={"keyposes": 1}), "keyposes is 1"),
+} | {
+    name: (lambda e, name=name, value=value: e.model_copy(update={name: value}), f"{name} is {value}, but")
+    for name, value in {"success": False, "first_met_tick": 1, "ticks": 1, "keyposes": 1}.items()
 }
 
 

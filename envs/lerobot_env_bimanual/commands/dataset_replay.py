@@ -52,8 +52,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     if difference := other_simulation(dataset.provenance):
         print(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
-    mode: ReplayMode = config.replay
-    jobs = [(dataset.root, mode, index) for index in indices]
+    jobs: list[tuple[Path, ReplayMode, int]] = [(dataset.root, config.replay, index) for index in indices]
     with WorkerPool(config.workers) as pool:
         results = pool.map(_replay, jobs, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from pydantic import ConfigDict
 
@@ -45,7 +45,7 @@ class Checkpoint:
 
     folder: Path
     policy: str
-    options: dict[str, str]
+    options: dict[str, Any]
     sha256: str
 
     @classmethod

@@ -210,8 +210,10 @@ class Evaluator(WorkerPool):
             if self._log:
                 self._log.add(spec, outcome)
 
-        # `note` keeps each outcome at once, also one behind an episode that takes long.
-        [*self.map(play, missing, label, "episode", len(known), failed=lambda _, reason: reason, note=note)]
+        for _ in self.map(
+            play, missing, label, "episode", len(known), failed=lambda _, reason: reason, note=note
+        ):
+            pass  # `note` keeps each outcome at once, also one behind an episode that takes long
         if accidents:
             reasons = "; ".join(f"{spec}: {reason}" for spec, reason in islice(accidents.items(), MAX_SHOWN))
             raise BimanualError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class RenderedRows:
         ticks = episode.columns[schema.TICK].tolist()
         new = {row: played.images(ticks[row]) for row in rows if 0 <= ticks[row] < played.rows}
         # As a dataset stores them: depth in whole millimetres.
-        self._new = {
+        self._new: dict[int, dict[str, Any]] = {
             row: {
                 key: image if image.dtype == np.uint8 else schema.stored_depth(image[0])
                 for key, image in images.items()
