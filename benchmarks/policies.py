@@ -124,7 +124,8 @@ def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> 
     target = KeyposeBins(voxel, classes[..., :3], classes[..., 3], classes[..., 4])
 
     def ours() -> None:
-        sum(keypose_losses(network(grid, proprio, language), target).values()).backward()
+        losses = keypose_losses(network(grid, proprio, language), target)
+        torch.stack(list(losses.values())).sum().backward()
 
     def written_out() -> None:
         outputs = reference.network(parameters, grid, proprio, language, arms=2, heads=config.heads)

@@ -18,12 +18,6 @@ def same_rotation(a, b, atol=1e-9):
     return bool((rotations.rotation_angle_rad(a, b) < atol).all())
 
 
-def test_matrices_are_orthonormal_and_right_handed(quaternions):
-    m = rotations.quat_wxyz_to_matrix(quaternions)
-    np.testing.assert_allclose(m @ np.swapaxes(m, -1, -2), np.broadcast_to(np.eye(3), m.shape), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(m), 1.0, atol=1e-12)
-
-
 def test_quaternion_to_matrix_and_back_is_the_identity(quaternions):
     back = rotations.matrix_to_quat_wxyz(rotations.quat_wxyz_to_matrix(quaternions))
     assert same_rotation(quaternions, back)

@@ -10,13 +10,14 @@ from lerobot_bimanual.geometry.rotations_torch import (
     rotation_angle_rad,
 )
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
-from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.observation import observe
 
 
-def augmentation(**changes) -> SceneAugmentation:
-    options = {"shift_m": (0.125, 0.125, 0.05), "yaw_deg": 45.0, "yaw_step_deg": 5.0}
-    return SceneAugmentation(workspace=VOXEL_WORKSPACE, **(options | changes))
+def sample(keyposes: torch.Tensor, **changes) -> torch.Tensor:
+    options = {"augmentation_shift_m": (0.125, 0.125, 0.05), "augmentation_yaw_deg": 45.0}
+    return sample_motions(keyposes, PerAct2Config(device="cpu", **(options | changes)))
 
 
 def arms(keyposes: torch.Tensor) -> torch.Tensor:
@@ -33,7 +34,7 @@ def in_left_frame(keyposes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 def test_hands_keep_their_pose_relative_to_each_other(random_keyposes):
     keyposes = random_keyposes(50).double()
-    moved = move_keyposes(augmentation().sample(keyposes), keyposes)
+    moved = move_keyposes(sample(keyposes), keyposes)
     before, after = in_left_frame(keyposes), in_left_frame(moved)
     assert not torch.allclose(keyposes, moved)
     torch.testing.assert_close(after[0], before[0])
@@ -44,7 +45,7 @@ def test_hands_keep_their_pose_relative_to_each_other(random_keyposes):
 
 def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
     keyposes = random_keyposes(50)
-    moved = arms(move_keyposes(augmentation().sample(keyposes), keyposes))
+    moved = arms(move_keyposes(sample(keyposes), keyposes))
     assert torch.equal(moved[..., 7:], arms(keyposes)[..., 7:])
     assert (moved[..., 3] >= 0).all()
     torch.testing.assert_close(moved[..., 3:7].norm(dim=-1), torch.ones(50, 2))
@@ -52,7 +53,7 @@ def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
 
 def test_cloud_and_labels_move_by_the_same_transform(make_batch):
     batch = make_batch(samples=3)
-    motion = augmentation().sample(batch["observation.next_keypose"])
+    motion = sample(batch["observation.next_keypose"])
     still = observe(batch, cameras=("front",), keypose_horizon=25).points
     moved = observe(batch, cameras=("front",), keypose_horizon=25, motion=motion).points
     expected = motion[:, :3, :3] @ still + motion[:, :3, 3:]
@@ -61,7 +62,7 @@ def test_cloud_and_labels_move_by_the_same_transform(make_batch):
 
 def test_yaw_turns_about_the_workspace_centre_in_whole_rotation_bins(random_keyposes):
     keyposes = random_keyposes(200)
-    motion = augmentation(shift_m=(0.0, 0.0, 0.0)).sample(keyposes)
+    motion = sample(keyposes, augmentation_shift_m=(0.0, 0.0, 0.0))
     center = torch.tensor(VOXEL_WORKSPACE.center, dtype=torch.float32)
     torch.testing.assert_close(motion[:, :3, :3] @ center + motion[:, :3, 3], center.expand(200, 3))
     yaw_deg = torch.rad2deg(torch.atan2(motion[:, 1, 0], motion[:, 0, 0]))
@@ -77,14 +78,14 @@ def test_a_yaw_shifts_the_bins_of_upright_hands_by_whole_bins(random_keyposes):
     keyposes = per_arm.flatten(1)
     codec = TorchKeyposeCodec()
     before = codec.encode(keyposes).rotation
-    motion = augmentation(shift_m=(0.0, 0.0, 0.0)).sample(keyposes)
+    motion = sample(keyposes, augmentation_shift_m=(0.0, 0.0, 0.0))
     after = codec.encode(move_keyposes(motion, keyposes)).rotation
     steps = (torch.rad2deg(torch.atan2(motion[:, 1, 0], motion[:, 0, 0])) / 5).round().long()
     assert torch.equal((after[..., 2] - before[..., 2]) % 72, (steps[:, None] % 72).expand(-1, 2))
 
 
 def test_shift_stays_within_its_limits_and_fills_them(random_keyposes):
-    motion = augmentation(yaw_deg=0.0).sample(random_keyposes(500))
+    motion = sample(random_keyposes(500), augmentation_yaw_deg=0.0)
     shift = motion[:, :3, 3].abs().amax(0)
     limits = torch.tensor([0.125, 0.125, 0.05])
     assert (shift <= limits + 1e-6).all()
@@ -97,7 +98,7 @@ def test_both_hands_stay_inside_even_near_the_border(random_keyposes):
     per_arm[:, 0, 0] = 0.695  # the left hand almost leaves through x, the right one through y
     per_arm[:, 1, 1] = -0.495
     keyposes = per_arm.flatten(1)
-    motion = augmentation().sample(keyposes)
+    motion = sample(keyposes)
     moved = arms(move_keyposes(motion, keyposes))[..., :3]
     assert VOXEL_WORKSPACE.contains(moved.numpy()).all()
     assert (motion != torch.eye(4)).flatten(1).any(1).float().mean() > 0.5
@@ -106,7 +107,7 @@ def test_both_hands_stay_inside_even_near_the_border(random_keyposes):
 def test_a_keypose_that_cannot_be_kept_inside_is_left_alone(random_keyposes):
     keyposes = random_keyposes(2)
     keyposes[0, 0] = 5.0
-    motion = augmentation().sample(keyposes)
+    motion = sample(keyposes)
     assert torch.equal(motion[0], torch.eye(4))
     assert not torch.equal(motion[1], torch.eye(4))
 
@@ -121,7 +122,7 @@ def test_processes_of_one_training_draw_other_motions_though_they_are_seeded_ali
         monkeypatch.setattr(torch.distributed, "get_world_size", lambda: processes)
         monkeypatch.setattr(torch.distributed, "get_rank", lambda: rank)
         torch.manual_seed(0)
-        return torch.stack([augmentation().sample(keyposes) for _ in range(2)])
+        return torch.stack([sample(keyposes) for _ in range(2)])
 
     assert torch.equal(drawn(1), drawn(1))
     assert not torch.equal(drawn(0), drawn(1))
@@ -129,4 +130,4 @@ def test_processes_of_one_training_draw_other_motions_though_they_are_seeded_ali
     alone = drawn(0, processes=1)
     monkeypatch.undo()
     torch.manual_seed(0)
-    assert torch.equal(augmentation().sample(keyposes), alone[0])
+    assert torch.equal(sample(keyposes), alone[0])

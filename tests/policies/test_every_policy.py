@@ -1,7 +1,6 @@
 """Every registered keypose policy keeps LeRobot's contract of a policy."""
 
 import copy
-import dataclasses
 import re
 from collections.abc import Callable
 
@@ -136,25 +135,6 @@ def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras)
         if camera not in cameras:
             del batch[depth_key(camera)]
     assert torch.equal(policy(batch)[0], loss)
-
-
-def test_the_order_of_the_points_does_not_matter(make_policy, make_batch):
-    policy = make_policy().eval()
-    batch = make_batch()
-    observation = policy.observe(batch)
-    order = torch.randperm(observation.points.shape[2])
-    shuffled = dataclasses.replace(
-        observation, points=observation.points[..., order], colours=observation.colours[..., order]
-    )
-    target = policy.target_bins(batch[NEXT_KEYPOSE])
-    one, other = policy.predict(observation, target), policy.predict(shuffled, target)
-    torch.testing.assert_close(other.rotation, one.rotation, atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(
-        other.translation.cross_entropy(target.voxel),
-        one.translation.cross_entropy(target.voxel),
-        atol=1e-4,
-        rtol=1e-4,
-    )
 
 
 def test_evaluation_loss_is_not_augmented_and_the_training_loss_is(make_policy, make_batch):

@@ -5,7 +5,6 @@ from dataclasses import fields
 
 from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
 from lerobot.configs import PreTrainedConfig
-from lerobot.policies.factory import get_policy_class
 
 
 def test_every_flag_of_a_policy_has_a_help_text(policy_type):
@@ -16,11 +15,3 @@ def test_every_flag_of_a_policy_has_a_help_text(policy_type):
             text = get_preferred_help_text(get_attribute_docstring(config_class, field.name))
             assert text, field.name
             assert not re.search(r"""^#|field\(|def |class |"{3}""", text), (field.name, text)
-
-
-def test_sharded_training_knows_its_modules(policy_type, specimens):
-    for options in specimens[policy_type].tiny.values():
-        policy_class = get_policy_class(policy_type)
-        policy = policy_class(PreTrainedConfig.get_choice_class(policy_type)(**options))
-        kinds = {type(module).__name__ for module in policy.network.modules()}
-        assert set(policy._fsdp_wrap_modules) <= kinds

@@ -1,7 +1,5 @@
 """The follower is told what the leader is going to do; independent arms are told nothing."""
 
-from types import SimpleNamespace
-
 import pytest
 import torch
 
@@ -51,12 +49,12 @@ def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
 
 @pytest.mark.parametrize("shift_m", [(0.0, 0.0, 0.0), (0.05, -0.05, 0.05)])
 def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the_scene(
-    make_leader_follower, leader, make_batch, shift_m
+    make_leader_follower, leader, make_batch, monkeypatch, shift_m
 ):
     policy = make_leader_follower(leader=str(leader), augmentation=True).train()
     motion = torch.eye(4).repeat(4, 1, 1)
     motion[:, :3, 3] = torch.tensor(shift_m)
-    policy.augmentation = SimpleNamespace(sample=lambda keyposes: motion)
+    monkeypatch.setattr(f"{KeyposePolicy.__module__}.sample_motions", lambda keyposes, config: motion)
     seen, batch = spy(policy), make_batch(samples=4)
     policy(batch)
     assert seen["follower"].shape == (4, 4 + 8)

@@ -6,13 +6,11 @@ from typing import Any
 import pytest
 import torch
 
-from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
 from lerobot_policy_bimanual.peract.pooling import pool
 from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
-from lerobot_policy_bimanual.peract.voxel_grid import voxelise
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
@@ -52,16 +50,6 @@ def test_decoder_gradients_in_bfloat16_stay_close():
 
 def test_spatial_softmax_of_float32_features_ignores_autocast():
     full, half = in_both_precisions(pool, torch.randn(2, 3, 5, 5, 5))
-    assert torch.equal(full, half)
-
-
-def test_voxel_grid_ignores_autocast():
-    points = torch.rand(1, 3, 400) + torch.tensor(VOXEL_WORKSPACE.lower)[:, None]
-
-    def grid(points: torch.Tensor) -> torch.Tensor:
-        return voxelise(points, points, workspace=VOXEL_WORKSPACE, voxels=20)
-
-    full, half = in_both_precisions(grid, points)
     assert torch.equal(full, half)
 
 

@@ -10,7 +10,6 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
 from lerobot_policy_bimanual.peract.reference import block, leaky
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
-from lerobot_policy_bimanual.rvt_lf.layers import UpsampledConv2d
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels, sum_over_views
 
@@ -144,23 +143,6 @@ def test_network_and_its_gradients_equal_the_written_out_formulation():
         torch.testing.assert_close(  # the interpolation weights are kept in float32
             ours, theirs, atol=1e-5, rtol=1e-5, msg=lambda text, name=name: f"{name}: {text}"
         )
-
-
-@pytest.mark.parametrize(("factor", "size"), [(1, 3), (3, 1), (5, 2), (11, 4)])
-def test_upsampled_convolution_equals_interpolation_then_convolution(factor, size):
-    layer = UpsampledConv2d(3, 2, factor).double()
-    torch.nn.init.normal_(layer.conv.bias)
-    x = torch.randn(2, 3, size, size + 1, dtype=torch.float64, requires_grad=True)
-    variables = (x, layer.conv.weight, layer.conv.bias)
-    expected, actual = upsampled_conv(*variables), layer(x)
-    torch.testing.assert_close(actual, expected, atol=1e-6, rtol=1e-6)  # interpolation weights are float32
-    probe = torch.randn_like(actual)
-    for got, want in zip(
-        torch.autograd.grad(actual, variables, probe),
-        torch.autograd.grad(expected, variables, probe),
-        strict=True,
-    ):
-        torch.testing.assert_close(got, want, atol=1e-5, rtol=1e-6)
 
 
 def test_the_pose_does_not_train_the_heatmap():

@@ -15,7 +15,7 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import SchemaMismatch
 from lerobot_policy_bimanual.errors import BadConfig
-from lerobot_policy_bimanual.keypose.augmentation import SceneAugmentation, move_keyposes
+from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe
@@ -59,12 +59,6 @@ class KeyposePolicy(PreTrainedPolicy):
             config.remember_dataset(dataset_meta)
         self.keypose_horizon = config.fit_keypose_horizon(dataset_stats) if config.use_keypose_step else None
         self.codec = config.codec
-        self.augmentation = SceneAugmentation(
-            workspace=config.workspace,
-            shift_m=config.augmentation_shift_m,
-            yaw_deg=config.augmentation_yaw_deg,
-            yaw_step_deg=config.augmentation_yaw_step_deg,
-        )
         self.language = _make_language(config)
         self.network = self.make_network()
         self._check_observation = ObservationCheck(config)
@@ -128,7 +122,7 @@ class KeyposePolicy(PreTrainedPolicy):
         with full_precision(keyposes.device):
             motion = None
             if self.training and self.config.augmentation:
-                motion = self.augmentation.sample(keyposes)
+                motion = sample_motions(keyposes, self.config)
                 keyposes = move_keyposes(motion, keyposes)
             observation = self.observe(batch, motion)
             target = self.target_bins(keyposes)
@@ -206,5 +200,6 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
         reason = " ".join(str(error).split())
         raise BadConfig(
             f"no text tower can be made of language_encoder={config.language_encoder!r}, which must name the folder or "
-            f"the hub id of a CLIP model: {reason}"
+            "the hub id of a CLIP model, and needs the package transformers (pip install "
+            f"'lerobot_policy_bimanual[clip]'): {reason}"
         ) from error

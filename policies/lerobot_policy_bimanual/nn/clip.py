@@ -22,13 +22,8 @@ class ClipLanguage(nn.Module):
 
     def __init__(self, source: str, *, tokens: int, dim: int):
         super().__init__()
-        try:
-            from transformers import CLIPTextModel, CLIPTokenizer
-        except ImportError as error:
-            raise ImportError(
-                f"the CLIP text tower {source} needs the package transformers: "
-                "pip install 'lerobot_policy_bimanual[clip]', or use language_encoder='learned'"
-            ) from error
+        from transformers import CLIPTextModel, CLIPTokenizer
+
         # Without a dtype it would be that of the file, often half precision.
         model = CLIPTextModel.from_pretrained(source, dtype=torch.float32).eval().requires_grad_(False)
         limit = model.config.max_position_embeddings

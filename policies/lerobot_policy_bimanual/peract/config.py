@@ -47,21 +47,15 @@ class PerActConfig(KeyposePolicyConfig):
         """
         super().__post_init__()
         dilations = self.projection_dilations
-        if (
-            not all(isinstance(dilation, int) and 1 <= dilation <= 512 for dilation in dilations[:16])
-            or dilations[16:]
-        ):
+        if len(dilations) > 16 or not all(isinstance(each, int) and 1 <= each <= 512 for each in dilations):
             raise BadConfig(
                 f"projection_dilations is {dilations!r}, but must be a list of up to 16 whole numbers from 1 to 512"
             )
-        if self.voxel_cells == 1 or (self.voxel_cells and self.translation_head == "dense"):
-            raise BadConfig(
-                f"voxel_cells={self.voxel_cells} must be 0, or at least 2 with translation_head=factorised"
-            )
-        if dilations and self.translation_head == "dense":
-            raise BadConfig(f"projection_dilations={list(dilations)} needs translation_head=factorised")
-        if self.language_filters and self.translation_head == "dense":
-            raise BadConfig("language_filters=true needs translation_head=factorised")
+        if self.voxel_cells == 1:
+            raise BadConfig("voxel_cells=1 must be 0, or at least 2")
+        for name in ("voxel_cells", "projection_dilations", "language_filters"):
+            if self.translation_head == "dense" and getattr(self, name):
+                raise BadConfig(f"{name}={getattr(self, name)} needs translation_head=factorised")
         require_multiple(self, "voxel_size", PATCH, "a patch is five voxels wide")
         require_multiple(self, "token_dim", 2, "half of a token is proprioception")
         require_multiple(self, "latent_dim", self.heads, "the heads share the latent evenly")
