@@ -125,14 +125,14 @@ class Plan:
             "view": self.recipe.view,
             "image_size": settings.image_size,
             "cameras": ",".join(self.recipe.cameras),
-            **({} if self.recipe.depth else {"depth": False}),
-            **_unless_empty("intermediate", ",".join(map(str, fractions))),
+            "depth": None if self.recipe.depth else False,
+            "intermediate": ",".join(map(str, fractions)),
             "root": str(self.dataset),
             "repo_id": self._repo_id,
-            **_unless_empty("perturb", settings.demos_perturb),
+            "perturb": settings.demos_perturb,
             "workers": self.workers,
         }
-        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(options)]
+        words = ["lerobot-bimanual", "dataset", "generate", *flag_words(_given(options))]
         return Command(f"generate_{self.dataset.name}", words, output=self.dataset)
 
     def baseline(self, player: str) -> Command:
@@ -145,11 +145,11 @@ class Plan:
             "first_seed": seeds.start,
             "episodes": len(seeds),
             "player": player,
-            **_unless_empty("perturb", settings.perturb),
+            "perturb": settings.perturb,
             "workers": self.workers,
             "output": str(report),
         }
-        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(options)]
+        words = ["lerobot-bimanual", "expert", "evaluate", *flag_words(_given(options))]
         return Command(report.stem, words, output=report, judges=True)
 
     def training(self) -> Command:
@@ -157,7 +157,7 @@ class Plan:
         settings, folder = self.settings, self.training_folder / "train"
         options = {
             "policy.type": settings.policy,
-            **self._device,
+            "policy.device": settings.device,
             "dataset.repo_id": self._repo_id,
             "dataset.root": str(self.dataset),
             "steps": settings.steps,
@@ -165,9 +165,8 @@ class Plan:
             "save_freq": settings.save_freq,
             "seed": settings.seed,
             "output_dir": str(folder),
-            **settings.training,
         }
-        words = ["lerobot-bimanual-train", *flag_words(options)]
+        words = ["lerobot-bimanual-train", *flag_words(_given(options) | settings.training)]
         return Command("train", words, self.checkpoint(settings.steps), training_folder=folder)
 
     def evaluation(self, split: ScoredSplit, step: int) -> Command:
@@ -175,24 +174,22 @@ class Plan:
         settings, folder, seeds = self.settings, self.evaluation_folder(split, step), self.seeds(split)
         options = {
             "policy.path": str(self.checkpoint(step)),
-            **self._device,
+            "policy.device": settings.device,
             "env.type": "bimanual",
             "env.task": settings.task,
             "env.variation": settings.variation,
             "env.split": split,
-            **_unless_empty("env.perturb", self._perturb(split)),
+            "env.perturb": self._perturb(split),
             "env.image_size": settings.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
-            **({} if self.recipe.depth else {"env.obs": "rgb"}),
+            "env.obs": None if self.recipe.depth else "rgb",
             "env.results_dir": str(folder),
             "eval.n_episodes": len(seeds),
             "eval.batch_size": 2,
             "seed": seeds.start,
             "output_dir": str(folder),
-            **settings.evaluation,
-            **self.outputs,
         }
-        words = ["lerobot-eval", *flag_words(options)]
+        words = ["lerobot-eval", *flag_words(_given(options) | settings.evaluation | {**self.outputs})]
         return Command(folder.name, words, folder / "eval_info.json", inputs=(self.weights(step),))
 
     def commands(self, step: int) -> Iterator[Command]:
@@ -208,13 +205,10 @@ class Plan:
         return self.settings.perturb if split == "test" else ""
 
     @property
-    def _device(self) -> dict[str, str]:
-        return {} if self.settings.device is None else {"policy.device": self.settings.device}
-
-    @property
     def _repo_id(self) -> str:
         return f"benchmark/{self.source.name}"
 
 
-def _unless_empty(name: str, value: str) -> dict[str, str]:
-    return {name: value} if value else {}
+def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options without those that are empty."""
+    return {name: value for name, value in options.items() if value not in (None, "")}

@@ -78,7 +78,7 @@ class Recipe:
 
         Raises:
             InvalidChoice: no installed distribution has recipes for the policy, or it has none of that name.
-            BimanualError: the file is not a recipe.
+            BimanualError: the file is not YAML, lacks what a benchmark needs, or is of another policy.
         """
         packages = entries(GROUP)
         if policy not in packages:
@@ -87,29 +87,18 @@ class Recipe:
         files = {path.stem: path for path in sorted(folder.glob("recipes/*.yaml"))} if folder else {}
         if name not in files:
             raise InvalidChoice(f"recipe for {policy}", name, files)
-        recipe = cls.read(files[name])
-        if (type_ := recipe.sections["policy"]["type"]) != policy:
+        try:
+            sections = yaml.safe_load(files[name].read_text(encoding="utf-8"))
+            view, type_ = Path(sections["dataset"]["root"]).name, sections["policy"]["type"]
+            numbers = [int(sections[each]) for each in ("steps", "batch_size", "save_freq")]
+        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+            raise BimanualError(f"{files[name]} is not a recipe of a benchmark: {error!r}") from error
+        if view not in schema.VIEWS:
+            raise InvalidChoice(f"last folder of dataset.root in {files[name]}", view, get_args(schema.View))
+        if type_ != policy:
             raise BimanualError(
                 f"{files[name]} trains {type_!r}, but is installed as a recipe for {policy!r}"
             )
-        return recipe
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """The recipe in a file.
-
-        Raises:
-            BimanualError: the file is not YAML, or lacks what a benchmark needs.
-        """
-        try:
-            sections = yaml.safe_load(path.read_text(encoding="utf-8"))
-            view = Path(sections["dataset"]["root"]).name
-            numbers = [int(sections[name]) for name in ("steps", "batch_size", "save_freq")]
-            sections["policy"]["type"]
-        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
-            raise BimanualError(f"{path} is not a recipe of a benchmark: {error!r}") from error
-        if view not in schema.VIEWS:
-            raise InvalidChoice(f"last folder of dataset.root in {path}", view, get_args(schema.View))
         return cls(sections, view, *numbers)
 
     @property

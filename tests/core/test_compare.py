@@ -96,18 +96,6 @@ def test_the_same_weights_are_not_a_second_training_but_may_score_several_tasks(
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
-def test_of_several_trainings_it_is_said_on_how_many_episodes_either_is_better(tmp_path, capsys):
-    for seed, outcomes in ((1, "xxx."), (2, "xx.x")):
-        put(tmp_path, trained(outcomes, seed))
-    put(tmp_path, trained("...x", 1, "other"))
-    policies = {"first_policy": "mine", "second_policy": "other"}
-    results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path, **policies))
-    assert (
-        "lift_ball: the first is better on 3 episodes, the second on 1, equal on 0; the exact sign-flip permutation test: p ="
-        in capsys.readouterr().out
-    )
-
-
 def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     for task in ("lift_ball", "push_box"):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, UnknownCamera, check_range
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, UnknownCamera, check_range
 
 PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual")
 SAMPLES = {"valid": ["this", "that"], "count": 3, "folder": Path("shards/000001")}
@@ -34,11 +34,6 @@ def test_every_error_survives_the_way_between_processes() -> None:
         error = kind(*(SAMPLES.get(name, f"some {name}") for name in names))
         again = pickle.loads(pickle.dumps(error))
         assert (type(again), str(again), vars(again)) == (kind, str(error), vars(error))
-
-
-def test_a_keypose_failure_still_says_which_arm_it_was() -> None:
-    failure = pickle.loads(pickle.dumps(KeyposeFailure("left", "out of reach")))
-    assert (failure.arm, failure.reason) == ("left", "out of reach")
 
 
 @pytest.mark.parametrize(

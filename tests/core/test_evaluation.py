@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as drawn
-from sample_results import RESULT
 
 from lerobot_bimanual.results.proof import HashChain, actions_from_text, actions_to_text, first_difference
 
@@ -58,9 +57,3 @@ def test_a_chain_differs_from_the_first_changed_action_or_state_on():
     ):
         assert first_difference(whole.links, other.links) == step
         assert whole.end != other.end
-
-
-def test_an_episode_gives_its_actions_back():
-    proof = RESULT.episodes[0].proof
-    assert proof is not None
-    assert len(proof.action_list()) == 1

@@ -62,8 +62,14 @@ def test_a_command_runs_again_when_its_words_output_or_input_changed(tmp_path, p
     assert count(tmp_path) == 4
 
 
-def test_an_input_that_is_gone_is_named(tmp_path, pipeline):
+def test_an_input_that_is_gone_and_a_damaged_marker_are_named(tmp_path, pipeline):
+    (tmp_path / "weights").touch()
     command = counting(tmp_path, inputs=(tmp_path / "weights",))
+    pipeline.run(command)
+    (tmp_path / "chain" / "count.command.json").write_text("{")
+    with pytest.raises(BimanualError, match=r"count\.command\.json: .*Invalid JSON"):
+        pipeline.run(command)
+    (tmp_path / "weights").unlink()
     with pytest.raises(BimanualError, match=r"weights cannot be read \(No such file.*put it back, or choose"):
         pipeline.run(command)
 
@@ -195,14 +201,6 @@ def test_checkpoints_of_another_training_are_kept(by_chain, tmp_path, trainings,
         trainings.run(training_command(tmp_path, "--seed=1"))
     assert training.last.exists()
     assert len(training.calls) == 1
-
-
-def test_a_damaged_marker_is_named(tmp_path, pipeline):
-    command = counting(tmp_path)
-    pipeline.run(command)
-    (tmp_path / "chain" / "count.command.json").write_text("{")
-    with pytest.raises(BimanualError, match=r"count\.command\.json: .*Invalid JSON"):
-        pipeline.run(command)
 
 
 KILLED = """

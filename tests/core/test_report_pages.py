@@ -55,20 +55,6 @@ def test_results_that_are_not_comparable_are_refused(config, fields, message, re
 
 
 @pytest.mark.parametrize(
-    ("config", "fields", "message"),
-    [
-        ({"training": RESULT.config.training | {"log_freq": 9}}, {}, "log_freq"),
-        ({}, {"checkpoint_sha256": RESULT.checkpoint_sha256}, "has the weights of .*seed1000.json"),
-        ({}, {"options": RESULT.options | {"max_keyposes": 40}}, "max_keyposes"),
-    ],
-)
-def test_trainings_that_cannot_share_a_cell_are_refused(config, fields, message, results: Path):
-    another_training(results, config, **fields)
-    with pytest.raises(BimanualError, match=rf"lift_ball_mine_small_seed.*json:? .*{message}"):
-        page_of(results)
-
-
-@pytest.mark.parametrize(
     ("config", "flags"),
     [
         (

@@ -1,9 +1,12 @@
-"""The documents of the repository, and the commands in them."""
+"""The documents of the repository, the commands in them, and whether programs accept these."""
 
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.cli.flags import parse_flags
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("", "docs/", "envs/", "policies/", "robots/", "examples/", "policies/lerobot_policy_bimanual/*/")
@@ -11,6 +14,26 @@ DOCUMENTS = sorted(
     path for folder in (*FOLDERS, "results/checkpoints/") for path in ROOT.glob(f"{folder}*.md")
 )
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
+
+
+def parse(program: str, *flags: str) -> None:
+    """Parse the flags of a command as its program would."""
+    import draccus
+    from lerobot.configs.eval import EvalPipelineConfig
+    from lerobot.configs.train import TrainPipelineConfig
+
+    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
+    from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
+
+    if program == "lerobot-bimanual":
+        name, rest = cli.find_command(flags)
+        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
+        return
+    if any(flag.startswith("--policy.path=") for flag in flags):
+        # LeRobot reads the policy's config from there and applies the other --policy flags to it.
+        flags = tuple(flag for flag in flags if not flag.startswith("--policy."))
+    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
+    draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
 def commands(*documents: Path) -> Iterator[list[str]]:

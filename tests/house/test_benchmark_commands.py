@@ -5,37 +5,15 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from documents import parse
 
-from lerobot_bimanual import cli
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, resolve
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.commands.demo import DemoConfig, demo
 from lerobot_bimanual.commands.policy_benchmark import policy_benchmark
 from lerobot_bimanual.errors import BimanualError
 
 POLICIES = ("act", "peract2", "peract_independent", "peract_lf", "rvt_lf")
-
-
-def check(words: list[str]) -> None:
-    """Parse a command as its program would."""
-    import draccus
-    from lerobot.configs.eval import EvalPipelineConfig
-    from lerobot.configs.train import TrainPipelineConfig
-
-    import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies
-    from lerobot_env_bimanual import BimanualEnvConfig  # noqa: F401  registers the environment
-
-    program, *flags = words
-    if program == "lerobot-bimanual":
-        name, flags = cli.find_command(flags)
-        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), flags)
-        return
-    config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
-    if any(flag.startswith("--policy.path=") for flag in flags):
-        # LeRobot reads the policy's config from there and applies the other --policy flags to it.
-        flags = [flag for flag in flags if not flag.startswith("--policy.")]
-    draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
 def commands_of(config: BenchmarkConfig) -> list[list[str]]:
@@ -57,7 +35,7 @@ def test_the_commands_of_a_benchmark_are_valid(policy: str, recipe, tmp_path: Pa
     evaluations = ["lerobot-eval"] * (checkpoints + 1)
     assert programs == ["lerobot-bimanual"] * 3 + ["lerobot-bimanual-train"] + evaluations
     for words in commands[:5]:  # the other evaluations have the same flags
-        check(words)
+        parse(*words)
     splits = [word for words in commands for word in words if word.startswith("--env.split=")]
     assert splits == ["--env.split=val"] * checkpoints + ["--env.split=test"]
     # Demonstrations are shared by the policies of a task, but not by one that needs what is not in them.
@@ -74,7 +52,7 @@ def test_the_demo_is_a_benchmark_of_one_checkpoint_with_videos(tmp_path: Path):
     assert all(getattr(as_benchmark, name) == getattr(config, name) for name in shared)
     commands = commands_of(as_benchmark)
     for words in commands:
-        check(words)
+        parse(*words)
     assert [words[0] for words in commands][3:] == ["lerobot-bimanual-train", "lerobot-eval"]
     assert f"--env.video_dir={config.video_folder}" in commands[-1]
 

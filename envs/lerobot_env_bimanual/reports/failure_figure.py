@@ -52,17 +52,10 @@ def _draw(panel: Axes, task: str, failures: Sequence[Attribution]) -> None:
     counts = Counter((failure.last_recoverable, failure.responsible) for failure in failures)
     last = max((index for index, _ in counts if index is not None), default=0)
     bottom = [0] * (last + 1)
+    style = {"edgecolor": INK, "linewidth": 0.6}
     for responsible, color in COLORS.items():
         heights = [counts[index, responsible] for index in range(last + 1)]
-        panel.bar(
-            range(last + 1),
-            heights,
-            bottom=bottom,
-            color=color,
-            edgecolor=INK,
-            linewidth=0.6,
-            label=responsible,
-        )
+        panel.bar(range(last + 1), heights, bottom=bottom, color=color, label=responsible, **style)
         bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
     unattributed = len(failures) - sum(bottom)
     note = f", {unattributed} not attributed" if unattributed else ""
