@@ -54,7 +54,7 @@ bench: setup  ## Run the benchmarks of docs/performance.md; each ends with a lin
 	    "commands.py recording" "commands.py decoding" "commands.py scoring"; do $(BIN)/python benchmarks/$$run || exit; done
 
 docs: setup  ## Build the site of the documentation, with videos of the experts, into build/site (minutes at first)
-	$(BIN)/python scripts/site_films.py
+	$(BIN)/python scripts/site_hooks.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	@echo "open build/site/index.html"
 

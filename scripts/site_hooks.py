@@ -2,17 +2,21 @@
 
 The home page is README.md. Every page of a task is written from the registry, the expert reports and the board of results.
 What a page links to outside docs/ becomes a page, too, below repository/.
+
+As a program it films the experts for these pages, where that has not been done in their present world.
 """
 
 import posixpath
 import re
+import subprocess
+import sys
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
-from site_films import FILMS, film_name
 
 from lerobot_bimanual.pages import markdown_table
 from lerobot_bimanual.reports.benchmark_page import read_results, success_table
@@ -21,6 +25,7 @@ from lerobot_env_bimanual.reports.task_pages import task_pages
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
+FILMS = ROOT / "build/films"
 TASKS_ENTRY = "Tasks"
 """Of the navigation, to which the tasks' pages are added."""
 LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")
@@ -91,8 +96,29 @@ _SOURCES: dict[str, Path] = {}
 """Where in the repository the text of a page comes from."""
 
 
+@cache
 def _expert_reports() -> ExpertReports:
     return ExpertReports.read(RESULTS / "expert_reports")
+
+
+def _film_name(task: str) -> str:
+    """Name of a task's film, without suffix: it says in which world it was taken."""
+    return f"{task}-{_expert_reports().reports['expert'].worlds[task]}"
+
+
+def _film_experts() -> None:
+    names = {task: _film_name(task) for task in _expert_reports().tasks}
+    missing = [task for task, name in names.items() if not (FILMS / f"{name}.mp4").is_file()]
+    if not missing:
+        return
+    print(f"filming {len(missing)} experts, about ten seconds each on one core", flush=True)
+    program, made = Path(sys.executable).with_name("lerobot-bimanual"), ROOT / "build/render"
+    words = ["task", "render", f"--task={','.join(missing)}", "--quality=observation", f"--output={made}"]
+    subprocess.run([program, *words], check=True)
+    FILMS.mkdir(parents=True, exist_ok=True)
+    for task in missing:
+        for suffix in (".png", ".mp4"):
+            (made / f"{task}{suffix}").replace(FILMS / f"{names[task]}{suffix}")
 
 
 def _task_pages() -> dict[str, str]:
@@ -100,7 +126,7 @@ def _task_pages() -> dict[str, str]:
     pictures, policies = {}, {}
     for task in reports.tasks:
         scored = [result for result in results if result.task == task]
-        name = film_name(task)
+        name = _film_name(task)
         pictures[task] = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
         policies[task] = ROWS.format(table=markdown_table(success_table(scored))) if scored else NO_ROWS
     return {f"tasks/{task}.md": page for task, page in task_pages(reports, pictures, policies).items()}
@@ -129,3 +155,7 @@ def _text(path: Path) -> str:
         return f"{head}\n{listing}\n"
     text = whole.read_text(encoding="utf-8") if whole.suffix in (*CODE, ".md") else ""
     return f"# {path.as_posix()}\n\n```{CODE[whole.suffix]}\n{text}\n```\n" if whole.suffix in CODE else text
+
+
+if __name__ == "__main__":
+    _film_experts()

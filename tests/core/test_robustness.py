@@ -7,10 +7,7 @@ from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, resu
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.reports.robustness_table import conditions_table
 from lerobot_bimanual.reports.robustness_text import print_robustness
-from lerobot_bimanual.results.robustness import (
-    ExpertRobustnessReport,
-    read_expert_robustness,
-)
+from lerobot_bimanual.results.robustness import ExpertRobustnessReport, read_expert_robustness
 from lerobot_bimanual.results.statistics import SuccessRate, holm, mcnemar_p_value
 
 
@@ -66,17 +63,14 @@ def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
     assert "in no sum: mass:3" in printed
 
 
-def test_the_experts_report_decides_over_the_few_episodes_of_a_result():
+def test_the_experts_report_counts_what_it_lists_and_decides_over_the_few_episodes_of_a_result():
+    rates = EXPERT_REPORT.rates(EXPERT_REPORT.by_key["mass", 1])
+    assert rates == {"expert": SuccessRate(97, 100), "open_loop": SuccessRate(1, 30)}
+    assert [EXPERT_REPORT.is_valid(each) for each in EXPERT_REPORT.conditions] == [True, True, False]
     few = "x" * 9 + "."
     assert not condition("mass", 1, few, expert=few).is_valid
     assert condition("mass", 1, few, expert=few, expert_report=SuccessRate(97, 100)).is_valid
     assert not condition("mass", 1, few, expert_report=SuccessRate(96, 100)).is_valid
-
-
-def test_an_expert_report_counts_what_it_lists():
-    rates = EXPERT_REPORT.rates(EXPERT_REPORT.by_key["mass", 1])
-    assert rates == {"expert": SuccessRate(97, 100), "open_loop": SuccessRate(1, 30)}
-    assert [EXPERT_REPORT.is_valid(each) for each in EXPERT_REPORT.conditions] == [True, True, False]
 
 
 def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):

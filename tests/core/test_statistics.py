@@ -57,9 +57,7 @@ def test_the_sign_flip_test_counts_all_signs(differences):
     assert sign_flip_p_value(differences) == pytest.approx(at_least)
 
 
-@pytest.mark.parametrize(
-    ("only_first", "only_second"), [(0, 0), (1, 9), (5, 5), (6, 0), (31, 12), (700, 600)]
-)
+@pytest.mark.parametrize(("only_first", "only_second"), [(0, 0), (1, 9), (31, 12), (700, 600)])
 def test_the_sign_flip_test_of_single_successes_is_mcnemars(only_first, only_second):
     differences = [1] * only_first + [-1] * only_second + [0] * 7
     assert sign_flip_p_value(differences) == pytest.approx(mcnemar_p_value(only_first, only_second))

@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.flags import parse_flags
@@ -16,8 +17,8 @@ DOCUMENTS = sorted(
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
 
 
-def parse(program: str, *flags: str) -> None:
-    """Parse the flags of a command as its program would."""
+def parse(program: str, *flags: str) -> Any:
+    """The config that a program makes of its flags."""
     import draccus
     from lerobot.configs.eval import EvalPipelineConfig
     from lerobot.configs.train import TrainPipelineConfig
@@ -27,13 +28,12 @@ def parse(program: str, *flags: str) -> None:
 
     if program == "lerobot-bimanual":
         name, rest = cli.find_command(flags)
-        parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
-        return
+        return parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
     if any(flag.startswith("--policy.path=") for flag in flags):
         # LeRobot reads the policy's config from there and applies the other --policy flags to it.
         flags = tuple(flag for flag in flags if not flag.startswith("--policy."))
     config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
-    draccus.parse(config_type, args=flags, exit_on_error=False)
+    return draccus.parse(config_type, args=flags, exit_on_error=False)
 
 
 def commands(*documents: Path) -> Iterator[list[str]]:

@@ -22,23 +22,20 @@ from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 ROOT = Path(__file__).parents[2]
 BOARD, *TRIALS = (
-    ROOT / "results" / name
+    {path.name: BenchmarkResult.read(path) for path in sorted((ROOT / "results" / name).glob("*.json"))}
     for name in (
         "leaderboard",
-        "perturbed_demonstrations",
-        "few_demonstrations",
-        "without_keypose_step",
-        "without_quadratic_features",
-        "fresh_seeds",
-        "other_lengths",
         "made_again",
+        "fresh_seeds",
+        "without_quadratic_features",
+        *("perturbed_demonstrations", "few_demonstrations", "without_keypose_step", "other_lengths"),
     )
 )
-"""Trials are policies that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
-keyposes, without quadratic features or in another number of steps, policies of the board on fresh episodes (docs/learning.md), and
-cells that were made again (docs/benchmark.md)."""
-ROWS = sorted(BOARD.glob("*.json"))
-ALL_ROWS = [*ROWS, *(path for folder in TRIALS for path in sorted(folder.glob("*.json")))]
+"""Results by name. Trials are cells that were made again (docs/benchmark.md), policies of the board on fresh episodes, without
+quadratic features, that learned in perturbed worlds (docs/robustness.md), from fewer demonstrations, without the count of
+keyposes or in another number of steps (docs/learning.md)."""
+AGAIN, FRESH, WITHOUT_FEATURES, *_ = TRIALS
+ALL_ROWS = [row for folder in (BOARD, *TRIALS) for row in folder.items()]
 ROWS_PLAYED = 20
 """So that the test takes no longer the more rows there are."""
 CHECKPOINTS = sorted(path for path in (ROOT / "results" / "checkpoints").iterdir() if path.is_dir())
@@ -49,15 +46,14 @@ def test_the_page_of_results_and_its_figure_are_those_of_the_rows(monkeypatch: p
     folder = Path("results/leaderboard")
     page = benchmark_page(read_results(folder), folder, figure="results.png")
     assert (ROOT / "docs" / "results.md").read_text() == page
-    assert described("results.png") == success_figure([*map(BenchmarkResult.read, ROWS)]).description
+    assert described("results.png") == success_figure([*BOARD.values()]).description
 
 
 def test_the_picture_of_failures_shows_every_failed_one_of_peract2():
     failed = Counter()
-    for row in map(BenchmarkResult.read, ROWS):
-        if row.config.policy_id != "peract2":
-            continue
-        failed[row.task] += sum(not episode.success for episode in row.episodes)
+    for row in BOARD.values():
+        if row.config.policy_id == "peract2":
+            failed[row.task] += sum(not episode.success for episode in row.episodes)
     sentences = dict(re.findall(r"(\w+)(?: \w+)?: (\d+) failed", described("failure_attribution.png")))
     assert {task: int(count) for task, count in sentences.items()} == failed
 
@@ -69,46 +65,38 @@ def described(picture: str) -> str:
 
 
 def test_cells_that_were_made_again_are_the_first_ones_to_the_last_bit():
-    again = sorted((ROOT / "results/made_again").glob("*.json"))
-    assert again
-    rooms = BOARD, ROOT / "results/without_quadratic_features"
-    for path in again:
-        first = [BenchmarkResult.read(room / path.name) for room in rooms if (room / path.name).is_file()]
-        row = BenchmarkResult.read(path)
+    assert AGAIN
+    for name, row in AGAIN.items():
+        first = [rows[name] for rows in (BOARD, WITHOUT_FEATURES) if name in rows]
         assert (row.checkpoint_sha256, row.episodes) in [
             (each.checkpoint_sha256, each.episodes) for each in first
         ]
 
 
 def test_fresh_seeds_were_played_with_the_weights_of_the_board():
-    fresh = sorted((ROOT / "results/fresh_seeds").glob("*.json"))
-    assert fresh
-    for row, first in (
-        (BenchmarkResult.read(path), BenchmarkResult.read(BOARD / path.name)) for path in fresh
-    ):
-        assert row.checkpoint_sha256 == first.checkpoint_sha256
-        assert not {each.seed for each in row.episodes} & {each.seed for each in first.episodes}
+    assert FRESH
+    for name, row in FRESH.items():
+        assert row.checkpoint_sha256 == BOARD[name].checkpoint_sha256
+        assert not {each.seed for each in row.episodes} & {each.seed for each in BOARD[name].episodes}
 
 
 def test_every_row_is_of_the_world_of_the_experts():
     worlds = json.loads((ROOT / "results/expert_reports/expert.json").read_text())["worlds"]
-    assert {(row.task, row.world) for row in map(BenchmarkResult.read, ALL_ROWS)} <= worlds.items()
+    assert {(row.task, row.world) for _, row in ALL_ROWS} <= worlds.items()
 
 
-@pytest.mark.parametrize("path", ALL_ROWS, ids=lambda path: path.stem)
-def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that_result(path: Path):
-    result = BenchmarkResult.read(path)
-    assert path.name == result.config.file_name
+@pytest.mark.parametrize(("name", "result"), ALL_ROWS, ids=[name for name, _ in ALL_ROWS])
+def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that_result(name, result):
+    assert name == result.config.file_name
     program, group, verb, *flags = shlex.split(command(shortest_config(result.config)))
     assert (program, group, verb) == ("lerobot-bimanual", "policy", "benchmark")
     config = parse_flags(BenchmarkConfig, flags)
     assert resolve(config) == result.config
     generated = dict(word.removeprefix("--").split("=", 1) for word in Plan.of(config).generation().words[3:])
     recorded = result.demonstrations.settings
-    for name, value in {"views": [generated["view"]], "cameras": generated["cameras"].split(",")}.items():
-        assert recorded[name] == value
-    for name, flag in {"episodes": "episodes", "height": "image_size", "width": "image_size"}.items():
-        assert str(recorded[name]) == generated[flag]
+    assert (recorded["views"], recorded["cameras"]) == ([generated["view"]], generated["cameras"].split(","))
+    assert str(recorded["episodes"]) == generated["episodes"]
+    assert str(recorded["height"]) == str(recorded["width"]) == generated["image_size"]
     assert recorded["depth"] == (generated.get("depth") != "false")
     assert (recorded["perturb"], recorded["split"]) == (generated.get("perturb", ""), "train")
     assert len(result.demonstrations.seeds) == result.config.demos
@@ -118,7 +106,7 @@ def test_the_command_that_is_printed_for_a_result_trains_and_scores_exactly_that
 def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder: Path):
     weights = folder / "model.safetensors"
     assert weights.stat().st_size <= 12_000_000
-    rows = [row for row in map(BenchmarkResult.read, ROWS) if row.checkpoint_sha256 == sha256(weights)]
+    rows = [row for row in BOARD.values() if row.checkpoint_sha256 == sha256(weights)]
     assert {row.config.policy_id for row in rows} == {folder.name}
     assert {row.task for row in rows} == set(resolve_tasks(rows[0].config.trained_on))
     for row in rows:
@@ -131,12 +119,12 @@ def test_a_trained_policy_is_small_and_that_of_the_rows_of_all_its_tasks(folder:
 def test_what_rows_claim_is_what_happens_when_they_are_played_again(tmp_path: Path, capsys):
     """Other rows and episodes in every run; `lerobot-bimanual results verify --results=results/leaderboard` plays all."""
     seed = int(np.random.default_rng().integers(1000))
+    paths = sorted(path for path in ROOT.glob("results/*/*_seed*.json") if path.parent.name != "robustness")
     rooms = set()
-    for index in np.random.default_rng(seed).permutation(len(ALL_ROWS))[:ROWS_PLAYED]:
-        row = ALL_ROWS[index]
-        room = tmp_path / row.parent.name
+    for index in np.random.default_rng(seed).permutation(len(paths))[:ROWS_PLAYED]:
+        room = tmp_path / paths[index].parent.name
         room.mkdir(exist_ok=True)
-        (room / row.name).symlink_to(row)
+        (room / paths[index].name).symlink_to(paths[index])
         rooms.add(room)
     for room in sorted(rooms):
         config = ResultsVerifyConfig(results=room, sample=1, sample_seed=seed)
