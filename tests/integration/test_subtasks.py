@@ -103,8 +103,10 @@ def test_a_stock_policy_that_is_told_its_subtask_trains_and_reads_it_in_every_ro
     policy = (f"--policy.path={told}", "--policy.push_to_hub=false")
     run("lerobot-bimanual-train", *policy, *training(root), folder=tmp_path)
     trained = tmp_path / "trained/checkpoints/last/pretrained_model"
-    rows = ResidentDataset(LeRobotDataset("local/annotated", root=root), torch.device("cpu"), images=())
-    batch = rows.batch(lerobot_collate_fn([rows[index] for index in range(rows.meta.episodes[0]["length"])]))
+    dataset = LeRobotDataset("local/annotated", root=root)
+    rows = ResidentDataset(dataset, torch.device("cpu"), images=())
+    first = range(dataset.meta.episodes[0]["length"])
+    batch = rows.batch(lerobot_collate_fn([rows[index] for index in first]))
     preprocessor = PolicyProcessorPipeline.from_pretrained(
         trained, config_filename="policy_preprocessor.json"
     )

@@ -1,7 +1,7 @@
 """A dataset that is decoded once and then stays in memory, of the host or of a GPU."""
 
-import copy
 from collections.abc import Collection, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,12 @@ import datasets
 import numpy as np
 import psutil
 import torch
+from lerobot.configs.video import DEPTH_METER_UNIT, DEPTH_MILLIMETER_UNIT, DepthEncoderConfig
+from lerobot.datasets.depth_utils import MM_PER_METRE, dequantize_depth
+from lerobot.datasets.feature_utils import get_delta_indices
 from lerobot.datasets.language import LANGUAGE_COLUMNS
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot.datasets.video_utils import decode_video_frames
 from torch import Tensor
 from torch.utils.data import Dataset
 from tqdm import tqdm
@@ -24,6 +28,9 @@ MAX_SHARE = 0.7
 MAX_DEPTH_MM = 2**16 - 1
 """Largest depth that 16 bits hold; larger depths are clipped."""
 
+ROW = "row"
+"""Key of the number of a row."""
+
 type Row = dict[str, Any]
 
 
@@ -31,14 +38,13 @@ class ResidentDataset(Dataset):
     """The rows of a `LeRobotDataset` in memory, colours in 8 and depth in 16 bits, as they were recorded.
 
     Training then moves no image: an item is a row number and texts, and `batch` looks up the other columns on the device,
-    with the rows before and after that the dataset's `delta_timestamps` name. Attributes that are not found here are the
-    dataset's.
+    with the rows before and after that the dataset's `delta_timestamps` name.
 
     Args:
-        dataset: the dataset, which is read once; so its rows must not be transformed at random.
+        dataset: the dataset, which is read once; so its rows must not be transformed at random, and depth is in millimetres.
         device: device that holds the rows.
-        row_key: key of an item's number, different for datasets of one training.
         images: keys of the images that are decoded and kept; by default all. Batches hold no others.
+        video_backend: LeRobot's name of the decoder of videos; by default its own choice.
 
     Raises:
         DatasetError: it does not fit into memory, or an image cannot be decoded.
@@ -48,10 +54,9 @@ class ResidentDataset(Dataset):
         self,
         dataset: LeRobotDataset,
         device: torch.device,
-        row_key: str = "row",
         images: Collection[str] | None = None,
+        video_backend: str | None = None,
     ):
-        self.row_key = row_key
         self._dataset = dataset
         self._depth_keys = set(dataset.meta.depth_keys)
         self._colour_keys = set(dataset.meta.camera_keys) - self._depth_keys
@@ -63,7 +68,8 @@ class ResidentDataset(Dataset):
         bounds = (np.repeat(starts, lengths), np.repeat(starts + lengths - 1, lengths))
         self._first, self._last = (torch.from_numpy(bound).to(device) for bound in bounds)
         read = set(dataset.meta.camera_keys if images is None else images)
-        rows = stored_rows(dataset, read, zip(starts.tolist(), lengths.tolist(), strict=True))
+        episodes = zip(starts.tolist(), lengths.tolist(), strict=True)
+        rows = stored_rows(dataset, read, episodes, video_backend)
         progress = tqdm(rows, desc="decoding the dataset", unit="row", total=len(dataset))
         for index, row in enumerate(progress):
             tensors = {
@@ -74,7 +80,7 @@ class ResidentDataset(Dataset):
             for key, value in tensors.items():
                 self._columns[key][index] = value
             self._texts.append({key: value for key, value in row.items() if key not in tensors})
-        asked_for = dataset.reader.delta_indices or {}
+        asked_for = get_delta_indices(dataset.delta_timestamps or {}, dataset.fps)
         self._offsets = {
             key: torch.tensor(offsets, device=device)
             for key, offsets in asked_for.items()
@@ -86,14 +92,8 @@ class ResidentDataset(Dataset):
         return len(self._dataset)
 
     def __getitem__(self, index: int) -> Row:
-        """A row's number, under `row_key`, and its texts."""
-        return {self.row_key: index} | self._texts[index]
-
-    def __getattr__(self, name: str) -> Any:
-        """Get an attribute of the dataset, such as `meta`."""
-        if name == "_dataset":  # before __init__ has set it
-            raise AttributeError(name)
-        return getattr(self._dataset, name)
+        """A row's number, under `ROW`, and its texts."""
+        return {ROW: index} | self._texts[index]
 
     def batch(self, items: Row) -> Row:
         """Make the batch that LeRobot's loader makes of these rows, with colours as floats in [0, 1].
@@ -104,8 +104,8 @@ class ResidentDataset(Dataset):
         Args:
             items: items, collated.
         """
-        texts = {key: value for key, value in items.items() if key != self.row_key}
-        rows = items[self.row_key]
+        texts = {key: value for key, value in items.items() if key != ROW}
+        rows = items[ROW]
         # LeRobot's collation drops the language columns, although its processors use them.
         language = {
             key: [self._texts[row][key] for row in rows.tolist()]
@@ -160,7 +160,10 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
 
 
 def stored_rows(
-    dataset: LeRobotDataset, images: set[str], episodes: Iterable[tuple[int, int]]
+    dataset: LeRobotDataset,
+    images: set[str],
+    episodes: Iterable[tuple[int, int]],
+    video_backend: str | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a `LeRobotDataset` in order, each without rows before and after it, each image decoded once.
 
@@ -171,26 +174,33 @@ def stored_rows(
         dataset: the dataset.
         images: keys of the images that are read; the others are left out of the rows.
         episodes: first row and number of rows of each.
+        video_backend: LeRobot's name of the decoder of videos; by default its own choice.
 
     Yields:
-        Tensors, texts, and images as tensors (channels, height, width), by their key.
+        Tensors, texts, and images as tensors (channels, height, width), by their key; depth in millimetres.
 
     Raises:
         DatasetError: an image cannot be decoded.
     """
-    left_out = set(dataset.meta.camera_keys) - images
-    video_keys = [key for key in dataset.meta.video_keys if key in images]
-    tables, videos = _with_videos(dataset, ()), _with_videos(dataset, video_keys)
-    _leave_encoded(tables, images.intersection(dataset.meta.image_keys))
+    meta, table = dataset.meta, dataset.hf_dataset
+    left_out = set(meta.camera_keys) - images
+    video_keys = [key for key in meta.video_keys if key in images]
+    notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
+    # Depth in metres is stored as floating-point numbers, which are left to LeRobot.
+    in_metres = {key for key in meta.image_keys if notes.get(key, {}).get("depth_unit") == DEPTH_METER_UNIT}
+    # OpenCV decodes images in tables three times as fast as LeRobot does.
+    for key in set(meta.image_keys) - in_metres:
+        table = table.cast_column(key, datasets.Image(decode=False))
+    times_s = dataset.hf_dataset.data.column("timestamp").to_numpy()
     for start, length in episodes:
         frames = {}
-        if video_keys:
-            videos.reader.delta_indices = {key: list(range(length)) for key in video_keys}
-            episode = videos.reader.get_item(start)
-            # LeRobot leaves out the axis of time where there is one frame only.
-            frames = {key: episode[key] if length > 1 else episode[key][None] for key in video_keys}
         for offset in range(length):
-            row: Any = tables[start + offset]  # pyright: ignore[reportArgumentType]
+            row: Any = table[start + offset]
+            if offset == 0 and video_keys:
+                times = times_s[start : start + length].tolist()
+                frames = _frames(dataset, int(row["episode_index"]), video_keys, times, video_backend)
+            row["task"] = meta.tasks.iloc[int(row["task_index"])].name
+            row |= {key: row[key] * MM_PER_METRE for key in in_metres}
             yield {
                 key: _decoded(value) if isinstance(value, dict) else value
                 for key, value in row.items()
@@ -198,28 +208,37 @@ def stored_rows(
             } | {key: pictures[offset] for key, pictures in frames.items()}
 
 
-def _with_videos(dataset: LeRobotDataset, keys: Collection[str]) -> LeRobotDataset:
-    """Copy a dataset without its other videos and without `delta_timestamps`."""
-    part = copy.copy(dataset)
-    part.reader = copy.copy(dataset.reader)
-    part.reader.delta_indices = None
-    meta = copy.copy(dataset.meta)
-    meta.info = copy.copy(meta.info)
-    left_out = set(meta.video_keys).difference(keys)
-    meta.info.features = {key: value for key, value in meta.features.items() if key not in left_out}
-    part.meta = part.reader._meta = meta
-    return part
+def _frames(
+    dataset: LeRobotDataset, episode: int, keys: Collection[str], times_s: list[float], backend: str | None
+) -> dict[str, Tensor]:
+    """The frames of an episode's videos by their key, (length, channels, height, width)."""
 
+    def decode(key: str) -> Tensor:
+        is_depth = key in dataset.meta.depth_keys
+        start_s = dataset.meta.episodes[episode][f"videos/{key}/from_timestamp"]
+        frames = decode_video_frames(
+            dataset.root / dataset.meta.get_video_file_path(episode, key),
+            [start_s + time_s for time_s in times_s],
+            dataset.tolerance_s,
+            backend,
+            return_uint8=True,
+            is_depth=is_depth,
+        )
+        if not is_depth:
+            return frames
+        coding = DepthEncoderConfig.from_video_info(dataset.meta.features[key].get("info"))
+        millimetres: Any = dequantize_depth(
+            frames,
+            depth_min=coding.depth_min,
+            depth_max=coding.depth_max,
+            shift=coding.shift,
+            use_log=coding.use_log,
+            output_unit=DEPTH_MILLIMETER_UNIT,
+        )
+        return millimetres
 
-def _leave_encoded(dataset: LeRobotDataset, images: Collection[str]) -> None:
-    """Have rows hold the encoded bytes of images in tables, which OpenCV decodes three times as fast as LeRobot does.
-
-    Depth that LeRobot converts to another unit is left to LeRobot.
-    """
-    for key in images:
-        unit = dataset.meta.features[key].get("info", {}).get("depth_unit", dataset.depth_output_unit)
-        if unit == dataset.depth_output_unit:
-            dataset.reader.hf_dataset = dataset.hf_dataset.cast_column(key, datasets.Image(decode=False))
+    with ThreadPoolExecutor(len(keys)) as pool:
+        return dict(zip(keys, pool.map(decode, keys), strict=True))
 
 
 def _decoded(image: dict[str, Any]) -> Tensor:

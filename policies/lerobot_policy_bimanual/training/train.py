@@ -4,67 +4,185 @@
 cannot keep up with a GPU. This program takes the same flags and calls the same function, but decodes the dataset once,
 before the first step, into the memory of the policy's device. Loaders then give row numbers, and rows are looked up on
 the device. Logs, checkpoints and how to resume are LeRobot's.
+
+LeRobot hands its loaders to an accelerator, and takes that from its caller: version 0.6.1 as an argument of its function,
+later ones from what `cfg.accelerator.build` makes. Ours gives back loaders of the same rows from memory.
 """
 
+import inspect
 import logging
 import sys
 from collections.abc import Callable, Iterator
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import torch
+from accelerate import Accelerator
+from accelerate.utils import DistributedDataParallelKwargs
+from lerobot.configs import parser
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
+from lerobot.datasets import EpisodeAwareSampler, LeRobotDatasetMetadata
 from lerobot.scripts import lerobot_train
+from lerobot.utils.import_utils import register_third_party_plugins
+from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
-ROW_KEYS = ("row", "held_out_row")
-"""Keys of a row number: of the training set, and of the one that `--dataset.eval_split` holds out."""
+
+class LoaderFromMemory:
+    """Batches of a dataset in memory, of the rows whose numbers a loader gives.
+
+    Args:
+        numbers: gives batches of items of the dataset.
+        dataset: the dataset.
+        is_resumed: whether the training goes on within an epoch. A loader draws a random number whenever it starts, and
+            here starts once more than in the uninterrupted training, after LeRobot has restored the random state; that
+            draw is taken back.
+    """
+
+    def __init__(self, numbers: DataLoader, dataset: ResidentDataset, is_resumed: bool):
+        self._numbers, self._dataset, self._is_resumed = numbers, dataset, is_resumed
+
+    def __len__(self) -> int:
+        """Batches of an epoch."""
+        return len(self._numbers)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield the batches of an epoch."""
+        batches = iter(self._numbers)
+        with torch.random.fork_rng(devices=(), enabled=self._is_resumed):
+            first = next(batches)
+        self._is_resumed = False
+        yield self._dataset.batch(first)
+        yield from map(self._dataset.batch, batches)
+
+
+class AcceleratorWithMemory:
+    """An accelerator whose loaders give rows from memory; all else is the wrapped accelerator's.
+
+    Args:
+        cfg: of the training.
+        make: makes the accelerator, when LeRobot first uses it: after it has validated the config.
+    """
+
+    def __init__(self, cfg: TrainPipelineConfig, make: Callable[[], Accelerator]):
+        self._cfg, self._make = cfg, make
+
+    @cached_property
+    def _accelerator(self) -> Accelerator:
+        check_training(self._cfg)
+        return self._make()
+
+    def __getattr__(self, name: str) -> Any:
+        """Get an attribute of the accelerator."""
+        return getattr(self._accelerator, name)
+
+    def prepare(self, *parts: Any) -> tuple[Any, ...]:
+        """Prepare what a training consists of: the policy, its optimizer and scheduler, and loaders.
+
+        Raises:
+            DatasetError: the rows of a loader do not fit into memory.
+        """
+        held = {
+            place: self._in_memory(part) for place, part in enumerate(parts) if isinstance(part, DataLoader)
+        }
+        numbers = {place: loader for place, (loader, _) in held.items()}
+        prepared = self._accelerator.prepare(*(numbers.get(place, part) for place, part in enumerate(parts)))
+        return tuple(
+            LoaderFromMemory(part, held[place][1], _starts_within_an_epoch(parts[place]))
+            if place in held
+            else part
+            for place, part in enumerate(prepared)
+        )
+
+    def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
+        """A loader of the numbers of the same rows, and their dataset in memory."""
+        rows: Any = loader.dataset
+        dataset = rows.dataset if isinstance(rows, Subset) else rows
+        images = images_read(self._cfg, dataset.meta)
+        held = ResidentDataset(dataset, self._accelerator.device, images, self._cfg.dataset.video_backend)
+        numbers = DataLoader(
+            Subset(held, rows.indices) if isinstance(rows, Subset) else held,
+            loader.batch_size,
+            sampler=loader.sampler,
+            collate_fn=loader.collate_fn,
+            pin_memory=loader.pin_memory,
+        )
+        return numbers, held
+
+
+def _starts_within_an_epoch(loader: DataLoader) -> bool:
+    sampler = loader.sampler
+    return isinstance(sampler, EpisodeAwareSampler) and bool(sampler.state_dict()["start_index"])
 
 
 def main() -> int:
     """Run `lerobot-train` with the flags of this process."""
-    datasets: list[ResidentDataset] = []
-
-    def make_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | None, ...]:
-        made = make_resident_datasets(cfg)
-        datasets.extend(dataset for dataset in made if dataset is not None)
-        return made
-
-    def make_processors(*args: Any, **kwargs: Any) -> tuple[Any, Any]:
-        preprocessor, postprocessor = _make_processors(*args, **kwargs)
-        to_transition = preprocessor.to_transition
-
-        def look_up(batch: dict[str, Any]) -> Any:
-            for dataset in datasets:
-                if dataset.row_key in batch:  # observations of an environment have none
-                    batch = dataset.batch(batch)
-            return to_transition(batch)
-
-        preprocessor.to_transition = look_up
-        return preprocessor, postprocessor
-
-    lerobot_train.make_train_eval_datasets = make_datasets
-    lerobot_train.make_pre_post_processors = make_processors
-    lerobot_train.compute_sampler_state = take_back_a_draw
+    register_third_party_plugins()
     try:
-        lerobot_train.main()
+        train()  # pyright: ignore[reportCallIssue]  the config is made of the flags
     except BimanualError as error:
         print(f"lerobot-bimanual-train: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | None, ...]:
-    """The datasets that `lerobot-train` would make, in memory.
+@parser.wrap()
+def train(cfg: TrainPipelineConfig) -> None:
+    """Train with the dataset in memory; a LeRobot that takes no accelerator trains with its own loaders, and a warning.
 
     Raises:
-        DatasetError: there are none, they are streamed, are transformed at random, are asked for in metres, do not fit
-            into memory, or are for a reward model.
+        DatasetError: as in `check_training`, or the dataset does not fit into memory.
+        BadConfig: the training is to run elsewhere.
+    """
+    if cfg.job.is_remote:
+        raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
+    of_config: Any = getattr(cfg, "accelerator", None)
+    if "accelerator" in inspect.signature(lerobot_train.train).parameters:
+        lerobot_train.train(cfg, AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg)))
+        return
+    if hasattr(of_config, "build"):
+
+        class WithMemory(type(of_config)):
+            """LeRobot's config of an accelerator, which makes ours."""
+
+            def build(self, *args: Any, **kwargs: Any) -> Any:
+                return AcceleratorWithMemory(cfg, partial(super().build, *args, **kwargs))
+
+        cfg.accelerator = WithMemory(**vars(of_config))  # pyright: ignore[reportAttributeAccessIssue]
+    else:
+        logging.warning(
+            "This LeRobot takes no accelerator: rows are decoded at every step, as by `lerobot-train`"
+        )
+    lerobot_train.train(cfg)
+
+
+def _accelerator_of_0_6_1(cfg: TrainPipelineConfig) -> Accelerator:
+    """The accelerator that LeRobot 0.6.1 makes itself where it is given none."""
+    config: Any = cfg.trainable_config
+    dtype = getattr(config, "dtype", None)
+    if not hasattr(config, "dtype") and getattr(config, "use_amp", False):
+        dtype = str(torch.get_autocast_dtype(torch.device(config.device).type)).removeprefix("torch.")
+    return Accelerator(
+        step_scheduler_with_optimizer=False,
+        mixed_precision={"bfloat16": "bf16", "float16": "fp16", "float32": "no"}.get(str(dtype)),
+        kwargs_handlers=[DistributedDataParallelKwargs(find_unused_parameters=True)],
+        cpu=config.device == "cpu",
+    )
+
+
+def check_training(cfg: TrainPipelineConfig) -> None:
+    """Whether a training can have its dataset in memory; the config then asks for no loader processes.
+
+    Raises:
+        DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, or as in
+            `check_dataset`.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -78,32 +196,21 @@ def make_resident_datasets(cfg: TrainPipelineConfig) -> tuple[ResidentDataset | 
             f"depth is kept in memory in whole millimetres, and cannot be given in {cfg.dataset.depth_output_unit!r}: "
             "leave out --dataset.depth_output_unit, or use `lerobot-train`"
         )
+    check_dataset(cfg)
     if cfg.num_workers:
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
-    # The number of a GPU is left out, because LeRobot trains on the first one that it sees.
-    device = torch.device(str(getattr(cfg.trainable_config, "device", None) or "cpu").partition(":")[0])
-    datasets: tuple[Any, ...] = load_datasets(cfg, _make_datasets)
-    images = images_read(cfg, datasets[0].meta)
-    return tuple(
-        None if dataset is None else ResidentDataset(dataset, device, row_key, images)
-        for dataset, row_key in zip(datasets, ROW_KEYS, strict=True)
-    )
 
 
-def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConfig], T]) -> T:
-    """Load the datasets of a training, as LeRobot does.
-
-    Args:
-        cfg: of the training.
-        load: LeRobot's function. Where there is no dataset, it looks for one on the Hub.
+def check_dataset(cfg: TrainPipelineConfig) -> None:
+    """Whether LeRobot finds the dataset of a training; where the folder holds none, it looks for one on the Hub.
 
     Raises:
         DatasetError: the folder is the one above the views, or there is no dataset, neither here nor on the Hub.
     """
     root, repo_id = cfg.dataset.root, cfg.dataset.repo_id
     if root is None or (Path(root) / INFO_FILE).is_file():
-        return load(cfg)
+        return
     if views := views_below(Path(root)):
         raise DatasetError(
             f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
@@ -111,7 +218,7 @@ def load_datasets[T](cfg: TrainPipelineConfig, load: Callable[[TrainPipelineConf
             "policies of joint actions from `frames`"
         )
     try:
-        return load(cfg)
+        LeRobotDatasetMetadata(repo_id, root, cfg.dataset.revision)
     except Exception as error:  # whatever keeps it from the Hub: a name, the network, rights
         raise DatasetError(
             f"--dataset.root={root} is no dataset ({Path(root) / INFO_FILE} does not exist), and {repo_id} could not "
@@ -129,31 +236,6 @@ def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:
     named = cfg.policy.input_features if cfg.policy is not None else None
     return {key for key in meta.camera_keys if not named or cfg.rename_map.get(key, key) in named}
 
-
-def take_back_a_draw(*args: Any, **kwargs: Any) -> dict[str, int]:
-    """Return where in the data a training is resumed, as LeRobot computes it, and keep the random numbers in step.
-
-    A loader draws a number whenever it starts. A training that is resumed within an epoch starts it once more than the
-    uninterrupted one did, after LeRobot has restored the random state; that draw is taken back.
-    """
-    state = _compute_sampler_state(*args, **kwargs)
-    if state["start_index"]:
-        lerobot_train.cycle = _cycle_without_first_draw
-    return state
-
-
-def _cycle_without_first_draw(loader: Any) -> Iterator[Any]:
-    batches = _cycle(loader)
-    with torch.random.fork_rng(devices=()):
-        first = next(batches)
-    yield first
-    yield from batches
-
-
-_compute_sampler_state = lerobot_train.compute_sampler_state
-_cycle = lerobot_train.cycle
-_make_datasets = lerobot_train.make_train_eval_datasets
-_make_processors = lerobot_train.make_pre_post_processors
 
 if __name__ == "__main__":
     sys.exit(main())
