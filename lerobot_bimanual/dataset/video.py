@@ -66,7 +66,7 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
     """Encodes the frames of one episode as they come, one file per camera stream."""
 
     def __init__(self):
-        super().__init__(FPS, rgb_encoder(), depth_encoder(), encoder_threads=1)
+        super().__init__(FPS)
         self._depth_codes = np.asarray(
             quantize_depth(
                 np.arange(2**16, dtype=np.uint16),
@@ -85,7 +85,7 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
         self.cancel_episode()
         for key in video_keys:
             codes = self._depth_codes if key in (depth_video_keys or []) else None
-            config = self._rgb_encoder if codes is None else self._depth_encoder
+            config = rgb_encoder() if codes is None else depth_encoder()
             path = Path(tempfile.mkdtemp(dir=temp_dir)) / f"{key}.mp4"
             self._streams[key] = _Stream(path, config, codes)
 

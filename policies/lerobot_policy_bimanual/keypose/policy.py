@@ -3,12 +3,10 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
-from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
@@ -20,7 +18,7 @@ from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyCon
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
-from lerobot_policy_bimanual.keypose.weights import check_weights
+from lerobot_policy_bimanual.keypose.weights import check_tensors
 from lerobot_policy_bimanual.nn.language import LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
@@ -83,16 +81,16 @@ class KeyposePolicy(PreTrainedPolicy):
             language = self.language(observation.instructions)
             return self.network(self.scene(observation), observation.proprio, language, target)
 
-    @classmethod
-    def _load_as_safetensor(cls, model: Self, model_file: str, map_location: str, strict: bool) -> Self:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Load the weights of a checkpoint strictly, where LeRobot by default only warns.
+    def load_state_dict(
+        self, state_dict: Mapping[str, Tensor], strict: bool = True, assign: bool = False
+    ) -> Any:
+        """Take over weights: all of them and no others, where LeRobot by default only warns.
 
         Raises:
             CheckpointError: weights are missing, unknown, of another shape or not finite.
         """
-        check_weights(Path(model_file), model.state_dict())
-        model.load_state_dict(load_file(model_file))
-        return model
+        check_tensors("the checkpoint", state_dict.keys(), state_dict.__getitem__, self.state_dict())
+        return super().load_state_dict(state_dict, strict, assign)
 
     def get_optim_params(self) -> list[Tensor]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """All trained parameters."""

@@ -1,6 +1,6 @@
 """Weights of a checkpoint: safetensors that fit the network, all of them finite."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
@@ -23,29 +23,46 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
         CheckpointError: the file is missing, truncated or of another format, its tensors are not those that are
             expected, or numbers in it are not finite.
     """
-    elements = 0
     try:
         with safe_open(file, framework="pt") as tensors:
-            names = set(tensors.keys())
-            if expected is not None and (differ := names ^ expected.keys()):
-                missing = expected.keys() - names
-                raise CheckpointError(
-                    f"{file} {'lacks' if missing else 'has unknown'} tensors for the network of its config, such as "
-                    f"{min(missing or differ)}"
-                )
-            for name in sorted(names):
-                tensor = tensors.get_tensor(name)
-                own = tensor if expected is None else expected[name]
-                if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
-                    raise CheckpointError(
-                        f"{name} in {file} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
-                        f"{tuple(own.shape)} {own.dtype}"
-                    )
-                if not tensor.isfinite().all():
-                    raise CheckpointError(f"{name} in {file} holds numbers that are not finite")
-                elements += tensor.numel()
+            return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {error}"
         ) from error
+
+
+def check_tensors(
+    source: str,
+    names: Collection[str],
+    get: Callable[[str], Tensor],
+    expected: Mapping[str, Tensor] | None = None,
+) -> int:
+    """Check tensors, one at a time; arguments and what is returned as in `check_weights`.
+
+    Args:
+        source: where they come from, for messages.
+        names: of the tensors.
+        get: gives a tensor by its name.
+        expected: tensors with which they must agree.
+
+    Raises:
+        CheckpointError: they are not those that are expected, or numbers in them are not finite.
+    """
+    if expected is not None and (differ := set(names) ^ expected.keys()):
+        lacking = differ - set(names)
+        word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
+        raise CheckpointError(f"{source} {word} tensors for the network of its config, such as {min(which)}")
+    elements = 0
+    for name in sorted(names):
+        tensor = get(name)
+        own = tensor if expected is None else expected[name]
+        if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
+            raise CheckpointError(
+                f"{name} in {source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
+                f"{tuple(own.shape)} {own.dtype}"
+            )
+        if not tensor.isfinite().all():
+            raise CheckpointError(f"{name} in {source} holds numbers that are not finite")
+        elements += tensor.numel()
     return elements

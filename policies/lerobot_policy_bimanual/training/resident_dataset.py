@@ -182,7 +182,8 @@ def stored_rows(
     Raises:
         DatasetError: an image cannot be decoded.
     """
-    meta, table = dataset.meta, dataset.hf_dataset
+    meta: Any = dataset.meta
+    table = dataset.hf_dataset
     left_out = set(meta.camera_keys) - images
     video_keys = [key for key in meta.video_keys if key in images]
     notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
@@ -212,12 +213,13 @@ def _frames(
     dataset: LeRobotDataset, episode: int, keys: Collection[str], times_s: list[float], backend: str | None
 ) -> dict[str, Tensor]:
     """The frames of an episode's videos by their key, (length, channels, height, width)."""
+    meta: Any = dataset.meta
 
     def decode(key: str) -> Tensor:
-        is_depth = key in dataset.meta.depth_keys
-        start_s = dataset.meta.episodes[episode][f"videos/{key}/from_timestamp"]
+        is_depth = key in meta.depth_keys
+        start_s = meta.episodes[episode][f"videos/{key}/from_timestamp"]
         frames = decode_video_frames(
-            dataset.root / dataset.meta.get_video_file_path(episode, key),
+            dataset.root / meta.get_video_file_path(episode, key),
             [start_s + time_s for time_s in times_s],
             dataset.tolerance_s,
             backend,
@@ -226,7 +228,7 @@ def _frames(
         )
         if not is_depth:
             return frames
-        coding = DepthEncoderConfig.from_video_info(dataset.meta.features[key].get("info"))
+        coding = DepthEncoderConfig.from_video_info(meta.features[key].get("info"))
         millimetres: Any = dequantize_depth(
             frames,
             depth_min=coding.depth_min,

@@ -104,7 +104,7 @@ class AcceleratorWithMemory:
     def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
         """A loader of the numbers of the same rows, and their dataset in memory."""
         rows: Any = loader.dataset
-        dataset = rows.dataset if isinstance(rows, Subset) else rows
+        dataset: Any = rows.dataset if isinstance(rows, Subset) else rows
         images = images_read(self._cfg, dataset.meta)
         held = ResidentDataset(dataset, self._accelerator.device, images, self._cfg.dataset.video_backend)
         numbers = DataLoader(
@@ -145,7 +145,8 @@ def train(cfg: TrainPipelineConfig) -> None:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
     of_config: Any = getattr(cfg, "accelerator", None)
     if "accelerator" in inspect.signature(lerobot_train.train).parameters:
-        lerobot_train.train(cfg, AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg)))
+        accelerator: Any = AcceleratorWithMemory(cfg, partial(_accelerator_of_0_6_1, cfg))
+        lerobot_train.train(cfg, accelerator)
         return
     if hasattr(of_config, "build"):
 
