@@ -53,7 +53,8 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     how many episodes passed each check, what is wrong and where, and one hash per view for all its content.
 
     Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
-    not replayed, because the dataset names other versions of the simulation than are installed, or none.
+    not replayed, because the dataset names other versions of the simulation than are installed, or none. What depends on
+    the version of LeRobot that wrote the dataset, such as its estimates of quantiles, is compared only if it is installed.
 
     Examples:
         lerobot-bimanual dataset verify --root=data/lift_ball
@@ -136,16 +137,18 @@ class _ViewReport:
         root: its folder.
         n_episodes: number of its episodes, 0 if none can be read.
         remark: what is not checked, and why; may be empty.
+        note: what is not compared exactly, and why; may be empty.
         is_loadable: whether LeRobot's loader may be used; see `LOADED_AFTER`.
     """
 
     def __init__(self, root: Path):
+        from lerobot_bimanual.dataset.provenance import other_lerobot
         from lerobot_bimanual.dataset.reader import RecordedDataset
         from lerobot_env_bimanual.experts.world_version import other_simulation
         from lerobot_env_bimanual.verification.fault import Fault
         from lerobot_env_bimanual.verification.metadata import READABLE, verify_metadata
 
-        self.root, self.n_episodes, self.remark = root, 0, ""
+        self.root, self.n_episodes, self.remark, self.note = root, 0, "", ""
         self._episodes: list[EpisodeReport] = []
         self._faults: dict[str, list[tuple[int | None, list[Fault]]]] = defaultdict(list)
         metadata = verify_metadata(root)
@@ -156,6 +159,8 @@ class _ViewReport:
                 self.n_episodes = len(dataset)
                 if difference := other_simulation(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
+                if version := other_lerobot(dataset.provenance):
+                    self.note = f"quantiles are not compared exactly: by LeRobot {version}"
             except BimanualError as error:
                 metadata[READABLE] = [Fault(str(error))]
         for check, faults in metadata.items():
@@ -182,8 +187,8 @@ class _ViewReport:
             failed = sum(bool(faults) for _, faults in outcomes)
             rows.append((check, len(outcomes) - failed, failed))
         print_table(("check", "passed", "failed"), rows, str(self.root))
-        if self.remark:
-            print(self.remark)
+        for text in filter(None, (self.remark, self.note)):
+            print(text)
         for check, outcomes in self._faults.items():
             lines = [_line(episode, fault) for episode, faults in outcomes for fault in faults]
             for line in lines[:MAX_LINES_PER_CHECK]:

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.checksums import checksum_problems, what_is_no_file
+from lerobot_bimanual.dataset.provenance import Provenance, other_lerobot
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
     DATA_PATH,
@@ -59,9 +60,10 @@ def check_description(root: Path) -> Iterator[Fault]:
     from lerobot.datasets.dataset_metadata import CODEBASE_VERSION
 
     info, lengths = read_info(root), episode_table(root, ["episode_index", "length"])["length"].to_pylist()
+    by_another = other_lerobot(Provenance.of_dataset(root))
     has_videos = any(feature["dtype"] == "video" for feature in info["features"].values())
     wanted = {
-        "codebase_version": CODEBASE_VERSION,
+        "codebase_version": info.get("codebase_version") if by_another else CODEBASE_VERSION,
         "fps": schema.FPS,
         "robot_type": schema.ROBOT_TYPE,
         "total_episodes": len(lengths),

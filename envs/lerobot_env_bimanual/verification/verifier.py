@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.content_hash import EpisodeHash
 from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.provenance import other_lerobot
 from lerobot_bimanual.dataset.reader import (
     RecordedDataset,
     RecordedEpisode,
@@ -124,7 +125,8 @@ class Verifier:
         if faults[COMPLETE]:
             return ""
         with faults.of("statistics") as found:
-            found += check_episode_statistics(self._root, episode)
+            exactly = not other_lerobot(self._dataset.provenance)
+            found += check_episode_statistics(self._root, episode, exactly)
         # Not before all images are known to be harmless: LeRobot decodes whatever a cell holds, and opens its path.
         if loaded:
             with faults.of("LeRobot's loader") as found:
