@@ -37,9 +37,9 @@ def test_this_machine_is_in_order(capsys):
 
 
 def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(pretend_versions):
-    pretend_versions(mujoco="4.0.0", frankik=None, lerobot_policy_bimanual=None, lerobot_robot_bimanual="9.9")
+    pretend_versions(mujoco="5.0.0", frankik=None, lerobot_policy_bimanual=None, lerobot_robot_bimanual="9.9")
     findings = {finding.subject: finding for finding in command.check_packages()}
-    assert findings["mujoco"].remedy == "pip install 'mujoco!=4.0.0,~=3.17.0'"
+    assert findings["mujoco"].remedy == "pip install 'mujoco<5,>=3.10'"
     levels = {
         name: findings[name].level for name in ("mujoco", "frankik", "numpy", "lerobot_policy_bimanual")
     }

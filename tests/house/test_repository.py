@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 import yaml
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 import lerobot_bimanual
+from lerobot_env_bimanual.experts.world_version import CERTIFIED_MUJOCO
 
 ROOT = Path(__file__).parents[2]
 DISTRIBUTIONS = {
@@ -103,10 +105,16 @@ def test_no_file_but_trained_weights_is_larger_than_a_megabyte() -> None:
     assert not [path for path in large if not path.match("results/checkpoints/*/model.safetensors")]
 
 
-def test_every_distribution_that_names_mujoco_excludes_4_0_0_by_name() -> None:
-    named = [requirement for requirement in REQUIREMENTS if requirement.name == "mujoco"]
-    assert named
-    assert all("!=4.0.0" in str(requirement.specifier) for requirement in named)
+def test_every_distribution_claims_the_same_versions_of_python_and_no_other_is_allowed() -> None:
+    for declared in map(project, DISTRIBUTIONS.values()):
+        claimed = [name.split()[-1] for name in declared["classifiers"] if "Python :: 3" in name]
+        assert claimed == ["3.12", "3.13"]
+        allowed = SpecifierSet(declared["requires-python"])
+        assert [minor for minor in range(8, 20) if f"3.{minor}.5" in allowed] == [12, 13]
+
+
+def test_the_locked_version_of_mujoco_is_the_certified_one() -> None:
+    assert f"mujoco=={CERTIFIED_MUJOCO}" in (ROOT / "requirements.lock").read_text().splitlines()
 
 
 def test_the_page_of_compatibility_states_the_declared_ranges() -> None:

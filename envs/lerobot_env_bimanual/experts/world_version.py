@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import logging
+import multiprocessing
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -35,6 +37,8 @@ from lerobot_env_bimanual.tasks.registry import list_tasks
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.provenance import Provenance
 
+CERTIFIED_MUJOCO = "3.17.0"
+"""Version of MuJoCo for whose worlds this repository has expert reports and results."""
 PROBE_SPLIT, PROBE_SEED = "val", 0
 VERSION_DIGITS = 12
 SILENT_S = 2.0
@@ -64,6 +68,7 @@ def world_version(task: str, perturb: str = "") -> str:
         UnknownTask: there is no such task.
         InvalidChoice: there is no such axis or level.
     """
+    _say_if_uncertified()
     env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb)
     digest = hashlib.sha256()
     perturbed = (f"{axis} {magnitude}" for axis, magnitude in env.perturbations.magnitudes.items())
@@ -71,6 +76,19 @@ def world_version(task: str, perturb: str = "") -> str:
         digest.update(fact.encode() + b"\n")
     env.close()
     return digest.hexdigest()[:VERSION_DIGITS]
+
+
+@functools.cache
+def _say_if_uncertified() -> None:
+    """Warn, once and not again in worker processes, where MuJoCo has another version than the certified one."""
+    installed = mujoco.mj_versionString()
+    if installed != CERTIFIED_MUJOCO and multiprocessing.parent_process() is None:
+        logging.getLogger(__name__).warning(
+            "MuJoCo %s is not the certified version: its worlds are others than those of the published expert reports "
+            "and results, which hold for MuJoCo %s. `lerobot-bimanual expert evaluate` measures the experts here",
+            installed,
+            CERTIFIED_MUJOCO,
+        )
 
 
 def simulation_versions() -> dict[str, str]:

@@ -271,7 +271,7 @@ def _add_gripper(spec: mujoco.MjSpec, prefix: str) -> None:
         objtype=mujoco.mjtObj.mjOBJ_JOINT,
         name1=f"{prefix}_finger1",
         name2=f"{prefix}_finger2",
-        data=(0, 1, *(0,) * 10),  # one finger's travel equals the other's
+        data=(0, 1, *(0,) * (mujoco.mjNEQDATA - 2)),  # one finger's travel equals the other's
         solref=(0.005, 1),
         solimp=STIFF_SOLIMP,
     )
