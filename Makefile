@@ -3,7 +3,7 @@ BIN := .venv/bin
 # Test files run side by side, each on one core.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 .DEFAULT_GOAL := help
-.PHONY: help setup watch demo expert-reports test test-slow test-all fuzz check format bench docs lock build clean
+.PHONY: help setup watch demo expert-reports test test-slow test-all fuzz mujoco check format bench docs lock build clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,6 +38,9 @@ test-all: setup  ## Run every test; those for a GPU skip themselves where there 
 FUZZ_EXAMPLES := 1000
 fuzz: setup  ## Feed every reader and action thousands of broken inputs (FUZZ_EXAMPLES of each kind)
 	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(PYTEST) --timeout=3600 -m fuzz
+
+mujoco: setup  ## Play every expert once with the lowest and the newest MuJoCo that may be installed (a minute)
+	scripts/mujoco_versions.sh
 
 check: setup  ## Lint, formatting, imports between packages, types
 	$(BIN)/ruff check

@@ -1,8 +1,10 @@
-"""What the installed distributions add to this one through entry points, found without importing it."""
+"""What the installed distributions add to this one through entry points, and what they lack, found without importing it."""
 
 import importlib.util
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
+
+from lerobot_bimanual.errors import BimanualError
 
 
 def entries(group: str) -> dict[str, EntryPoint]:
@@ -17,3 +19,35 @@ def location(module: str) -> Path | None:
     if spec is None or not spec.submodule_search_locations:
         return None
     return Path(spec.submodule_search_locations[0], *inner)
+
+
+def missing(distribution: str, extra: str) -> list[str]:
+    """Distributions that an extra of an installed distribution needs and that are not installed."""
+    from packaging.requirements import Requirement
+
+    lacking: list[str] = []
+    for requirement in map(Requirement, requires(distribution) or []):
+        marker = requirement.marker
+        if marker is None or marker.evaluate({"extra": ""}) or not marker.evaluate({"extra": extra}):
+            continue
+        try:
+            version(requirement.name)
+        except PackageNotFoundError:
+            lacking.append(requirement.name)
+        else:
+            lacking += [name for inner in requirement.extras for name in missing(requirement.name, inner)]
+    return lacking
+
+
+def require_extras(entry: EntryPoint) -> None:
+    """Refuse a command whose extras, which its entry point names, are not installed.
+
+    Raises:
+        BimanualError: the message says what to install.
+    """
+    for extra in entry.extras if entry.dist is not None else ():
+        if lacking := missing(entry.dist.name, extra):
+            raise BimanualError(
+                f"`{entry.name}` needs {', '.join(lacking[:3])}, which is not installed: "
+                f"pip install '{entry.dist.name}[{extra}]'"
+            )

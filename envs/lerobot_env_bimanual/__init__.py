@@ -24,6 +24,12 @@ def __getattr__(name: str) -> Any:
     """Import the configuration on first use where LeRobot was not loaded before."""
     if name != "BimanualEnvConfig":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+    try:
+        from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{name} is an environment of LeRobot: pip install 'lerobot_env_bimanual[lerobot]'. Without LeRobot there is "
+            "gymnasium.make('bimanual/LiftBall-v0')"
+        ) from error
 
     return BimanualEnvConfig

@@ -22,7 +22,8 @@ How to write a command
                '''
 
     2. An entry point of the distribution that owns it, whose name is a group and a command, or a command alone:
-       `"dataset generate" = "package.commands.dataset_generate:dataset_generate"`.
+       `"dataset generate" = "package.commands.dataset_generate:dataset_generate"`. One that needs more than its
+       distribution requires names an extra of it behind: `"... :dataset_generate [lerobot]"`.
     3. Light at import: simulation and learning modules are imported inside the function, because
        `--help` imports the command's module. The first docstring line is read from the source without
        importing anything, for the list of commands.

@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, version
 from types import FrameType
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
-from lerobot_bimanual.distributions import entries, location
+from lerobot_bimanual.distributions import entries, location, require_extras
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.interrupts import signal_handled
 
@@ -120,11 +120,13 @@ def _dispatch(words: list[str]) -> int:
         print(_overview(find_commands(group), group))
         return 0
     name, flags = find_command(words)
-    command = find_commands()[name].load()
+    entry = find_commands()[name]
+    command = entry.load()
     config_type = config_type_of(command)
     if any(flag in HELP_FLAGS for flag in flags):
         print(_command_help(name, inspect.getdoc(command) or "", describe_flags(config_type)))
         return 0
+    require_extras(entry)
     return command(parse_flags(config_type, flags)) or 0
 
 

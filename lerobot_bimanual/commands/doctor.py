@@ -86,6 +86,8 @@ def check_packages() -> Iterator[Finding]:
     from packaging.requirements import Requirement
     from packaging.specifiers import SpecifierSet
 
+    with_lerobot = any(_version(name) is not None for name in ("lerobot", *PLUGINS[1:]))
+    extras = ("", "lerobot") if with_lerobot else ("",)
     ranges = {"Python": SpecifierSet(metadata.metadata(CORE)["Requires-Python"])}
     for distribution in (CORE, *PLUGINS):
         if _version(distribution) is None:
@@ -93,9 +95,12 @@ def check_packages() -> Iterator[Finding]:
             continue
         ranges.setdefault(distribution, SpecifierSet())
         for requirement in map(Requirement, metadata.requires(distribution) or []):
-            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+            if requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in extras):
                 earlier = ranges.get(requirement.name, SpecifierSet())
                 ranges[requirement.name] = earlier & requirement.specifier
+    if not with_lerobot:
+        remedy = "for datasets, training and evaluation: pip install 'lerobot_env_bimanual[lerobot]'"
+        yield Finding("lerobot", "info", "not installed; environments and experts do without", remedy)
     for package, needed in ranges.items():
         installed = _version(package)
         if installed is not None and needed.contains(installed, prereleases=True):
@@ -108,14 +113,16 @@ def check_packages() -> Iterator[Finding]:
 
 def check_machine() -> Iterator[Finding]:
     """Processor cores that this process may use, memory, free space here, and a CUDA device for training at full size."""
-    import torch
-
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     free_gb = shutil.disk_usage(".").free / 1e9
     cores = len(os.sched_getaffinity(0))
     yield Finding(
         "machine", "info", f"{cores} cores, {memory_gib:.0f} GiB memory, {free_gb:.0f} GB free here"
     )
+    if _version("torch") is None:
+        return
+    import torch
+
     names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
     detail = ", ".join(names) or "none: simulation and small policies run on the processor"
     yield Finding("GPU", "ok" if names else "info", detail)
@@ -137,7 +144,9 @@ def check_gl() -> Iterator[Finding]:
 
 
 def check_video() -> Iterator[Finding]:
-    """The decoder of dataset videos: torchcodec with FFmpeg's libraries, else PyAV."""
+    """The decoder of dataset videos, where LeRobot is installed: torchcodec with FFmpeg's libraries, else PyAV."""
+    if _version("lerobot") is None:
+        return
     try:
         import torchcodec.decoders  # noqa: F401
     except (ImportError, RuntimeError, OSError):

@@ -1,7 +1,7 @@
 """The built wheels, installed into an environment that knows nothing of this checkout.
 
-The environment is made without any download. It borrows its dependencies from the environment of the tests: a `.pth`
-file names a folder of links to that environment's packages except ours, so that ours can be imported from the wheels only.
+The environments are made without any download. They borrow dependencies from the environment of the tests: a `.pth`
+file names a folder of links to that environment's packages, so that ours can be imported from the wheels only.
 """
 
 import json
@@ -10,10 +10,12 @@ import sys
 import sysconfig
 import venv
 import zipfile
-from importlib.metadata import version
+from collections.abc import Iterable
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {
@@ -38,6 +40,19 @@ assert not gym.make("bimanual/RaiseBlock-v0", obs="state").reset(seed=0)[1]["is_
 from lerobot_env_bimanual.env import BimanualEnv
 assert not BimanualEnv("lift_ball", obs="state").reset(seed=0)[1]["is_success"]
 """
+SLIM_USE = """
+import gymnasium as gym, lerobot_env_bimanual
+import lerobot_env_bimanual.reports.results_page, lerobot_env_bimanual.reports.task_pages
+from lerobot_env_bimanual.world.video import VideoWriter
+env = gym.make("bimanual/PushBox-v0", image_size=32)
+observation, _ = env.reset(seed=0)
+assert observation["pixels"]["front"].any()
+env.close()
+try:
+    lerobot_env_bimanual.BimanualEnvConfig
+except ModuleNotFoundError as error:
+    print(error)
+"""
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
@@ -51,16 +66,44 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture(scope="module")
 def python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Interpreter of an environment with the four wheels, a task of another distribution, and borrowed dependencies."""
-    home = tmp_path_factory.mktemp("clean")
+    borrowed = (
+        entry.name for entry in Path(sysconfig.get_path("purelib")).iterdir() if entry.suffix != ".pth"
+    )
+    task = built(TASK_PACKAGE, tmp_path_factory.mktemp("task"))
+    return environment(tmp_path_factory.mktemp("clean"), borrowed, (*wheels.values(), task))
+
+
+@pytest.fixture(scope="module")
+def slim_python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Interpreter with core and environment alone, and what they require without an extra."""
+    needed = required_by("lerobot_env_bimanual", set())
+    files = (file for name in needed for file in distribution(name).files or ())
+    borrowed = {file.parts[0] for file in files if file.parts[0] not in ("..", "__pycache__")}
+    chosen = (wheels["lerobot_bimanual"], wheels["lerobot_env_bimanual"])
+    return environment(tmp_path_factory.mktemp("slim"), borrowed, chosen)
+
+
+def required_by(name: str, found: set[str]) -> set[str]:
+    """Names of the distributions that one needs, with its own, added to those that were found already."""
+    if name not in found:
+        found.add(name)
+        for requirement in map(Requirement, distribution(name).requires or ()):
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                required_by(requirement.name, found)
+    return found
+
+
+def environment(home: Path, borrowed: Iterable[str], wheels: Iterable[Path]) -> Path:
+    """Make an environment in a folder, of packages of this one, without ours, and of wheels; returns its interpreter."""
     venv.create(home, with_pip=False, symlinks=True)
     packages = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
-    borrowed = home / "borrowed"
-    borrowed.mkdir()
-    for entry in Path(sysconfig.get_path("purelib")).iterdir():
-        if "bimanual" not in entry.name and entry.suffix != ".pth":
-            (borrowed / entry.name).symlink_to(entry)
-    (packages / "borrowed.pth").write_text(f"{borrowed}\n")
-    for wheel in (*wheels.values(), built(TASK_PACKAGE, tmp_path_factory.mktemp("task"))):
+    links = home / "borrowed"
+    links.mkdir()
+    for name in borrowed:
+        if "bimanual" not in name:
+            (links / name).symlink_to(Path(sysconfig.get_path("purelib"), name))
+    (packages / "borrowed.pth").write_text(f"{links}\n")
+    for wheel in wheels:
         zipfile.ZipFile(wheel).extractall(packages)
     return home / "bin/python"
 
@@ -72,11 +115,11 @@ def built(folder: Path, out: Path) -> Path:
     return wheel
 
 
-def succeed(python: Path, *words: str) -> str:
+def succeed(python: Path, *words: str, code: int = 0) -> str:
     """What a program prints; it sees neither this checkout nor variables that name it."""
     command = [python, "-I", *words]
     child = subprocess.run(command, cwd=python.parent, capture_output=True, text=True, check=False)
-    assert child.returncode == 0, child.stdout[-2000:] + child.stderr[-4000:]
+    assert child.returncode == code, child.stdout[-2000:] + child.stderr[-4000:]
     return child.stdout + child.stderr
 
 
@@ -96,6 +139,26 @@ def test_the_wheels_are_used_without_checkout_and_network(python: Path) -> None:
     succeed(python, "-c", NO_NETWORK + USE)
     shown = succeed(python, "-m", "lerobot_bimanual.cli", "--help")
     assert all(f"\n  {command} " in shown for command in ("demo", "dataset generate", "policy benchmark"))
+
+
+def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(
+    slim_python: Path, tmp_path: Path
+) -> None:
+    without = """
+from importlib.util import find_spec
+assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
+"""
+    played = succeed(slim_python, "-c", without + SLIM_USE)
+    assert "pip install 'lerobot_env_bimanual[lerobot]'" in played
+    ours = ("-m", "lerobot_bimanual.cli")
+    report = tmp_path / "expert.json"
+    succeed(slim_python, *ours, "expert", "evaluate", "--task=push_box", "--episodes=1", f"--output={report}")
+    assert report.is_file()
+    succeed(slim_python, *ours, "doctor")
+    for command in ("dataset generate", "dataset verify", "policy robustness", "results verify", "demo"):
+        told = succeed(slim_python, *ours, *command.split(), code=1)
+        assert f"`{command}` needs lerobot, which is not installed: pip install 'lerobot_" in told
+        assert len(told.splitlines()) == 1
 
 
 def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Run the tests that meet other packages, in an environment of other versions than the locked ones, in build/.
+# Usage: scripts/test_versions.sh lowest|newest|lerobot-main|python-3.13
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+uv="$(scripts/find_uv.sh)"
+ours=(--editable .[lerobot] --editable envs --editable policies --editable robots)
+tools=(pytest pytest-timeout pytest-xdist hypothesis syrupy import-linter hatchling build ray nbclient ipykernel)
+kind="${1:?lowest, newest, lerobot-main or python-3.13}"
+venv="$PWD/build/venv-$kind"
+rm -rf "$venv"
+"$uv" venv --quiet --seed --python "$([[ $kind = python-* ]] && echo "${kind#python-}" || cat .python-version)" "$venv"
+export VIRTUAL_ENV="$venv"
+case "$kind" in
+lowest) "$uv" pip install --quiet --resolution=lowest-direct "${ours[@]}" && "$uv" pip install --quiet "${tools[@]}" ;;
+newest) "$uv" pip install --quiet "${ours[@]}" "${tools[@]}" ;;
+lerobot-main)
+    "$uv" pip install --quiet "${ours[@]}" "${tools[@]}"
+    "$uv" pip install --quiet --reinstall-package lerobot \
+        "lerobot[training,dataset] @ git+https://github.com/huggingface/lerobot"
+    ;;
+python-*)
+    "$uv" pip install --quiet --requirements requirements.lock
+    "$uv" pip install --quiet --no-deps --no-build-isolation "${ours[@]}"
+    ;;
+*) echo "$kind is none of lowest, newest, lerobot-main and python-3.13" >&2 && exit 2 ;;
+esac
+"$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(lerobot|mujoco|torch|numpy|datasets|gymnasium|pandas) ' || true
+"$venv/bin/lerobot-bimanual" expert evaluate --episodes=1
+OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1 "$venv/bin/pytest" --numprocesses=auto --maxprocesses=4 --dist=loadfile \
+    -m "not slow and not gpu" tests/core tests/policies tests/robots tests/integration
+OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1 "$venv/bin/pytest" --numprocesses=auto --maxprocesses=4 --dist=loadfile -m slow \
+    tests/integration/test_ecosystem.py tests/integration/test_lerobot_{eval,train,names}.py
