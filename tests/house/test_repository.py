@@ -54,6 +54,11 @@ def files_of_the_repository() -> list[Path]:
     return [path for line in listing.stdout.splitlines() if (path := ROOT / line).is_file()]
 
 
+def pinned(requirements: list[str]) -> dict[str, str]:
+    """Versions by the name of the distribution, whatever its extras."""
+    return {required.name: str(required.specifier) for required in map(Requirement, requirements)}
+
+
 def test_the_four_distributions_have_one_version_and_require_each_other_in_it() -> None:
     projects = {name: project(folder) for name, folder in DISTRIBUTIONS.items()}
     assert {name: declared["name"] for name, declared in projects.items()} == {
@@ -64,9 +69,10 @@ def test_the_four_distributions_have_one_version_and_require_each_other_in_it() 
     assert f'__version__ = "{version}"' in init
     assert f"## [{version}]" in (ROOT / "CHANGELOG.md").read_text()
     assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    together = pinned(project(ROOT)["optional-dependencies"]["all"])
     for plugin in [*DISTRIBUTIONS][1:]:
-        assert f"lerobot_bimanual=={version}" in projects[plugin]["dependencies"]
-        assert f"{plugin}=={version}" in project(ROOT)["optional-dependencies"]["all"]
+        assert pinned(projects[plugin]["dependencies"])["lerobot_bimanual"] == f"=={version}"
+        assert together[plugin] == f"=={version}"
 
 
 @pytest.mark.parametrize("name", ["LICENSE", "NOTICE"])

@@ -170,8 +170,12 @@ def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
     assert PreTrainedConfig.from_pretrained(tmp_path).keypose_horizon == horizon
 
 
-@pytest.mark.parametrize("stats", [None, {}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
-def test_without_horizon_and_dataset_the_flag_is_named(make_policy, stats):
+def test_without_a_dataset_the_horizon_is_that_of_the_papers_code(make_policy):
+    assert make_policy(dataset_stats=None, keypose_horizon=None).config.keypose_horizon == 25
+
+
+@pytest.mark.parametrize("stats", [{}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])
+def test_where_a_dataset_tells_no_horizon_the_flag_is_named(make_policy, stats):
     with pytest.raises(BadConfig, match=r"--policy\.keypose_horizon"):
         make_policy(dataset_stats=stats, keypose_horizon=None)
 

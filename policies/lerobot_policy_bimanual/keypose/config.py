@@ -32,6 +32,9 @@ CLIP_PREFIX = "clip:"
 MAX_INSTRUCTION_CHARACTERS = 10_000
 """Total length of the instructions of a training that a config stores."""
 
+CODE_HORIZON = 25
+"""`keypose_horizon` of PerAct2's code, for all tasks."""
+
 SCHEDULE_STEPS = 1_000_000
 """LeRobot shrinks a longer schedule to the length of the training, so this fits any length."""
 
@@ -196,11 +199,14 @@ class KeyposePolicyConfig(PreTrainedConfig):
     def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
         """Return `keypose_horizon`, after setting it from a dataset's statistics if it is unset.
 
-        It becomes one more than the largest keypose step, so one more than the most keyposes of an episode.
+        It becomes one more than the largest keypose step, so one more than the most keyposes of an episode; without a
+        dataset, as where a network is made to be looked at, that of PerAct2's code.
 
         Raises:
-            BadConfig: there is neither a horizon nor a dataset to take it from.
+            BadConfig: the statistics of the dataset have no keypose step.
         """
+        if self.keypose_horizon is None and dataset_stats is None:
+            self.keypose_horizon = CODE_HORIZON
         if self.keypose_horizon is None:
             largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))
             if not np.isfinite(largest):
