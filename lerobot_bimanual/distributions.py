@@ -45,9 +45,9 @@ def require_extras(entry: EntryPoint) -> None:
     Raises:
         BimanualError: the message says what to install.
     """
-    for extra in entry.extras if entry.dist is not None else ():
-        if lacking := missing(entry.dist.name, extra):
+    owner = "" if entry.dist is None else entry.dist.name
+    for extra in entry.extras if owner else ():
+        if lacking := missing(owner, extra):
             raise BimanualError(
-                f"`{entry.name}` needs {', '.join(lacking[:3])}, which is not installed: "
-                f"pip install '{entry.dist.name}[{extra}]'"
+                f"`{entry.name}` needs {', '.join(lacking[:3])}, which is not installed: pip install '{owner}[{extra}]'"
             )
