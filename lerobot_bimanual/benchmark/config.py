@@ -152,10 +152,9 @@ def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:
         if name not in INCIDENTAL and (name not in today or today[name] != value)
     }
     copied |= {name: None for name in NUMBERS if copied[name] == getattr(usual, name)}
-    flags = {"train_flags": differing, "eval_flags": settings.evaluation}
-    return BenchmarkConfig(
-        **copied, **{name: shlex.join(flag_words(options)) for name, options in flags.items()}
-    )
+    copied["train_flags"] = shlex.join(flag_words(differing))
+    copied["eval_flags"] = shlex.join(flag_words(settings.evaluation))
+    return BenchmarkConfig(**copied)
 
 
 def flag_words(options: Mapping[str, Any]) -> list[str]:
