@@ -80,12 +80,12 @@ def move_durably(source: Path, target: Path) -> None:
     """
     for parent, _, files in os.walk(source):
         for name in files:
-            _bring_to_disk(Path(parent, name))
-        _bring_to_disk(parent)
+            bring_to_disk(Path(parent, name))
+        bring_to_disk(parent)
     if not source.is_dir():
-        _bring_to_disk(source)
+        bring_to_disk(source)
     source.replace(target)
-    _bring_to_disk(target.parent)
+    bring_to_disk(target.parent)
 
 
 def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
@@ -123,7 +123,12 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a number of JSON")
 
 
-def _bring_to_disk(path: str | Path) -> None:
+def bring_to_disk(path: str | Path) -> None:
+    """Have a file, or the names in a folder, survive a power failure.
+
+    Raises:
+        OSError: the disk refuses.
+    """
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

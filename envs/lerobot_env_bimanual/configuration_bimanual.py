@@ -18,6 +18,8 @@ from lerobot_env_bimanual.options import EnvOptions
 if TYPE_CHECKING:  # Gymnasium's vector environments are slow to import
     import gymnasium as gym
 
+    from lerobot_env_bimanual.vector.evaluation import Evaluation
+
 
 @EnvConfig.register_subclass("bimanual")
 @dataclass
@@ -64,17 +66,37 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         """One vector environment per task, as `{task name: {task id: environments}}`.
 
         LeRobot reports success per outer key, hence one group per task; a suite's mean is LeRobot's `overall`.
-        """
-        from lerobot_env_bimanual.env import BimanualEnv
-        from lerobot_env_bimanual.tasks.registry import get_task
-        from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
-        asynchronous = use_async_envs and n_envs > 1
+        Raises:
+            BimanualError: `results_dir` holds another evaluation, or `lerobot-eval` is told to record this one itself.
+        """
+        from lerobot_env_bimanual.tasks.registry import get_task
+        from lerobot_env_bimanual.vector.lerobot_evaluation import evaluation_of_program
+
+        evaluation = evaluation_of_program()
         return {
-            task: {
-                get_task(task).spec.id: LazyVectorEnv(
-                    [partial(BimanualEnv, task, **self.gym_kwargs)] * n_envs, asynchronous=asynchronous
-                )
-            }
+            task: {get_task(task).spec.id: self.make_vector_env(task, n_envs, use_async_envs, evaluation)}
             for task in self.tasks
         }
+
+    def make_vector_env(
+        self, task: str, n_envs: int, use_async_envs: bool, evaluation: Evaluation
+    ) -> gym.vector.VectorEnv:
+        """The vector environment of one of the tasks.
+
+        Args:
+            task: its name.
+            n_envs: environments side by side.
+            use_async_envs: one process per environment, if there are several.
+            evaluation: who is evaluated on which seeds.
+
+        Raises:
+            BimanualError: `results_dir` holds another evaluation of the task.
+        """
+        from lerobot_env_bimanual.env import BimanualEnv
+        from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
+
+        make = partial(BimanualEnv, task, **self.gym_kwargs)
+        return LazyVectorEnv(
+            [make] * n_envs, asynchronous=use_async_envs and n_envs > 1, evaluation=evaluation
+        )

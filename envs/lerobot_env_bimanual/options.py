@@ -68,8 +68,8 @@ class EnvOptions:
     # per keypose.)
     video_dir: str | None = None
     # Folder for a record of every episode that a vector environment plays: outcome, actions and a chain of state hashes,
-    # from which `lerobot-bimanual results verify` plays it again without the policy. One file per task, written when the
-    # environments are closed, in the place of an older one.
+    # from which `lerobot-bimanual results verify` plays it again without the policy. One file per task. Each episode is on
+    # the disk when it ends; the same evaluation goes on where it stopped, and another one is refused.
     results_dir: str | None = None
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
     max_keyposes: int = 25

@@ -15,8 +15,8 @@ WorldVersion = Annotated[str, Field(pattern="^[0-9a-f]{12}$")]
 """Version of what a task's world does, as its expert reports have it."""
 
 
-class EvaluationRecord(Record):
-    """One evaluation of one task.
+class EvaluationHead(Record):
+    """What an evaluation of one task is of; two with equal heads may share their episodes.
 
     Attributes:
         schema_version: version of these fields.
@@ -26,7 +26,8 @@ class EvaluationRecord(Record):
         batch_size: environments side by side. A network's answers differ in their last bits between batch sizes, so a
             policy gives the same episodes again only with the same one.
         versions: package -> version.
-        episodes: played episodes with their proofs, sorted by seed.
+        policy: what played: `type`, `sha256` of its config and files, and `seed` of its random numbers. Empty where the
+            environment was not told.
     """
 
     schema_version: Literal[2]
@@ -35,6 +36,28 @@ class EvaluationRecord(Record):
     options: dict[str, str | int]
     batch_size: PositiveInt
     versions: dict[str, str]
+    policy: dict[str, str | int] = Field(default={})
+
+    def difference(self, other: "EvaluationHead") -> str | None:
+        """The first difference from another head in words; None if they are of one evaluation."""
+        for name in EvaluationHead.model_fields:
+            theirs, ours = getattr(other, name), getattr(self, name)
+            if theirs == ours:
+                continue
+            if not isinstance(ours, dict):
+                return f"its {name} is {theirs!r}, not {ours!r}"
+            key = next(key for key in sorted(theirs | ours) if theirs.get(key) != ours.get(key))
+            return f"{key} of its {name} is {theirs.get(key)!r}, not {ours.get(key)!r}"
+        return None
+
+
+class EvaluationRecord(EvaluationHead):
+    """One evaluation of one task.
+
+    Attributes:
+        episodes: played episodes with their proofs, sorted by seed.
+    """
+
     episodes: ProvedEpisodes
 
     @property

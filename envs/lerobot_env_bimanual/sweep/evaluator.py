@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.util import find_spec
@@ -19,9 +18,9 @@ from typing import Literal
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
-from lerobot_bimanual.files import UnwritableOutput, read_file, write_file
 from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome, PlayerName
-from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_bimanual.results.journal import Journal
+from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import run_measured
@@ -36,7 +35,6 @@ MEAN_EPISODES = 30
 """Training episodes whose mean keyposes the open-loop baseline plays."""
 MAX_SHOWN = 3
 """Accidents that an error names."""
-MAX_LOG_BYTES = 2**30
 
 type Keyposes = tuple[tuple[float, ...], ...]
 """Keyposes (18,) each."""
@@ -122,16 +120,11 @@ class EpisodeLog:
     """
 
     def __init__(self, path: Path):
-        self._path = path
         header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
-        self._outcomes: dict[str, EpisodeOutcome] = {}
-        first, *lines = read_file(path, MAX_LOG_BYTES).split(b"\n") if path.exists() else [b""]
-        for text in lines if first == header.encode() else ():
-            with suppress(BadRecord):
-                line = _Line.from_json(text)
-                self._outcomes[line.spec] = line.outcome
-        kept = (_Line(spec=spec, outcome=each).model_dump_json() for spec, each in self._outcomes.items())
-        write_file(path, "\n".join([header, *kept]) + "\n")
+        self._journal = Journal(path, _Line)
+        if self._journal.header != header:
+            self._journal.restart(header)
+        self._outcomes = {line.spec: line.outcome for line in self._journal.entries()}
 
     def get(self, spec: EpisodeSpec) -> EpisodeOutcome | None:
         """The outcome of an episode, if it is known."""
@@ -144,16 +137,12 @@ class EpisodeLog:
             UnwritableOutput: it cannot be written.
         """
         key = _key(spec)
+        self._journal.add(_Line(spec=key, outcome=outcome))
         self._outcomes[key] = outcome
-        try:
-            with self._path.open("a", encoding="utf-8") as file:
-                print(_Line(spec=key, outcome=outcome).model_dump_json(), file=file)
-        except OSError as error:
-            raise UnwritableOutput(self._path, error.strerror or str(error)) from error
 
     def remove(self) -> None:
         """Delete the file: the result is safe elsewhere."""
-        self._path.unlink(missing_ok=True)
+        self._journal.remove()
 
 
 def _source_digest() -> str:

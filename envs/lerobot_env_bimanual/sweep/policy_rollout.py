@@ -24,7 +24,8 @@ from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Move, Player
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
-from lerobot_env_bimanual.vector.evaluation_log import record_name
+from lerobot_env_bimanual.vector.evaluation import record_name
+from lerobot_env_bimanual.vector.lerobot_evaluation import evaluation_of
 
 
 class PolicyRollout:
@@ -56,6 +57,7 @@ class PolicyRollout:
         try:
             policy_config = PreTrainedConfig.from_pretrained(folder, cli_overrides=[*policy_flags])
             policy_config.pretrained_path = checkpoint.folder
+            self._evaluation = evaluation_of(policy_config, seeds)
             self._device = get_safe_torch_device(str(policy_config.device))
             set_seed(seeds.start)
             self._policy = make_policy(policy_config, env_cfg=config).eval()
@@ -78,7 +80,7 @@ class PolicyRollout:
     def play(
         self, perturb: str, records: Path, note: Callable[[int], object] = lambda _: None
     ) -> EvaluationRecord:
-        """Play the seeds in one condition.
+        """Play the seeds in one condition, but for those that its record has already.
 
         Args:
             perturb: the condition; empty in the nominal world.
@@ -86,16 +88,16 @@ class PolicyRollout:
             note: called after every batch with the number of its episodes.
 
         Raises:
-            BimanualError: the environment cannot be built, or left no record, or the policy's actions are of a type that
-                LeRobot's loop cannot take.
+            BimanualError: the environment cannot be built, or left no record; the folder holds the record of another policy;
+                or the policy's actions are of a type that LeRobot's loop cannot take.
         """
         seeds = self._seeds
         config = replace(self._config, perturb=perturb, results_dir=str(records))
         path = records / record_name(config.tasks[0], config)
-        path.unlink(missing_ok=True)  # so that the record read below is new
         set_rng_state(self._random_state)
-        ((_, envs),) = config.create_envs(self._batch_size, use_async_envs=True).items()
-        (env,) = envs.values()
+        env = config.make_vector_env(
+            config.tasks[0], self._batch_size, use_async_envs=True, evaluation=self._evaluation
+        )
         autocast = torch.autocast(self._device.type) if self._uses_amp else nullcontext()
         try:
             with torch.no_grad(), autocast:

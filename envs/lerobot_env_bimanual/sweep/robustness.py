@@ -32,7 +32,7 @@ from lerobot_env_bimanual.sweep.conditions import (
 )
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
-from lerobot_env_bimanual.vector.evaluation_log import RECORDED_OPTIONS
+from lerobot_env_bimanual.vector.evaluation import RECORDED_OPTIONS
 
 
 @dataclass(frozen=True)

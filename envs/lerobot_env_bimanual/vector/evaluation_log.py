@@ -7,32 +7,19 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.episode import Episode
-from lerobot_bimanual.results.evaluation import EvaluationRecord, eval_key, result_versions
-from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.episode_recorder import OUT_OF_TIME, PLAYED
+from lerobot_env_bimanual.vector.evaluation import Evaluation, KeptEpisodes
 
 MAX_REASONS = 5
 """Reasons of failure in the last line, which has to stay readable."""
-RECORDED_OPTIONS = (
-    "variation",
-    "split",
-    "cameras",
-    "image_size",
-    "obs",
-    "control_mode",
-    "max_keyposes",
-    "perturb",
-)
-"""Options that decide what is played and seen."""
 
 logger = logging.getLogger(__name__)
 
@@ -44,29 +31,67 @@ class EvaluationLog:
         task: its name.
         options: of the environments; `results_dir` is the folder of the record.
         environments: number of them.
+        evaluation: who is evaluated.
+
+    Raises:
+        BimanualError: the folder of the record holds another evaluation.
     """
 
-    def __init__(self, task: str, options: EnvOptions, environments: int):
-        self._task, self._options, self._environments = task, options, environments
+    def __init__(self, task: str, options: EnvOptions, environments: int, evaluation: Evaluation):
+        self._task, self._options = task, options
         self._running: set[int] = set()
         self._episodes: list[Episode] = []
+        self._kept: KeptEpisodes | None = None
+        if (folder := options.results_dir) is not None:
+            self._kept = KeptEpisodes(Path(folder), task, options, environments, evaluation)
 
-    def begin(self, environments: Iterable[int]) -> None:
-        """Note which environments have just been reset."""
-        self._running.update(environments)
+    def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode | None]:
+        """Note which environments have just been reset.
+
+        Args:
+            seeds: environment -> seed of the episode that begins.
+
+        Returns:
+            Environment -> its episode, if it has been played before, or None if it only fills up the batch. Neither is to be
+            played.
+
+        Raises:
+            BimanualError: the folder of the record holds another evaluation.
+        """
+        settled: dict[int, Episode | None] = {}
+        if self._kept is not None:
+            self._kept.open()
+            for index, seed in seeds.items():
+                if seed is None:
+                    continue
+                if seed in self._kept.known:
+                    settled[index] = self._kept.known[seed]
+                elif not self._kept.is_asked_for(seed):
+                    settled[index] = None
+            first = min((seed for seed in seeds.values() if seed is not None), default=0)
+            if len(settled) < len(seeds):
+                self._kept.go_on_from(first)
+        self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
+        self._episodes += [episode for episode in settled.values() if episode is not None]
+        return settled
 
     def note(self, is_over: NDArray, info: Mapping[str, Any]) -> None:
-        """Log the episodes that a step has ended.
+        """Log, and keep, the episodes that a step has ended.
 
         Args:
             is_over: (environments,) bool.
             info: as a vector environment merges it: key -> one value per environment.
+
+        Raises:
+            UnwritableOutput: an episode cannot be kept.
         """
         for index in sorted(self._running):
             if is_over[index]:
                 self._running.remove(index)
                 episode = info[PLAYED][index] if PLAYED in info else _episode(info, index)
                 self._episodes.append(episode)
+                if self._kept is not None:
+                    self._kept.add(episode)
                 verdict = "solved" if episode.success else f"not solved ({episode.failure})"
                 logger.info("%s, seed %d: %s, %d ticks", self._task, episode.seed, verdict, episode.ticks)
 
@@ -82,36 +107,10 @@ class EvaluationLog:
         videos = "--env.video_dir=FOLDER writes a video of every episode"
         if (folder := self._options.video_dir) is not None:
             videos = f"videos in {folder}"
-        if (folder := self._options.results_dir) is not None and episodes[0].proof is not None:
-            videos = f"{self._write_record(Path(folder), episodes)}; {videos}"
+        if self._kept is not None:
+            videos = f"{self._kept.finish()}; {videos}"
         text = "%s: %d of %d episodes solved%s; %s"
         logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", videos)
-
-    def _write_record(self, folder: Path, episodes: list[Episode]) -> str:
-        """Write what `lerobot-bimanual results verify` reads, and say where, or why not."""
-        path = folder / record_name(self._task, self._options)
-        by_seed = {episode.seed: episode for episode in episodes}
-        options = ((name, getattr(self._options, name)) for name in RECORDED_OPTIONS)
-        record = EvaluationRecord(
-            schema_version=2,
-            task=self._task,
-            world=world_version(self._task, self._options.perturb),
-            options={name: value if isinstance(value, int) else str(value) for name, value in options},
-            batch_size=self._environments,
-            versions=result_versions(),
-            episodes=tuple(by_seed[seed] for seed in sorted(by_seed)),
-        )
-        try:
-            record.write(path)
-        except BimanualError as error:
-            logger.warning("%s", error)
-            return f"no record: {error}"
-        return f"record in {path}"
-
-
-def record_name(task: str, options: EnvOptions) -> str:
-    """File name of the record of an evaluation."""
-    return f"{eval_key(task, options.variation, options.perturb)}_{options.split}_record.json"
 
 
 def _episode(info: Mapping[str, Any], index: int) -> Episode:

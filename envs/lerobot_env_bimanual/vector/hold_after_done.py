@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -11,6 +12,17 @@ from lerobot_bimanual.errors import InvalidAction
 
 INVALID_ACTION = "invalid action: "
 """Prefix of the failure of an episode that ended with an invalid action."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Takes the place of an action in an episode that is not played, and ends it.
+
+    Attributes:
+        success: whether it was solved when it was played.
+    """
+
+    success: bool
 
 
 class HoldAfterDone(gym.Wrapper):
@@ -23,6 +35,7 @@ class HoldAfterDone(gym.Wrapper):
 
     def __init__(self, env: gym.Env):
         super().__init__(env)
+        self._begun: tuple[Any, dict[str, Any]] | None = None
         self._last: tuple[Any, float, bool, bool, dict[str, Any]] | None = None
         self._last_frame: Any = None
 
@@ -31,7 +44,8 @@ class HoldAfterDone(gym.Wrapper):
         if self._last is not None and not arguments:
             return self._last[0], self._last[4]
         self._last = self._last_frame = None
-        return self.env.reset(**arguments)
+        self._begun = self.env.reset(**arguments)
+        return self._begun
 
     @property
     def is_done(self) -> bool:
@@ -43,10 +57,14 @@ class HoldAfterDone(gym.Wrapper):
 
         Args:
             action: of the episode. One that cannot be executed ends the episode as a failure; an `InvalidAction` does so
-                with its own text.
+                with its own text. `Settled` ends it at once.
         """
         if self._last is not None:
             return self._last
+        if isinstance(action, Settled) and self._begun is not None:
+            observation, info = self._begun
+            self._last = (observation, 0.0, True, False, info | {"is_success": action.success})
+            return observation, float(action.success), *self._last[2:]
         try:
             if isinstance(action, InvalidAction):
                 raise action

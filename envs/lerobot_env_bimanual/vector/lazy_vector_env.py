@@ -30,11 +30,13 @@ from lerobot_bimanual.errors import InvalidAction, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
+from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.options import checked_reset_options, checked_seed
 from lerobot_env_bimanual.vector.episode_recorder import EpisodeRecorder
+from lerobot_env_bimanual.vector.evaluation import Evaluation
 from lerobot_env_bimanual.vector.evaluation_log import EvaluationLog
-from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
+from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone, Settled
 from lerobot_env_bimanual.workers import WorkerDied, end_of, end_with_parent, told
 
 PRELOADED_IN_FORK_SERVER = ["lerobot_env_bimanual.env"]
@@ -123,13 +125,27 @@ class LazyVectorEnv(VectorEnv):
     way only one task's environments hold processes and memory. It can be used again after `close`. Automatic
     resets happen at the step after an episode's end and change nothing, see `HoldAfterDone`.
 
+    With the option `results_dir`, an episode that was played before is not played again: it is over, as it was then, after
+    one step. Where its frames are asked for before that, it is played by its recorded actions. So LeRobot's loop goes on
+    where it was interrupted, and what it sums up is whole.
+
     Args:
         make_envs: one picklable factory per environment; all with the same spaces. The first is called here
             for its spaces and metadata.
         asynchronous: one process per environment instead of one after the other in this process.
+        evaluation: who is evaluated on which seeds.
+
+    Raises:
+        BimanualError: `results_dir` holds another evaluation of the task.
     """
 
-    def __init__(self, make_envs: Sequence[Callable[[], BimanualEnv]], *, asynchronous: bool):
+    def __init__(
+        self,
+        make_envs: Sequence[Callable[[], BimanualEnv]],
+        *,
+        asynchronous: bool,
+        evaluation: Evaluation | None = None,
+    ):
         make = _make_in_worker if asynchronous else _make_held
         self._make_envs = [partial(make, make_env) for make_env in make_envs]
         self._asynchronous = asynchronous
@@ -144,7 +160,10 @@ class LazyVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._action_lengths = example.action_lengths
-        self._episodes = EvaluationLog(example.task, example.options, self.num_envs)
+        who = evaluation or Evaluation()
+        self._episodes = EvaluationLog(example.task, example.options, self.num_envs, who)
+        self._settled: dict[int, Episode | None] = {}
+        self._replayed: dict[int, Iterator[NDArray | InvalidAction]] = {}
         example.close()
         if asynchronous:
             _start_fork_server()
@@ -200,7 +219,11 @@ class LazyVectorEnv(VectorEnv):
         seeds, chosen = _checked_seeds(seed, self.num_envs), checked_reset_options(options)
         is_reset = np.asarray(chosen.get("reset_mask", np.ones(self.num_envs)))
         observations, info = self._ask(lambda envs: envs.reset(seed=seeds, options=options))
-        self._episodes.begin(np.flatnonzero(is_reset).tolist())
+        begun = {index: seeds[index] for index in np.flatnonzero(is_reset).tolist()}
+        self._settled = {i: e for i, e in self._settled.items() if i not in begun} | self._episodes.begin(
+            begun
+        )
+        self._replayed = {i: a for i, a in self._replayed.items() if i not in begun}
         return observations, info
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
@@ -210,7 +233,10 @@ class LazyVectorEnv(VectorEnv):
             InvalidAction: all actions have a shape or type that no environment takes.
             WorkerDied: a worker has died; the next reset starts all environments anew.
         """
-        arrays = self._arrays(actions)
+        arrays: list[Any] = [*self._arrays(actions)]
+        for index, episode in self._settled.items():
+            settled = Settled(episode is not None and episode.success)
+            arrays[index] = next(self._replayed.get(index, iter(())), settled)
         observations, rewards, terminated, truncated, info = self._ask(lambda envs: envs.step(arrays))
         self._episodes.note(terminated | truncated, info)
         return observations, rewards, terminated, truncated, info
@@ -236,6 +262,12 @@ class LazyVectorEnv(VectorEnv):
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method, or get an attribute, of every environment."""
+        if name == "render":  # LeRobot films this batch
+            self._replayed |= {
+                index: _recorded(episode)
+                for index, episode in self._settled.items()
+                if episode is not None and index not in self._replayed
+            }
         return self._ask(lambda envs: envs.call(name, *args, **kwargs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -286,6 +318,14 @@ def _checked_seeds(seed: Any, count: int) -> list[int | None]:
         return [checked_seed(single) for single in seed]
     first = checked_seed(seed)
     return [None if first is None else checked_seed(first + index) for index in range(count)]
+
+
+def _recorded(episode: Episode) -> Iterator[NDArray | InvalidAction]:
+    """The actions of an episode that was played before."""
+    assert episode.proof is not None
+    for action in episode.proof.action_list():
+        unreadable = InvalidAction((episode.failure or "").removeprefix(INVALID_ACTION))
+        yield action if action.size else unreadable
 
 
 def _array(action: Any) -> NDArray | InvalidAction:

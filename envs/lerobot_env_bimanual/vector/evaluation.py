@@ -1,0 +1,186 @@
+"""Who is evaluated on which seeds, and the evaluation's episodes on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.results.episode import Episode
+from lerobot_bimanual.results.evaluation import EvaluationHead, EvaluationRecord, eval_key, result_versions
+from lerobot_bimanual.results.journal import Journal
+from lerobot_bimanual.results.record import Record
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.options import EnvOptions
+
+RECORDED_OPTIONS = (
+    "variation",
+    "split",
+    "cameras",
+    "image_size",
+    "obs",
+    "control_mode",
+    "max_keyposes",
+    "perturb",
+)
+"""Options that decide what is played and seen."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a program evaluates, as far as it says so.
+
+    Attributes:
+        policy: as in `EvaluationHead`; empty if unknown.
+        seeds: seeds of the episodes that were asked for, batch after batch; None if unknown. Others only fill up the last
+            batch, and are not played.
+        random_state: the state of all random numbers of the process, as a text.
+        set_random_state: brings the random numbers back into such a state.
+    """
+
+    policy: Mapping[str, str | int] = field(default_factory=dict)
+    seeds: range | None = None
+    random_state: Callable[[], str] = str
+    set_random_state: Callable[[str], object] = str
+
+
+class _Entry(Record):
+    """A finished episode.
+
+    Attributes:
+        episode: the episode.
+        random_state: state of the random numbers of the program after it.
+    """
+
+    episode: Episode
+    random_state: str = ""
+
+
+class KeptEpisodes:
+    """The episodes of an evaluation of one task in a folder.
+
+    Each is appended to `<name>_record.partial.jsonl` as it ends, and on the disk before the next begins. `finish` makes
+    `<name>_record.json` of them when all that were asked for are there.
+
+    Args:
+        folder: the folder.
+        task: name of the task.
+        options: of the environments.
+        environments: number of them.
+        evaluation: who is evaluated.
+
+    Attributes:
+        known: the episodes by seed.
+
+    Raises:
+        BimanualError: the folder holds episodes of another evaluation of the task, or of one that is running.
+    """
+
+    def __init__(
+        self, folder: Path, task: str, options: EnvOptions, environments: int, evaluation: Evaluation
+    ):
+        self._path = folder / record_name(task, options)
+        self._task, self._options, self._environments = task, options, environments
+        self._evaluation = evaluation
+        self._head: EvaluationHead | None = None
+        self._journal: Journal[_Entry] | None = None
+        self._is_own = False
+        self._interrupted: list[_Entry] = []
+        self.known: dict[int, Episode] = {}
+        if self._path.exists() or self._partial.exists():
+            self.open()
+
+    @property
+    def _partial(self) -> Path:
+        return self._path.with_suffix(".partial.jsonl")
+
+    def open(self) -> None:
+        """Take over what is there, unless that has been done.
+
+        Raises:
+            BimanualError: it is of another evaluation, or of one that is running.
+        """
+        if self._journal is not None:
+            return
+        self.known, head = {}, self._head or self._make_head()
+        if not head.policy and not self._is_own and (self._path.exists() or self._partial.exists()):
+            raise BimanualError(
+                f"{self._path} is there already, and its policy may be another one: choose another folder, or remove the file"
+            )
+        journal = Journal(self._partial, _Entry, exclusive=True)
+        if self._path.exists() and head.policy:
+            record = EvaluationRecord.read(self._path)
+            self._refuse(self._path, head.difference(record))
+            self.known = {episode.seed: episode for episode in record.episodes}
+        if journal.header and head.policy:
+            self._refuse(self._partial, head.difference(EvaluationHead.from_json(journal.header)))
+        else:
+            journal.restart(head.model_dump_json())
+        self._interrupted = journal.entries()
+        self.known |= {entry.episode.seed: entry.episode for entry in self._interrupted}
+        self._head, self._journal, self._is_own = head, journal, True
+
+    def add(self, episode: Episode) -> None:
+        """Keep an episode that has just ended.
+
+        Raises:
+            UnwritableOutput: it cannot be written.
+        """
+        assert self._journal is not None
+        self._journal.add(_Entry(episode=episode, random_state=self._evaluation.random_state()))
+        self.known[episode.seed] = episode
+
+    def is_asked_for(self, seed: int) -> bool:
+        """Whether an episode is not one that only fills up a batch."""
+        return self._evaluation.seeds is None or seed in self._evaluation.seeds
+
+    def go_on_from(self, seed: int) -> None:
+        """Go on with a batch, the first that is played since the interruption, with the random numbers that it had before.
+
+        Args:
+            seed: the first of the batch.
+        """
+        states = [entry.random_state for entry in self._interrupted if entry.episode.seed < seed]
+        self._interrupted = []
+        if states and states[-1]:
+            self._evaluation.set_random_state(states[-1])
+
+    def finish(self) -> str:
+        """Write the record if every episode that was asked for is there; says where the episodes are."""
+        assert self._journal is not None
+        assert self._head is not None
+        missing = [seed for seed in self._evaluation.seeds or () if seed not in self.known]
+        if missing or not self.known:
+            text = f"{len(self.known)} episodes are kept in {self._partial}, the same command plays the other {len(missing)}"
+            self._journal.close()
+        else:
+            episodes = tuple(self.known[seed] for seed in sorted(self.known))
+            EvaluationRecord(**dict(self._head), episodes=episodes).write(self._path)
+            self._journal.remove()
+            text = f"record in {self._path}"
+        self._journal = None
+        return text
+
+    def _make_head(self) -> EvaluationHead:
+        options = ((name, getattr(self._options, name)) for name in RECORDED_OPTIONS)
+        return EvaluationHead(
+            schema_version=2,
+            task=self._task,
+            world=world_version(self._task, self._options.perturb),
+            options={name: value if isinstance(value, int) else str(value) for name, value in options},
+            batch_size=self._environments,
+            versions=result_versions(),
+            policy=dict(self._evaluation.policy),
+        )
+
+    def _refuse(self, path: Path, difference: str | None) -> None:
+        if difference is not None:
+            raise BimanualError(
+                f"{path} is of another evaluation: {difference}; choose another folder (--env.results_dir), or remove the file"
+            )
+
+
+def record_name(task: str, options: EnvOptions) -> str:
+    """File name of the record of an evaluation."""
+    return f"{eval_key(task, options.variation, options.perturb)}_{options.split}_record.json"

@@ -1,0 +1,89 @@
+"""What `lerobot-eval` evaluates: its own command line, read again by LeRobot's own parser.
+
+LeRobot tells an environment neither the policy nor the number of episodes.
+"""
+# No postponed annotations: LeRobot's parser reads them as types.
+
+import base64
+import hashlib
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import draccus
+from lerobot.configs import PreTrainedConfig, parser
+from lerobot.configs.eval import EvalPipelineConfig
+
+from lerobot_bimanual.dataset.checksums import sha256
+from lerobot_bimanual.errors import BimanualError
+from lerobot_env_bimanual.vector.evaluation import Evaluation
+
+PROGRAM = "lerobot-eval"
+
+
+def evaluation_of_program() -> Evaluation:
+    """What this process evaluates; nothing is known of it unless it is `lerobot-eval`.
+
+    Raises:
+        BimanualError: LeRobot would record the evaluation, which it cannot.
+    """
+    if Path(sys.argv[0]).stem.replace("_", "-") != PROGRAM:
+        return Evaluation()
+    config = _command_line()
+    if config.eval.recording:
+        raise BimanualError(
+            "--eval.recording=true does not store what this environment shows: leave it out, evaluate with "
+            "--env.results_dir=FOLDER, and make a dataset with `lerobot-bimanual dataset from-results --results=FOLDER`"
+        )
+    if config.policy is None or config.seed is None:
+        return Evaluation()
+    seeds = range(config.seed, config.seed + config.eval.n_episodes)
+    return evaluation_of(config.policy, seeds, config.rename_map)
+
+
+def evaluation_of(
+    policy: PreTrainedConfig, seeds: range, rename_map: Mapping[str, str] | None = None
+) -> Evaluation:
+    """The evaluation of a policy on seeds, the first of which is also that of its own randomness.
+
+    Args:
+        policy: its config as it was loaded, with the path of its files.
+        seeds: seeds of the episodes.
+        rename_map: names of observations that are changed for the policy.
+    """
+    options = draccus.encode(policy)
+    place = options.pop("pretrained_path", None)
+    facts = json.dumps([options, dict(rename_map or {})], sort_keys=True, default=str)
+    digest = hashlib.sha256(facts.encode())
+    if place is not None and (folder := Path(place)).is_dir():
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        for path in files:
+            digest.update(f"{path.relative_to(folder).as_posix()} {sha256(path)}\n".encode())
+    else:
+        digest.update(str(place).encode())
+    return Evaluation(
+        policy={"type": policy.type, "sha256": digest.hexdigest(), "seed": seeds.start},
+        seeds=seeds,
+        random_state=_random_state,
+        set_random_state=_set_random_state,
+    )
+
+
+@parser.wrap()
+def _command_line(config: EvalPipelineConfig) -> EvalPipelineConfig:
+    return config
+
+
+def _random_state() -> str:
+    import safetensors.torch
+    from lerobot.utils.random_utils import serialize_rng_state
+
+    return base64.b64encode(safetensors.torch.save(serialize_rng_state())).decode()
+
+
+def _set_random_state(text: str) -> None:
+    import safetensors.torch
+    from lerobot.utils.random_utils import deserialize_rng_state
+
+    deserialize_rng_state(safetensors.torch.load(base64.b64decode(text)))
