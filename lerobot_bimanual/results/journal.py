@@ -11,7 +11,6 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import UnwritableOutput, bring_to_disk
 from lerobot_bimanual.results.record import BadRecord, Record
 
-
 MAX_JOURNAL_BYTES = 2**30
 """Larger than any; a larger file is not read."""
 

@@ -36,7 +36,9 @@ class Program:
     def __init__(self, folder: Path, asynchronous=False, policy="a", seeds=SEEDS, films=False, **options):
         self.steps, self.successes, self._films = 0, [], films
         self._rng = np.random.default_rng(0)
-        who = Evaluation({"type": policy} if policy else {}, seeds, self._random_state, self._set_random_state)
+        who = Evaluation(
+            {"type": policy} if policy else {}, seeds, self._random_state, self._set_random_state
+        )
         make = partial(BimanualEnv, "lift_ball", obs="state", results_dir=str(folder), **options)
         self.envs = LazyVectorEnv([make] * 2, asynchronous=asynchronous, evaluation=who)
 
