@@ -12,7 +12,7 @@ from typing import Any
 from harness import Figures, interleaved_cpu_s, parser, report, tasks_of
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 
 NOMINAL = "nominal"
 SEED = 0
@@ -23,7 +23,7 @@ def states_of(task: str, moments: int) -> list[Any]:
     states: list[Any] = []
     env = BimanualEnv(task, split="val", obs="state", control_mode="keypose")
     with env.observed_by(lambda env, _: states.append(env.save_state()[0])):
-        run_expert(env, SEED)
+        run_episode(env, SEED, expert())
     env.close()
     return [states[number * len(states) // moments] for number in range(moments)]
 

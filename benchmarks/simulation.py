@@ -10,7 +10,7 @@ from unittest import mock
 from harness import Figures, cpu_s, parser, report, tasks_of
 
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 
 
 def measure(task: str, rounds: int, resets: int) -> Figures:
@@ -41,7 +41,7 @@ def measure_episode(env: BimanualEnv, seed: int) -> tuple[float, float]:
         seconds.append(cpu_s(lambda: tick(*args)))
 
     with mock.patch.object(env.scene, "tick", timed_tick):
-        total_s = cpu_s(lambda: run_expert(env, seed))
+        total_s = cpu_s(lambda: run_episode(env, seed, expert()))
     return statistics.mean(seconds), total_s
 
 

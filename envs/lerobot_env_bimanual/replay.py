@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -83,35 +84,28 @@ def replay(
     return ReplayResult(ticks, divergence, env.progress.succeeded, env.progress.failure)
 
 
-class Replayer:
-    """Plays episodes of one dataset; keeps the environment of the last task.
+@lru_cache(maxsize=1)
+def _environment(task: str, split: str, mode: ReplayMode, perturb: str) -> BimanualEnv:
+    """The environment of the last recorded episode of this process, kept for the next one of its kind."""
+    return BimanualEnv(task, split=split, obs="state", control_mode=mode, perturb=perturb)
+
+
+def replay_recorded(
+    dataset: RecordedDataset, mode: ReplayMode, index: int
+) -> tuple[EpisodeMeta, ReplayResult]:
+    """Play an episode of a dataset from its recorded seed and compare every state that is recorded.
 
     Args:
         dataset: one view.
         mode: "joint" plays the recorded joint actions tick by tick, which the view `frames` stores, "keypose" the
             recorded keyposes.
+        index: of the episode.
     """
-
-    def __init__(self, dataset: RecordedDataset, mode: ReplayMode):
-        self._dataset = dataset
-        self._mode: ReplayMode = mode
-        self._env: BimanualEnv | None = None
-
-    def replay(self, index: int) -> tuple[EpisodeMeta, ReplayResult]:
-        """Play one episode from its recorded seed and compare every state that is recorded."""
-        episode = self._dataset.episode(index)
-        meta, view, env = episode.meta, self._dataset.view, self._env
-        if env is None or (env.task, env.options.split) != (meta.task, meta.split):
-            if env is not None:
-                env.close()
-            provenance = self._dataset.provenance
-            perturb = "" if provenance is None else provenance.perturb
-            env = BimanualEnv(
-                meta.task, split=meta.split, obs="state", control_mode=self._mode, perturb=perturb
-            )
-            self._env = env
-        actions = episode.columns[schema.ACTION] if self._mode == "joint" else keyposes_of(episode, view)
-        return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
+    episode, view, provenance = dataset.episode(index), dataset.view, dataset.provenance
+    meta, perturb = episode.meta, "" if provenance is None else provenance.perturb
+    env = _environment(meta.task, meta.split, mode, perturb)
+    actions = episode.columns[schema.ACTION] if mode == "joint" else keyposes_of(episode, view)
+    return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
 
 
 def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:

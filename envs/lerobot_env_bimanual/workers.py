@@ -29,6 +29,8 @@ from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
 
 START_METHOD = "forkserver"
+POLL_S = 0.1
+"""Interval at which the parent looks for parts that workers have done."""
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
@@ -52,7 +54,6 @@ class WorkerPool:
 
     Args:
         workers: number of processes; 0 takes one per core.
-        prepare: called once in every worker, before its first work. What it raises becomes the result of every item.
         preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL
             context on import, which does not survive a fork. Only the first pool of a process can have some.
 
@@ -60,14 +61,13 @@ class WorkerPool:
         InvalidChoice: a negative number of workers.
     """
 
-    def __init__(self, workers: int, prepare: Callable[[], None] | None = None, preload: Sequence[str] = ()):
+    def __init__(self, workers: int, preload: Sequence[str] = ()):
         if workers < 0:
             raise InvalidChoice("workers", workers, ["a number of processes", "0 for one per core"])
         os.environ.update(ONE_THREAD)
         self._context = multiprocessing.get_context(START_METHOD)
         self._context.set_forkserver_preload([__name__, *preload])
         self._limit = workers or os.cpu_count() or 1
-        self._prepare = prepare
         self._executor: ProcessPoolExecutor | None = None
         self._lifeline: Connection | None = None
         self._running: dict[Future[Any], int] = {}
@@ -89,6 +89,7 @@ class WorkerPool:
         name: Callable[[Item], str] = str,
         failed: Callable[[Item, str], Result] | None = None,
         note: Callable[[Item, Result], None] | None = None,
+        part: Callable[[], object] = lambda: None,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
@@ -102,6 +103,7 @@ class WorkerPool:
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
             note: called with an item and its result as soon as there is one, whatever earlier items still take.
+            part: called soon after each `part_done` of a worker, once more for an item that is tried again.
 
         Raises:
             BimanualError: what a worker raised.
@@ -114,7 +116,7 @@ class WorkerPool:
             tqdm(
                 desc=label, total=total, initial=done, unit=unit, smoothing=0, disable=not (label and total)
             ) as progress,
-            closing(self._answers(function, items)) as answers,
+            closing(self._answers(function, items, part)) as answers,
         ):
             for index, answer in answers:
                 if isinstance(answer, BimanualError):
@@ -131,7 +133,9 @@ class WorkerPool:
                     yield early.pop(turn)
                     turn += 1
 
-    def _answers(self, function: Callable[[Any], Any], items: Sequence[Any]) -> Generator[tuple[int, Any]]:
+    def _answers(
+        self, function: Callable[[Any], Any], items: Sequence[Any], part: Callable[[], object]
+    ) -> Generator[tuple[int, Any]]:
         """(index, result or error) as they come."""
         waiting, suspects = deque(range(len(items))), deque[int]()
         try:
@@ -142,7 +146,12 @@ class WorkerPool:
                 if is_retry:
                     self._end()  # a suspect has the whole machine
                     self._submit(function, items, suspects.popleft())
-                finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+                finished = set[Future[Any]]()
+                while not finished:
+                    finished, _ = wait(self._running, POLL_S, FIRST_COMPLETED)
+                    while self._lifeline is not None and self._lifeline.poll():
+                        self._lifeline.recv_bytes()
+                        part()
                 if any(isinstance(future.exception(), BrokenProcessPool) for future in finished):
                     finished, _ = wait(self._running)  # a death breaks the whole pool
                     self._end()
@@ -163,10 +172,8 @@ class WorkerPool:
         if self._executor is None:
             with interrupts_ignored():
                 forkserver.ensure_running()
-            reader, self._lifeline = self._context.Pipe(duplex=False)
-            self._executor = ProcessPoolExecutor(
-                self._limit, self._context, _prepare_worker, (reader, self._prepare)
-            )
+            theirs, self._lifeline = self._context.Pipe()
+            self._executor = ProcessPoolExecutor(self._limit, self._context, _prepare_worker, (theirs,))
         try:
             future = self._executor.submit(_work, function, items[index])
         except BrokenProcessPool as error:  # an idle worker died since the last submission
@@ -211,20 +218,22 @@ def told(error: BaseException) -> BimanualError:
     return error
 
 
-_obstacle: BimanualError | None = None
-"""In a worker, why it could not be prepared."""
+_parent: Connection | None = None
+"""In a worker of a pool, its end of the lifeline."""
 
 
-def _prepare_worker(lifeline: Connection, prepare: Callable[[], None] | None) -> None:
+def part_done() -> None:
+    """Tell the parent, from a worker of a pool, that a part of the item is done; elsewhere this does nothing."""
+    if _parent is not None:
+        _parent.send_bytes(b".")  # so short that it needs no lock, which a killed worker would keep
+
+
+def _prepare_worker(lifeline: Connection) -> None:
     """Prepare a worker, which ends as soon as its parent closes the other end of `lifeline`, or is gone."""
-    global _obstacle
+    global _parent
+    _parent = lifeline
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with(lifeline)
-    try:
-        if prepare is not None:
-            prepare()
-    except Exception as error:
-        _obstacle = told(error)
 
 
 def _end_with(lifeline: Connection | int) -> None:
@@ -238,6 +247,6 @@ def _end_with(lifeline: Connection | int) -> None:
 def _work(function: Callable[[Any], Any], item: Any) -> Any:
     """The result, or what was raised as an error that can travel."""
     try:
-        return function(item) if _obstacle is None else _obstacle
+        return function(item)
     except Exception as error:
         return told(error)

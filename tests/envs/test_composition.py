@@ -8,7 +8,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.gl import mujoco, release_gl
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import DrawerCabinet
@@ -117,7 +117,7 @@ def test_images_of_a_whole_episode_are_those_of_the_whole_scene(task):
     env = BimanualEnv(task, split="val", obs="state", control_mode="keypose")
     states = []
     env.tick_observers.append(lambda env, _: states.append(env.scene.save_state()))
-    run_expert(env, 0)
+    run_episode(env, 0, expert())
     with both(env.scene, 256) as (renderer, plain):
         for state in states[::3]:
             env.scene.restore_state(state)

@@ -92,17 +92,12 @@ def test_an_accident_is_an_error_that_names_its_episode_and_all_others_are_kept(
         assert len(running.play([specs[0], specs[2]], "playing")) == 2
 
 
-def test_the_log_forgets_episodes_of_other_versions_and_a_cut_line(tmp_path):
+def test_the_log_forgets_episodes_of_other_versions(tmp_path):
     path = tmp_path / "some" / "log.jsonl"
     log = EpisodeLog(path)
     log.add(FIRST, outcome())
     log.add(SECOND, outcome(success=False))
     assert EpisodeLog(path).get(SECOND) == outcome(success=False)
-    with path.open("r+") as file:
-        file.truncate(path.stat().st_size - 20)
-    again = EpisodeLog(path)
-    assert (again.get(FIRST), again.get(SECOND)) == (outcome(), None)
-    again.add(SECOND, outcome())
     header, _, lines = path.read_text().partition("\n")
     path.write_text(header.replace('"mujoco": "3', '"mujoco": "2') + "\n" + lines)
     assert EpisodeLog(path).get(FIRST) is None

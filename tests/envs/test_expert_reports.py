@@ -10,7 +10,7 @@ from lerobot_bimanual.results.episode import success_rate
 from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport, MoveReport
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.report import MAX_RATES, make_report, violations
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
@@ -114,7 +114,7 @@ def again(name: str, task: str, variation: int, index: int):
     """An episode of a committed report, and the same episode played here."""
     committed = REPORTS[name].by_variation[task, variation][index]
     env = BimanualEnv(task, variation=variation, split="test", obs="state")
-    found = run_expert(env, committed.seed, None if name == "expert" else KeyposeCodec())
+    found = run_episode(env, committed.seed, expert(None if name == "expert" else KeyposeCodec()))
     env.close()
     return committed, found
 

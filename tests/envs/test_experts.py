@@ -13,7 +13,7 @@ from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes, noop
-from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode, run_expert
+from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
@@ -39,7 +39,7 @@ def env_of():
 @pytest.mark.parametrize(("seed", "codec"), [(0, None), (1, KeyposeCodec()), (2, KeyposeCodec())])
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, codec):
-    outcome = run_expert(env_of(name), seed, codec)
+    outcome = run_episode(env_of(name), seed, expert(codec))
     assert outcome.success, outcome
     assert outcome.failure is None
     assert outcome.unmet == ()
@@ -52,7 +52,7 @@ def test_the_expert_solves_its_task_exactly_and_rounded(env_of, name, seed, code
 @pytest.mark.sim
 def test_the_outcome_reports_the_keyposes_as_they_were_executed(env_of):
     moves = []
-    outcome = run_expert(env_of("handover_item_easy"), SEEDS[0], KeyposeCodec(), on_move=moves.append)
+    outcome = run_episode(env_of("handover_item_easy"), SEEDS[0], expert(KeyposeCodec()), moves.append)
     assert [report.name for report in outcome.moves] == [move.name for move in moves]
     assert outcome.last_move == moves[-1].name
     assert sum(report.ticks for report in outcome.moves) == outcome.ticks
@@ -84,7 +84,7 @@ def test_holding_still_ends_with_the_time(env_of):
 @pytest.mark.sim
 def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it_should(env_of):
     env = env_of("lift_ball")
-    solved = run_expert(env, SEEDS[0])
+    solved = run_episode(env, SEEDS[0], expert())
     squeeze = solved.moves[1]
     assert max(squeeze.left_error_mm, squeeze.right_error_mm) > MAX_TIP_ERROR_MM
     assert solved.late_moves == ()
@@ -98,7 +98,7 @@ def test_a_hand_that_is_kept_from_arriving_is_reported_unless_it_presses_what_it
 
 @pytest.mark.sim
 def test_the_open_loop_baseline_plays_the_given_keyposes_and_skips_what_it_cannot_reach(env_of):
-    solved = run_expert(env_of("lift_ball"), SEEDS[0])
+    solved = run_episode(env_of("lift_ball"), SEEDS[0], expert())
     keyposes = solved.commands
     replayed = run_episode(env_of("lift_ball"), SEEDS[0], make_player("open_loop", 0, mean_keyposes=keyposes))
     assert replayed.success

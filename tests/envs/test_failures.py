@@ -48,9 +48,7 @@ def observed(task: str, keyposes: Keyposes) -> EpisodeEvents:
 
 def attributed(task: str, *episodes: Episode, **options: str) -> list[Attribution]:
     attributor = FailureAttributor(task, OPTIONS | options)
-    found = [attributor.attribute(episode) for episode in episodes]
-    attributor.close()
-    return found
+    return [attributor.attribute(episode) for episode in episodes]
 
 
 def one_hand_after_the_other(keyposes: Keyposes) -> Keyposes:

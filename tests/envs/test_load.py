@@ -8,7 +8,7 @@ from lerobot_bimanual.results.expert_report import LoadMetrics
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import load as load_module
 from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, felt, keyframes_found, run_measured
-from lerobot_env_bimanual.experts.runner import expert, run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene import Scene
@@ -34,7 +34,7 @@ def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_sa
     assert found.keyframes_found
     assert found.replayed is (None if mode == "none" else True)
     unmeasured = found.model_copy(update={"load": None, "keyframes_found": None, "replayed": None})
-    assert unmeasured == run_expert(env, SEED)  # the hash of the last state among all else
+    assert unmeasured == run_episode(env, SEED, expert())  # the hash of the last state among all else
 
 
 @pytest.mark.sim
@@ -51,7 +51,7 @@ def test_a_replay_of_other_actions_is_reported(env, monkeypatch):
 def test_keyframes_at_other_ticks_are_reported(env):
     actions = []
     with env.observed_by(lambda _, action: actions.append(action.copy())):
-        ticks = [move.ticks for move in run_expert(env, SEED).moves]
+        ticks = [move.ticks for move in run_episode(env, SEED, expert()).moves]
     assert keyframes_found(np.array(actions), ticks)
     assert not keyframes_found(np.array(actions), [ticks[0] + 5, ticks[1] - 5, *ticks[2:]])
 

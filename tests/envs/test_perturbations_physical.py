@@ -15,8 +15,8 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player
-from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
-from lerobot_env_bimanual.experts.runner import expert, run_episode, run_expert
+from lerobot_env_bimanual.experts.recorder import Recorder
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.perturbations.bodies import DISTRACTOR, free_bodies
 from lerobot_env_bimanual.registry import AXES
@@ -147,11 +147,10 @@ def test_a_nudge_meets_keyposes_and_the_joint_actions_that_execute_them_alike():
 
 def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     env = shared("handover_item_easy", "nudge", 3)
-    assert not run_expert(env, 0, variation=0).success  # it read the scene once
+    assert not run_episode(env, 0, expert(), variation=0).success  # it read the scene once
     looks_again = run_episode(env, 0, make_player("replanning", 0), variation=0)
-    world = RecordedWorld("handover_item_easy", env.options.split, ("front",), (64, 64), perturb="nudge:3")
     recorder = Recorder()
-    outcome, episode = recorder.record(world, 0, 0)
+    outcome, episode = recorder.record(env.task, env.options, 0, 0)
     recorder.close()
     assert episode is not None
     assert outcome == looks_again
@@ -173,7 +172,7 @@ def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands
     lying = {name: place for name, place in places.items() if place[2] > TABLE_HEIGHT_M}
     assert lying
     assert not any(scene.contacts(name, prop.name) for name in lying for prop in props)
-    assert run_expert(env, 0).success
+    assert run_episode(env, 0, expert()).success
     for name, place in lying.items():
         assert np.linalg.norm(scene.pose(name).position - place) < 1e-3
 
@@ -208,7 +207,7 @@ def test_size_changes_extents_and_moments_of_what_moves_freely_and_nothing_else(
 @pytest.mark.parametrize("task", list_tasks())
 def test_every_task_is_another_world_on_each_axis_that_applies_and_begins_where_it_began(task):
     env = make(task)
-    plain = run_expert(env, 0)
+    plain = run_episode(env, 0, expert())
     env.reset(seed=0)
     nominal = episode_of(env)
     env.close()
@@ -218,7 +217,7 @@ def test_every_task_is_another_world_on_each_axis_that_applies_and_begins_where_
             with pytest.raises(InvalidChoice, match=axis):
                 perturbed.reset(seed=0)
             continue
-        outcome = run_expert(perturbed, 0)
+        outcome = run_episode(perturbed, 0, expert())
         assert outcome.state_hash != plain.state_hash
         assert not outcome.unstable
         perturbed.reset(seed=0)

@@ -12,7 +12,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.perturbations.axis import Moment, Start
 from lerobot_env_bimanual.perturbations.words import colour_name, named_colours, paraphrases
 from lerobot_env_bimanual.registry import AXES
@@ -98,7 +98,7 @@ def test_with_all_of_them_the_expert_s_episode_has_the_same_states(task):
         env = BimanualEnv(task, split="val", image_size=16, control_mode="keypose", perturb=perturb)
         hashes: list[str] = []
         with env.observed_by(lambda env, _, hashes=hashes: hashes.append(env.state_hash())):
-            outcome = run_expert(env, SEED)
+            outcome = run_episode(env, SEED, expert())
         assert outcome.success
         chains.append([*hashes, env.state_hash()])
         env.close()

@@ -108,9 +108,9 @@ def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(t
     assert f"{output}: 1 results, 1 videos, " in capsys.readouterr().out
     assert Reader(output.read_text()).tags["video"] == 1
 
-    video = failure_video(TASK, OPTIONS, failed, "policy")
+    video = failure_video(TASK, OPTIONS, "policy", failed)
     with av.open(BytesIO(video.mp4)) as container:
         frames = sum(1 for _ in container.decode(video=0))
     assert frames == -(-(failed.ticks or 0) // EVERY) + 1
     with pytest.raises(BimanualError, match=f"seed {SEED} replays otherwise than recorded"):
-        failure_video(TASK, OPTIONS, reproved(failed, end="0" * 64), "policy")
+        failure_video(TASK, OPTIONS, "policy", reproved(failed, end="0" * 64))

@@ -8,7 +8,7 @@ import pytest
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.scene import Scene
@@ -48,7 +48,7 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
             assert not env.scene.touching(arm, body)
 
     env.tick_observers.append(note)
-    assert run_expert(env, seed=3).success
+    assert run_episode(env, 3, expert()).success
     assert any(slept)
     other = Scene(env.task_definition.spec.props)
     changes = np.flatnonzero(np.diff(slept)).tolist()  # something falls asleep or wakes

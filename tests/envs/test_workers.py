@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import worker_jobs as jobs
@@ -34,6 +33,15 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) ->
         )
         assert [*doubled] == [2 * word for word in words]
     assert noted == [(word, 2 * word) for word in [*words[1:], words[0]]]
+
+
+def test_parts_are_counted_as_workers_tell_them() -> None:
+    told: list[str] = []
+    with WorkerPool(2) as pool:
+        done = pool.map(jobs.in_parts, [2, 0, 3], "", "", part=lambda: told.append("part"))
+        assert [*done] == [2, 0, 3]
+    assert len(told) == 5
+    assert jobs.in_parts(4) == 4  # in no worker nobody is told
 
 
 def test_an_error_comes_home_as_it_was_raised() -> None:
@@ -80,16 +88,5 @@ def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) ->
     parent.stdout.readline()
     os.kill(parent.pid, end)
     parent.wait()
-    while processes_of(parent.pid):
+    while jobs.processes_of(parent.pid):
         time.sleep(0.1)
-
-
-def processes_of(session: int) -> list[str]:
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            if os.getsid(int(entry.name)) == session:
-                found.append(entry.name)
-        except ProcessLookupError:
-            continue
-    return found

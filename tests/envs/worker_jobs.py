@@ -1,9 +1,12 @@
 """What the tests of workers have them do; a module of its own, so that workers can import it."""
 
+import contextlib
 import os
 import signal
 import time
 from pathlib import Path
+
+from lerobot_env_bimanual.workers import part_done
 
 OBSTINATE = "obstinate"
 
@@ -26,9 +29,25 @@ def double_or_die(word: str) -> str:
     return 2 * word
 
 
+def in_parts(count: int) -> int:
+    for _ in range(count):
+        part_done()
+    return count
+
+
 def raise_unportable(_: int) -> None:
     raise Unportable(1, 2)
 
 
 def result_without_a_pickle(_: int) -> object:
     return lambda: None
+
+
+def processes_of(session: int) -> list[int]:
+    """Processes of a session, as of a command that was started in a new one."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(ProcessLookupError):
+            if os.getsid(int(entry.name)) == session:
+                found.append(int(entry.name))
+    return found

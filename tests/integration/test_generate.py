@@ -23,9 +23,10 @@ from lerobot_env_bimanual.commands.dataset_generate import (
 )
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
-from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import ShardReport, next_round
 from lerobot_env_bimanual.generation.settings import GenerationSettings
+from lerobot_env_bimanual.options import EnvOptions
 
 pytestmark = pytest.mark.sim
 
@@ -166,8 +167,8 @@ def test_skipped_seeds_are_listed_with_their_reason(
 ) -> None:
     record = Recorder.record
 
-    def fail_on_odd_seeds(recorder: Recorder, world: RecordedWorld, seed: int, variation: int):
-        outcome, episode = record(recorder, world, seed, variation)
+    def fail_on_odd_seeds(recorder: Recorder, task: str, options: EnvOptions, seed: int, *others: int):
+        outcome, episode = record(recorder, task, options, seed, *others)
         if seed % 2 == 0:
             return outcome, episode
         return outcome.model_copy(update={"failure": "out of time", "unmet": ("lifted",)}), None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from worker_jobs import processes_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim, pytest.mark.timeout(1800)]
 
@@ -76,12 +77,3 @@ def kill(run: subprocess.Popen, victim: str) -> None:
     while left := processes_of(run.pid):
         assert time.monotonic() < deadline, f"left over: {left}"
         time.sleep(0.1)
-
-
-def processes_of(session: int) -> list[int]:
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(ProcessLookupError):
-            if os.getsid(int(entry.name)) == session:
-                found.append(int(entry.name))
-    return found

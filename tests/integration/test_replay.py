@@ -12,7 +12,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_env_bimanual.commands.dataset_replay import DatasetReplayConfig, dataset_replay, parse_episodes
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.replay import Replayer, hashes_of, keyposes_of, replay
+from lerobot_env_bimanual.replay import hashes_of, keyposes_of, replay, replay_recorded
 
 pytestmark = pytest.mark.sim
 
@@ -20,9 +20,9 @@ pytestmark = pytest.mark.sim
 def test_every_recorded_episode_replays_tick_by_tick_and_keypose_by_keypose(generated) -> None:
     recorded = RecordedDataset(generated / "frames")
     for view, mode in (("frames", "joint"), ("frames", "keypose"), ("keyframes", "keypose")):
-        replayer = Replayer(RecordedDataset(generated / view), mode)
+        dataset = RecordedDataset(generated / view)
         for index in (2, 0, 1) if mode == "joint" else (1,):
-            meta, result = replayer.replay(index)
+            meta, result = replay_recorded(dataset, mode, index)
             assert result.matches
             assert (meta.seed, result.ticks) == (index, len(recorded.episode(index)))
 
@@ -52,8 +52,7 @@ def test_a_changed_action_is_found_at_its_tick_and_the_command_names_both(copy, 
     column = table.column_names.index(schema.ACTION)
     field = table.schema.field(schema.ACTION)
     pq.write_table(table.set_column(column, field, pa.array(actions, field.type)), file)
-    replayer = Replayer(RecordedDataset(root), "joint")
-    (_, whole), (_, changed) = map(replayer.replay, (0, 1))
+    (_, whole), (_, changed) = (replay_recorded(RecordedDataset(root), "joint", index) for index in (0, 1))
     assert whole.matches
     assert changed.divergence == 30
     assert dataset_replay(DatasetReplayConfig(root=root, episode_indices="1", workers=1)) == 1

@@ -10,7 +10,7 @@ from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_featu
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_robot_bimanual.bimanual_sim import AT_HOME_RAD, AWAY_RAD
@@ -61,7 +61,7 @@ def test_the_actions_of_an_expert_lead_to_its_state(task, make_robot):
     actions = []
     env = BimanualEnv(task, split="train", obs="state", control_mode="keypose")
     with env.observed_by(lambda _, joint_action: actions.append(joint_action.copy())):
-        outcome = run_expert(env, 0)
+        outcome = run_episode(env, 0, expert())
     env.close()
     robot = make_robot(task=task, seed=0)
     for joint_action in actions:

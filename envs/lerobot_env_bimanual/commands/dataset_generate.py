@@ -14,6 +14,8 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.terminal import show_next
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.generation.build import Executor
@@ -101,8 +103,6 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     """
     from lerobot_bimanual.dataset.hub import check_repo_id
     from lerobot_env_bimanual.generation.settings import GenerationSettings
-    from lerobot_env_bimanual.options import EnvOptions
-    from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
     check_range("workers", config.workers, 0)
     if config.repo_id is not None:

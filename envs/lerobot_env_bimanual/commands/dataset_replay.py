@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.terminal import show_next
+from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
+    from lerobot_bimanual.dataset.reader import RecordedDataset
     from lerobot_bimanual.dataset.schema import View
     from lerobot_bimanual.episode import EpisodeMeta
-    from lerobot_env_bimanual.replay import Replayer, ReplayMode, ReplayResult
+    from lerobot_env_bimanual.replay import ReplayMode, ReplayResult
 
 
 @dataclass
@@ -40,7 +42,6 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     """
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
     from lerobot_env_bimanual.experts.world_version import other_simulation
-    from lerobot_env_bimanual.workers import WorkerPool
 
     preferred: tuple[View, ...] = ("frames",) if config.replay == "joint" else ("frames", "keyframes")
     dataset = RecordedDataset(find_view(config.root, preferred))
@@ -52,9 +53,9 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     if difference := other_simulation(dataset.provenance):
         print(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
-    jobs: list[tuple[Path, ReplayMode, int]] = [(dataset.root, config.replay, index) for index in indices]
+    play = partial(_replay, dataset.root, config.replay)
     with WorkerPool(config.workers) as pool:
-        results = pool.map(_replay, jobs, "replay", "episode", failed=lambda _, reason: reason)
+        results = pool.map(play, indices, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))
     _print({index: result for index, result in played.items() if not isinstance(result, str)})
     for index, result in played.items():
@@ -92,8 +93,6 @@ def parse_episodes(text: str, count: int) -> list[int]:
 def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
     import pandas as pd
 
-    from lerobot_bimanual.terminal import print_table
-
     rows = [
         {
             "task": meta.task,
@@ -119,13 +118,13 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
 
 
 @lru_cache(maxsize=1)
-def _replayer(root: Path, mode: ReplayMode) -> Replayer:
+def _dataset(root: Path) -> RecordedDataset:
     from lerobot_bimanual.dataset.reader import RecordedDataset
-    from lerobot_env_bimanual.replay import Replayer
 
-    return Replayer(RecordedDataset(root), mode)
+    return RecordedDataset(root)
 
 
-def _replay(job: tuple[Path, ReplayMode, int]) -> tuple[EpisodeMeta, ReplayResult] | str:
-    root, mode, index = job
-    return _replayer(root, mode).replay(index)
+def _replay(root: Path, mode: ReplayMode, index: int) -> tuple[EpisodeMeta, ReplayResult] | str:
+    from lerobot_env_bimanual.replay import replay_recorded
+
+    return replay_recorded(_dataset(root), mode, index)

@@ -6,15 +6,15 @@ import contextlib
 import os
 import tempfile
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import BimanualError, check_range
-from lerobot_bimanual.terminal import show_next
+from lerobot_bimanual.terminal import print_table, show_next
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
+from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.verification.fault import Fault
@@ -63,9 +63,10 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     import numpy as np
 
     from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
+    from lerobot_env_bimanual.verification.fault import Fault, Findings
+    from lerobot_env_bimanual.verification.metadata import READABLE
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
-    from lerobot_env_bimanual.verification.verifier import Thoroughness
-    from lerobot_env_bimanual.workers import WorkerPool
+    from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness
 
     check_range("sample_seed", config.sample_seed, 0)
     if config.render != "all" and not config.render.isdecimal():
@@ -90,11 +91,15 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
                 )
                 for view in readable
             ]
-            arguments = ([view.root for view in readable], plans)
+
+            def unverified(index: int, reason: str) -> list[EpisodeReport]:
+                """The reports of an episode whose checks came to no end."""
+                return [EpisodeReport(index, "", Findings({READABLE: [Fault(reason)]}))] * len(readable)
+
             # Both views of an episode are verified in one go, which plays it once.
-            with WorkerPool(config.workers, partial(_prepare, *arguments), PRELOADED) as pool:
-                failed = partial(_unverified, len(readable))
-                for reports in pool.map(_verify, indices, "verifying", "episode", failed=failed):
+            verify = partial(_verify, tuple(view.root for view in readable), tuple(plans))
+            with WorkerPool(config.workers, PRELOADED) as pool:
+                for reports in pool.map(verify, indices, "verifying", "episode", failed=unverified):
                     for view, report in zip(readable, reports, strict=True):
                         view.add(report)
     for view in views:
@@ -180,7 +185,6 @@ class _ViewReport:
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
         from lerobot_bimanual.dataset.content_hash import combined_hash
-        from lerobot_bimanual.terminal import print_table
 
         rows = []
         for check, outcomes in self._faults.items():
@@ -209,10 +213,9 @@ def _line(episode: int | None, fault: Fault) -> str:
     return place + (fault.text if fault.text.isprintable() else repr(fault.text))
 
 
-_verifiers: list[Verifier] = []
-
-
-def _prepare(roots: Sequence[Path], plans: Sequence[Thoroughness]) -> None:
+@lru_cache(maxsize=1)
+def _verifiers(roots: tuple[Path, ...], plans: tuple[Thoroughness, ...]) -> list[Verifier]:
+    """The verifiers of this process, one per view."""
     import av.logging
     import datasets
     import pyarrow
@@ -224,17 +227,8 @@ def _prepare(roots: Sequence[Path], plans: Sequence[Thoroughness]) -> None:
     datasets.disable_progress_bars()
     pyarrow.set_cpu_count(1)
     player = Player()
-    _verifiers[:] = [Verifier(root, plan, player) for root, plan in zip(roots, plans, strict=True)]
+    return [Verifier(root, plan, player) for root, plan in zip(roots, plans, strict=True)]
 
 
-def _verify(index: int) -> list[EpisodeReport]:
-    return [verifier.verify(index) for verifier in _verifiers]
-
-
-def _unverified(n_views: int, index: int, reason: str) -> list[EpisodeReport]:
-    """The reports of an episode whose checks came to no end."""
-    from lerobot_env_bimanual.verification.fault import Fault, Findings
-    from lerobot_env_bimanual.verification.metadata import READABLE
-    from lerobot_env_bimanual.verification.verifier import EpisodeReport
-
-    return [EpisodeReport(index, "", Findings({READABLE: [Fault(reason)]}))] * n_views
+def _verify(roots: tuple[Path, ...], plans: tuple[Thoroughness, ...], index: int) -> list[EpisodeReport]:
+    return [verifier.verify(index) for verifier in _verifiers(roots, plans)]

@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
+from lerobot_bimanual.files import check_output_file, check_output_folder
 from lerobot_bimanual.results.expert_report import EXPERTS, PlayerName
+from lerobot_bimanual.terminal import show_next
+from lerobot_env_bimanual.options import ANY_VARIATION
+from lerobot_env_bimanual.registry import checked_perturbation
+from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec, Evaluator
@@ -71,9 +76,6 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
         lerobot-bimanual expert evaluate --task=lift_ball --perturb=mass:2 --discretise=100
         lerobot-bimanual expert evaluate --task=lift_ball --axes=mass,arm_late --levels=3 --output=outputs/perturbed
     """
-    from lerobot_env_bimanual.registry import checked_perturbation
-    from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
-
     config = replace(config, perturb=checked_perturbation(config.perturb))
     tasks = resolve_tasks(config.task)
     for task in tasks if config.variation != EACH_VARIATION else ():
@@ -102,8 +104,6 @@ def _check(config: ExpertEvaluateConfig) -> None:
 
 
 def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
-    from lerobot_bimanual.files import check_output_file
-    from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.experts.report import make_report, print_report
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
@@ -133,9 +133,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
 
 
 def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Iterator[EpisodeSpec]:
-    from lerobot_env_bimanual.options import ANY_VARIATION
     from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
-    from lerobot_env_bimanual.tasks.registry import get_task
 
     is_open_loop = config.player == "open_loop"
     # The open-loop baseline may know its variation, as a policy does from the instruction: "any" is taken apart.
@@ -158,9 +156,7 @@ def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Ite
 
 
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
-    from lerobot_bimanual.files import check_output_folder
     from lerobot_bimanual.results.robustness import ExpertRobustnessConfig
-    from lerobot_bimanual.terminal import show_next
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.conditions import conditions_of, sweep_expert
 

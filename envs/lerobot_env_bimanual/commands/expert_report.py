@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from lerobot_bimanual.files import check_output_file
+from lerobot_bimanual.pages import write_page
 from lerobot_bimanual.terminal import show_next
 
 ROBUSTNESS_PAGE = "expert_robustness.md"
@@ -30,8 +32,6 @@ def expert_report(config: ExpertReportConfig) -> None:
         lerobot-bimanual expert report
         lerobot-bimanual expert report --output=docs/tasks.md
     """
-    from lerobot_bimanual.files import check_output_file
-    from lerobot_bimanual.pages import write_page
     from lerobot_bimanual.reports.robustness_pages import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.reports.expert_tables import ExpertReports

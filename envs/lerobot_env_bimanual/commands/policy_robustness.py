@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.files import check_output_file
+from lerobot_bimanual.terminal import show_next
+from lerobot_env_bimanual.tasks.registry import get_task
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.sweep.robustness import PolicySweep
@@ -61,7 +64,6 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
 
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_text import print_robustness
-    from lerobot_bimanual.terminal import show_next
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
     missing = sweep.missing()
@@ -98,11 +100,9 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
 
 def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
     """What is to be played; refuses what cannot be, before anything heavy is imported."""
-    from lerobot_bimanual.files import check_output_file
     from lerobot_bimanual.results.robustness import read_expert_robustness
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
     from lerobot_env_bimanual.sweep.conditions import conditions_of
-    from lerobot_env_bimanual.tasks.registry import get_task
 
     for name, minimum in (("episodes", 1), ("batch_size", 1), ("first_seed", 0)):
         check_range(name, getattr(config, name), minimum)

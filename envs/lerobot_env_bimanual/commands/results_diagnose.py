@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
-from lerobot_bimanual.terminal import show_next
+from lerobot_bimanual.files import check_output_file, write_file
+from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
     from lerobot_env_bimanual.failures.attribution import Attribution
@@ -43,11 +45,9 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
         lerobot-bimanual results diagnose --results=outputs/eval/lift_ball_test_record.json
         lerobot-bimanual results diagnose --results=results/leaderboard --sample=5 --output=outputs/failures.json
     """
-    from lerobot_bimanual.files import check_output_file, write_file
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.failures.attribution import attribute_failures
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
-    from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)
     check_range("sample_seed", config.sample_seed, 0)
@@ -85,7 +85,6 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
 
 
 def _print_episodes(attributions: Sequence[Attribution]) -> None:
-    from lerobot_bimanual.terminal import print_table
 
     headings = ("seed", "class", "last recoverable keypose", "responsible", "event")
     rows = [
@@ -97,7 +96,6 @@ def _print_episodes(attributions: Sequence[Attribution]) -> None:
 
 
 def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
-    from lerobot_bimanual.terminal import print_table
     from lerobot_env_bimanual.failures.attribution import Responsible
     from lerobot_env_bimanual.failures.classes import FailureClass
 

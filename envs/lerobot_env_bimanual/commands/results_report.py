@@ -8,6 +8,10 @@ from typing import Literal
 from urllib.parse import quote
 
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.files import check_output_file, write_file
+from lerobot_bimanual.pages import write_page
+from lerobot_bimanual.terminal import show_next
+from lerobot_env_bimanual.workers import WorkerPool
 
 
 @dataclass
@@ -43,9 +47,6 @@ def results_report(config: ResultsReportConfig) -> None:
         lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
         lerobot-bimanual results report --results=results/leaderboard --format=html --output=outputs/results.html
     """
-    from lerobot_bimanual.files import check_output_file
-    from lerobot_bimanual.terminal import show_next
-
     check_range("max_videos", config.max_videos, 0)
     if config.output is not None:
         check_output_file(config.output)
@@ -56,7 +57,6 @@ def results_report(config: ResultsReportConfig) -> None:
 
 
 def _write_markdown(config: ResultsReportConfig) -> None:
-    from lerobot_bimanual.pages import write_page
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_pages import robustness_page
@@ -79,12 +79,10 @@ def _write_markdown(config: ResultsReportConfig) -> None:
 
 
 def _write_html(config: ResultsReportConfig) -> None:
-    from lerobot_bimanual.files import write_file
     from lerobot_bimanual.results.comparison import check_comparable
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.reports.results_page import results_page, sections_of
     from lerobot_env_bimanual.verification.result_files import ResultFile
-    from lerobot_env_bimanual.workers import WorkerPool
 
     results = [ResultFile.read(path) for path in result_paths(config.results)]
     for result in results:

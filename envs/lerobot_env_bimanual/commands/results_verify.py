@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.terminal import show_next
+from lerobot_env_bimanual.workers import WorkerPool
 
 
 @dataclass
@@ -36,7 +37,6 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     from lerobot_bimanual.results.record import result_paths
     from lerobot_env_bimanual.verification.episodes import verify_episodes
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
-    from lerobot_env_bimanual.workers import WorkerPool
 
     check_range("sample", config.sample, 0)
     check_range("sample_seed", config.sample_seed, 0)

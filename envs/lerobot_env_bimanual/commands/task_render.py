@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError, check_range
+from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
+from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
     from lerobot_bimanual.results.expert_report import EpisodeOutcome
@@ -49,20 +53,16 @@ def task_render(config: TaskRenderConfig) -> None:
         lerobot-bimanual task render --video=false
         lerobot-bimanual task render --task=handover_item --variation=2 --camera=left_shoulder --quality=observation
     """
-    from lerobot_bimanual.files import check_output_folder
-    from lerobot_env_bimanual.workers import WorkerPool
-
-    requests = _requests(config)
+    options, jobs = _plan(config)
     check_output_folder(config.output)
     with WorkerPool(config.workers) as pool:
-        outcomes = [
-            *pool.map(render_episode, requests, "render", "episode", name=lambda each: each.stem.name)
-        ]
-    print(f"{config.output}: pictures of {', '.join(each.stem.name for each in requests)}")
+        render = partial(_render, config, options)
+        outcomes = [*pool.map(render, jobs, "render", "episode", name=lambda job: job[2].name)]
+    print(f"{config.output}: pictures of {', '.join(stem.name for *_, stem in jobs)}")
     failures = [
-        f"{each.task} failed at {config.split} seed {each.seed}, stage {one.last_move!r}: "
-        f"{one.failure} (unmet: {', '.join(one.unmet)}), see {each.stem}.png"
-        for each, one in zip(requests, outcomes, strict=True)
+        f"{task} failed at {config.split} seed {seed}, stage {one.last_move!r}: "
+        f"{one.failure} (unmet: {', '.join(one.unmet)}), see {stem}.png"
+        for (task, seed, stem), one in zip(jobs, outcomes, strict=True)
         if not one.success
     ]
     if failures:
@@ -70,31 +70,12 @@ def task_render(config: TaskRenderConfig) -> None:
     show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}", "--root=data")
 
 
-@dataclass(frozen=True)
-class RenderRequest:
-    """Which pictures to make.
-
-    Attributes:
-        task: registered task name.
-        seed: seed of the episode.
-        options: of the environment, with the size and the quality of the pictures.
-        camera: name of a camera, or "clearest".
-        video: whether a video is made of the whole episode.
-        stem: path of the files without their suffix; its folder is created if absent.
-    """
-
-    task: str
-    seed: int
-    options: EnvOptions
-    camera: str
-    video: bool
-    stem: Path
+type Job = tuple[str, int, Path]
+"""Task, seed of the episode, and path of its files without their suffix."""
 
 
-def _requests(config: TaskRenderConfig) -> list[RenderRequest]:
-    """One request per episode, each checked before any process starts."""
-    from lerobot_env_bimanual.tasks.registry import get_task, resolve_tasks
-
+def _plan(config: TaskRenderConfig) -> tuple[EnvOptions, list[Job]]:
+    """Options of the environments, and one job per episode, all checked before any process starts."""
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
     options = EnvOptions(
@@ -109,30 +90,21 @@ def _requests(config: TaskRenderConfig) -> list[RenderRequest]:
         raise BimanualError(
             f"image_size is {config.image_size!r}, but videos need even sides; or use --video=false"
         )
-    requests = []
+    jobs = []
     for name in sorted(resolve_tasks(config.task), key=lambda name: get_task(name).spec.id):
         get_task(name).spec.variation_index(options.variation)
         for seed in range(config.first_seed, config.first_seed + config.episodes):
             stem = config.output / (name if config.episodes == 1 else f"{name}_seed{seed}")
-            requests.append(RenderRequest(name, seed, options, config.camera, config.video, stem))
-    return requests
+            jobs.append((name, seed, stem))
+    return options, jobs
 
 
-def render_episode(request: RenderRequest) -> EpisodeOutcome:
+def _render(config: TaskRenderConfig, options: EnvOptions, job: Job) -> EpisodeOutcome:
     """Let the expert play an episode; write its contact sheet and, if requested, its video.
 
     Raises:
-        BimanualError: the episode cannot be set up, or not be rendered. It is raised as this very class, which a worker
-            process can send home.
+        BimanualError: the episode cannot be set up, or not be rendered.
     """
-    try:
-        return _render(request)
-    except BimanualError as error:
-        place = f"{request.task} at {request.options.split} seed {request.seed}"
-        raise BimanualError(f"{place}: {error}") from None
-
-
-def _render(request: RenderRequest) -> EpisodeOutcome:
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
@@ -142,18 +114,21 @@ def _render(request: RenderRequest) -> EpisodeOutcome:
     from lerobot_env_bimanual.world.servo_commands import TICK_S
     from lerobot_env_bimanual.world.video import VideoWriter
 
-    options = request.options
-    env = BimanualEnv(request.task, options=options)
-    played = rollout(env, request.seed, expert())
-    outcome, camera = played.outcome, request.camera
+    task, seed, stem = job
+    env = BimanualEnv(task, options=options)
+    try:
+        recording, outcome = rollout(env, seed, expert())
+    except BimanualError as error:
+        raise BimanualError(f"{task} at {options.split} seed {seed}: {error}") from None
+    states, camera = recording.states, config.camera
     names = ["start", *(f"{number}. {move.name}" for number, move in enumerate(outcome.moves, 1))]
     ends = [*accumulate((move.ticks for move in outcome.moves), initial=0)]
     if camera == "clearest":
-        camera = clearest_camera(env.scene, [played.states[end] for end in ends])
+        camera = clearest_camera(env.scene, [states[end] for end in ends])
     with Renderer(env.scene, (camera,), *options.size, options.render_quality) as renderer:
 
         def panel(tick: int, caption: str = "", color: tuple[int, int, int] = INK) -> Panel:
-            env.scene.restore_state(played.states[tick])
+            env.scene.restore_state(states[tick])
             return Panel(renderer.render()[camera][0], caption, f"{tick * TICK_S:.1f} s", color)
 
         verdict, color = ("success", GREEN) if outcome.success else ("failure", RED)
@@ -161,14 +136,14 @@ def _render(request: RenderRequest) -> EpisodeOutcome:
         panels.append(panel(ends[-1], f"{names[-1]} - {verdict}", color))
         facts = f"{options.split} seed {outcome.seed}, variation {outcome.variation}, {outcome.ticks * TICK_S:.1f} s"
         lines = (env.task_description, f"{facts}, seen from {camera}")
-        request.stem.parent.mkdir(parents=True, exist_ok=True)
-        contact_sheet(request.task, lines, panels).save(request.stem.with_suffix(".png"))
-        if request.video:
-            writer = VideoWriter(request.stem.parent, request.stem.name)
-            for tick in range(len(played.states)):
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        contact_sheet(task, lines, panels).save(stem.with_suffix(".png"))
+        if config.video:
+            writer = VideoWriter(stem.parent, stem.name)
+            for tick in range(len(states)):
                 writer.add(panel(tick).rgb)
             video = writer.close("complete")
             assert video is not None  # an episode has at least one state
-            video.replace(request.stem.with_suffix(".mp4"))
+            video.replace(stem.with_suffix(".mp4"))
     env.close()
     return outcome

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.window import no_window
+from lerobot_env_bimanual.window import mujoco_window, no_window
 
 
 @dataclass
@@ -49,8 +50,6 @@ def task_view(config: TaskViewConfig) -> None:
         lerobot-bimanual task view --task=handover_item_easy --video \
             --checkpoint=results/checkpoints/peract2_on_all
     """
-    from lerobot_bimanual.files import check_output_folder
-
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
     reason = "--video was given" if config.video else no_window()
@@ -71,7 +70,6 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     from lerobot_env_bimanual.rendering.rollout import rollout
     from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
     from lerobot_env_bimanual.viewer import KEYS, Performance
-    from lerobot_env_bimanual.window import mujoco_window
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
@@ -89,9 +87,9 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
         files = write_side_by_side(env, rollouts, config.output)
-        for name, each in rollouts.items():
-            verdict = "solved" if each.outcome.success else f"not solved: {each.outcome.failure}"
-            print(f"{name}: {verdict} after {each.duration_s:.1f} s")
+        for name, (recording, outcome) in rollouts.items():
+            verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
+            print(f"{name}: {verdict} after {recording.duration_s:.1f} s")
         print("\n".join(map(str, files)))
     env.close()
 

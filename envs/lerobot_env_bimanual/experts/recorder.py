@@ -8,7 +8,8 @@ memory.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,45 +21,27 @@ from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.runner import expert_of, run_episode
+from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene import SceneState
-
-
-class RecordedWorld(NamedTuple):
-    """What the recorded episodes of a task have in common.
-
-    Attributes:
-        task: registered task name.
-        split: "train", "val" or "test".
-        cameras: cameras of the images.
-        image_size: (height, width) in pixels.
-        voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
-        perturb: perturbations, `AXIS:LEVEL,...`.
-    """
-
-    task: str
-    split: str
-    cameras: tuple[str, ...]
-    image_size: tuple[int, int]
-    voxels: int = 0
-    perturb: str = ""
 
 
 class Recorder:
     """Plays the experts of tasks and records what happens; keeps the last world, most likely that of the next episode."""
 
     def __init__(self):
-        self._world: RecordedWorld | None = None
         self._env: BimanualEnv | None = None
 
     def record(
-        self, world: RecordedWorld, seed: int, variation: int
+        self, task: str, options: EnvOptions, seed: int, variation: int, voxels: int = 0
     ) -> tuple[EpisodeOutcome, Demonstration | None]:
         """Play one episode.
 
         Args:
-            world: where it is played.
+            task: registered task name.
+            options: of its environment, which observes no images by itself and takes keyposes; see `recording_options`.
             seed: seed of the reset.
             variation: index of the task's variation.
+            voxels: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
 
         Returns:
             What became of it, and the episode if it succeeded. The episode's images can be asked for until the
@@ -67,7 +50,7 @@ class Recorder:
         Raises:
             PlacementFailure: the seed has no placement of the props that both arms can serve.
         """
-        env = self._env_of(world)
+        env = self._env_of(task, options)
         keyposes: list[NDArray[np.float32]] = []
         ticks: list[tuple[dict[str, NDArray], NDArray[np.float32], int]] = []
         states: list[SceneState] = []
@@ -80,7 +63,7 @@ class Recorder:
             hashes.append(env.state_hash())
 
         with env.observed_by(note):
-            player = expert_of(env, KeyposeCodec(voxels=world.voxels) if world.voxels else None)
+            player = expert_of(env, KeyposeCodec(voxels=voxels) if voxels else None)
             outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None
@@ -90,31 +73,36 @@ class Recorder:
 
         def images(row: int) -> dict[str, NDArray]:
             env.scene.restore_state(states[row])
-            return _camera_images(env.images(), world.cameras)
+            return _camera_images(env.images(), options.camera_names)
 
-        meta = EpisodeMeta(world.task, variation, world.split, seed, env.task_description)
+        meta = EpisodeMeta(task, variation, options.split, seed, env.task_description)
         return outcome, Demonstration(meta, np.array(keyposes), steps, _vectors(env.observe()), images)
 
     def close(self) -> None:
         """Free the simulation and the renderer."""
         if self._env is not None:
             self._env.close()
-        self._env = self._world = None
+        self._env = None
 
-    def _env_of(self, world: RecordedWorld) -> BimanualEnv:
-        if self._env is None or self._world != world:
+    def _env_of(self, task: str, options: EnvOptions) -> BimanualEnv:
+        if self._env is None or (self._env.task, self._env.options) != (task, options):
             self.close()
-            self._world = world
-            self._env = BimanualEnv(
-                world.task,
-                split=world.split,
-                cameras=world.cameras,
-                image_size=world.image_size,
-                obs="state",
-                control_mode="keypose",
-                perturb=world.perturb,
-            )
+            self._env = BimanualEnv(task, options=options)
         return self._env
+
+
+def recording_options(
+    split: str, cameras: Iterable[str], image_size: tuple[int, int], perturb: str
+) -> EnvOptions:
+    """Options of an environment in which episodes are recorded; sizes are height and width in pixels."""
+    return EnvOptions(
+        split=split,
+        cameras=",".join(cameras),
+        image_size="{}x{}".format(*image_size),
+        obs="state",
+        control_mode="keypose",
+        perturb=perturb,
+    )
 
 
 def _vectors(observation: dict[str, Any]) -> dict[str, NDArray]:

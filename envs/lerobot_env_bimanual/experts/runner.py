@@ -54,30 +54,11 @@ type Player = Callable[[BimanualEnv], Iterator[Move]]
 """A player is started after the reset and resumed after each move, so it may read the scene."""
 
 
-def run_expert(
-    env: BimanualEnv,
-    seed: int,
-    codec: KeyposeCodec | None = None,
-    on_move: Callable[[Move], None] | None = None,
-    variation: int | None = None,
-) -> EpisodeOutcome:
-    """Let the task's script play one episode.
-
-    Args:
-        env: environment whose control mode takes keyposes.
-        seed: seed of the reset.
-        codec: round every keypose to its voxels and bins, as a policy would command it.
-        on_move: called before each keypose is executed.
-        variation: index; None leaves it to the environment's options.
-    """
-    return run_episode(env, seed, expert(codec), on_move, variation)
-
-
 def expert(codec: KeyposeCodec | None = None) -> Player:
     """The task's script as a player.
 
     Args:
-        codec: round every keypose to its voxels and bins.
+        codec: round every keypose to its voxels and bins, as a policy would command it.
     """
 
     def play(env: BimanualEnv) -> Iterator[Move]:
@@ -194,7 +175,7 @@ def run_episode(
         if is_over:
             failure = info["failure"] or OUT_OF_TIME
             break
-    return _outcome(
+    return outcome_of(
         env,
         success=info["is_success"],
         failure=None if info["is_success"] else failure,
@@ -206,13 +187,8 @@ def run_episode(
     )
 
 
-def failed_to_start(env: BimanualEnv, failure: str) -> EpisodeOutcome:
-    """The outcome of an episode whose reset has just failed."""
-    return _outcome(env, success=False, failure=failure)
-
-
-def _outcome(env: BimanualEnv, **fields: Any) -> EpisodeOutcome:
-    """The given fields, and those that the environment knows."""
+def outcome_of(env: BimanualEnv, **fields: Any) -> EpisodeOutcome:
+    """The outcome of an episode, also of one whose reset has just failed: the given fields, and what the environment knows."""
     return EpisodeOutcome(
         **fields,
         task=env.task,

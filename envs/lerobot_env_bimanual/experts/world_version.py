@@ -27,7 +27,7 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import Move, run_expert
+from lerobot_env_bimanual.experts.runner import Move, expert, run_episode
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.registry import checked_perturbation
 from lerobot_env_bimanual.robots.panda_pair import FINGERS
@@ -165,7 +165,7 @@ def _episode_facts(env: BimanualEnv) -> Iterator[str]:
             stood.append(np.append(env.scene.data.time, env.scene.data.qpos))
 
     try:
-        outcome = run_expert(env, PROBE_SEED, on_move=note)
+        outcome = run_episode(env, PROBE_SEED, expert(), note)
     except PlacementFailure as failure:
         yield str(failure)
         return

@@ -130,11 +130,6 @@ class FailureAttributor:
             recovers=recovers,
         )
 
-    def close(self) -> None:
-        """Free the simulation."""
-        self._env.close()
-        self._expert_env.close()
-
     def _reset(self, episode: Episode, env: BimanualEnv) -> None:
         env.reset(seed=episode.seed, options={"variation": episode.variation})
         if env.state_hash() != proof_of(episode).start:

@@ -19,8 +19,8 @@ from lerobot_env_bimanual.workers import WorkerPool
 PRELOADED = ("lerobot_bimanual.dataset.writer",)
 """Seven seconds of LeRobot and torch, which workers import once for all of them."""
 
-type RecordShards = Callable[[Sequence[Job]], Iterator[int]]
-"""Records shards in any order; gives the number of episodes of each that is finished."""
+type RecordShards = Callable[[Sequence[Job], Callable[[int], object]], None]
+"""Records shards in any order; calls what it is given with the number of episodes that were recorded since the last call."""
 
 type Executor = AbstractContextManager[RecordShards]
 """Who records; ends everything that it has started."""
@@ -34,11 +34,14 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
         workers: number of processes; 0 takes one per core.
     """
     with WorkerPool(workers, preload=PRELOADED) as pool:
-        yield partial(pool.map, record_shard, label="", unit="", name=_shard_name)
 
+        def record(jobs: Sequence[Job], note: Callable[[int], object]) -> None:
+            for _ in pool.map(
+                record_shard, jobs, "", "", name=lambda job: f"shard {job[1].name}", part=partial(note, 1)
+            ):
+                pass
 
-def _shard_name(job: Job) -> str:
-    return f"shard {job[1].name}"
+        yield record
 
 
 def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
@@ -65,8 +68,7 @@ def build_dataset(staging: Staging, record: RecordShards) -> list[ShardReport]:
                 for shard, folder in zip(shards, folders, strict=True)
                 if not folder.exists()
             ]
-            for episodes in record(missing):
-                bar.update(episodes)
+            record(missing, bar.update)
             finished += [(shard, staging.report(shard)) for shard in shards]
     reports = [report for _, report in finished]
     recorded = [staging.shard_folder(shard) for shard, report in finished if report.episodes]

@@ -11,7 +11,7 @@ import logging
 import socket
 import tempfile
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -67,7 +67,7 @@ def ray_executor(workers: int, address: str | None) -> Iterator[RecordShards]:
             ray.shutdown()
 
 
-def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
+def _record(workers: int, jobs: Sequence[Job], note: Callable[[int], object]) -> None:
     record = ray.remote(num_cpus=1, max_retries=MAX_RETRIES)(record_packed)
     waiting, running = deque(jobs), dict[Any, Job]()
     try:
@@ -84,7 +84,7 @@ def _record(workers: int, jobs: Sequence[Job]) -> Iterator[int]:
                         (folder / name).parent.mkdir(parents=True, exist_ok=True)
                         (folder / name).write_bytes(content)
                     place_shard(folder, target)
-                yield episodes
+                note(episodes)
     finally:
         for task in running:
             ray.cancel(task, force=True)

@@ -14,6 +14,7 @@ from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import Version, installed_versions
+from lerobot_env_bimanual.experts.recorder import recording_options
 from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions
 from lerobot_env_bimanual.tasks.registry import get_task
@@ -69,8 +70,7 @@ class GenerationSettings(Record):
             get_task(task).spec.variation_index(self.variation)
         if self.views not in (VIEWS, *((view,) for view in VIEWS)):
             raise InvalidChoice("views", self.views, [*VIEWS, "both in this order"])
-        size = f"{self.height}x{self.width}"
-        options = EnvOptions(cameras=",".join(self.cameras), image_size=size, perturb=self.perturb)
+        options = self.options
         if self.cameras != options.camera_names:
             raise InvalidChoice("cameras", self.cameras, repr(options.camera_names))
         if self.perturb != options.perturb:
@@ -110,6 +110,11 @@ class GenerationSettings(Record):
         }
         words = [f"--{name}={value}" for name, value in flags.items() if value != ""]
         return shlex.join(["lerobot-bimanual", "dataset", "generate", *words])
+
+    @property
+    def options(self) -> EnvOptions:
+        """Options of the environments in which the episodes are recorded."""
+        return recording_options(self.split, self.cameras, (self.height, self.width), self.perturb)
 
     @property
     def total_episodes(self) -> int:

@@ -13,10 +13,11 @@ from tqdm import tqdm
 
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import PlacementFailure
-from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
+from lerobot_env_bimanual.workers import part_done
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.writer import ViewWriter
@@ -37,9 +38,7 @@ def record_shard(job: Job) -> int:
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 
     settings, shard, target = job
-    recorder, size = _recorder(), (settings.height, settings.width)
-    task, split, cameras = shard.candidates[0].task, settings.split, settings.cameras
-    world = RecordedWorld(task, split, cameras, size, settings.discretise, settings.perturb)
+    recorder, options = _recorder(), settings.options
     episodes: list[EpisodeKey] = []
     skipped: list[SkippedSeed] = []
     with plain_write_errors(target), new_folder(target.parent.parent) as folder:
@@ -47,7 +46,9 @@ def record_shard(job: Job) -> int:
             writers: list[ViewWriter] = []
             for candidate in shard.candidates:
                 try:
-                    outcome, episode = recorder.record(world, candidate.seed, candidate.variation)
+                    outcome, episode = recorder.record(
+                        candidate.task, options, candidate.seed, candidate.variation, settings.discretise
+                    )
                     unmet = ", ".join(outcome.unmet) or "none"
                     reason = f"{outcome.failure}, at {outcome.last_move!r}; unmet: {unmet}"
                 except PlacementFailure as failure:
@@ -62,12 +63,13 @@ def record_shard(job: Job) -> int:
                         settings.repo_id,
                         view,
                         settings.cameras,
-                        *size,
+                        *options.size,
                         settings.intermediate,
                         settings.depth,
                     )
                     writers.append(stack.enter_context(writer))
                 write_episode(episode, writers)
+                part_done()
         ShardReport(episodes=tuple(episodes), skipped=tuple(skipped)).write(folder / REPORT)
         place_shard(folder, target)
     return len(episodes)
@@ -75,13 +77,7 @@ def record_shard(job: Job) -> int:
 
 @cache
 def _recorder() -> Recorder:
-    """The recorder of this process, kept from shard to shard."""
-    _quieten_libraries()
-    return Recorder()
-
-
-def _quieten_libraries() -> None:
-    """Keep what recording uses quiet and on one core."""
+    """The recorder of this process, kept from shard to shard; what it uses is kept quiet and on one core."""
     import av.logging
     import datasets
     import pyarrow
@@ -94,3 +90,4 @@ def _quieten_libraries() -> None:
     datasets.disable_progress_bars()
     av.logging.set_libav_level(av.logging.ERROR)
     logging.getLogger("lerobot").setLevel(logging.CRITICAL)
+    return Recorder()

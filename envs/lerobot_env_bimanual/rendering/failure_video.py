@@ -51,14 +51,14 @@ class FailureVideo:
     poster: bytes
 
 
-def failure_video(task: str, options: Mapping[str, str | int], played: Episode, policy: str) -> FailureVideo:
+def failure_video(task: str, options: Mapping[str, str | int], policy: str, played: Episode) -> FailureVideo:
     """Replay an episode, every state as recorded, then play the expert's, and show both side by side.
 
     Args:
         task: name of the task.
         options: options of the evaluation, by name.
-        played: the episode.
         policy: name of the policy.
+        played: the episode.
 
     Raises:
         BimanualError: the replay differs from the record.
@@ -70,13 +70,13 @@ def failure_video(task: str, options: Mapping[str, str | int], played: Episode, 
             raise BimanualError(
                 f"seed {played.seed} replays otherwise than recorded ({differences[0]}); `results verify` says more"
             )
-        expert = rollout(env, played.seed, expert_of(env), played.variation)
+        expert, outcome = rollout(env, played.seed, expert_of(env), played.variation)
         ends = [index for index, (one, next_) in enumerate(pairwise(expert.keyposes)) if one != next_]
         camera = clearest_camera(env.scene, [expert.states[index] for index in (0, *ends, -1)])
-        players = {policy: (recording, played.success), "expert": (expert, expert.outcome.success)}
+        rollouts = {policy: (recording, played), "expert": (expert, outcome)}
         with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
             writer = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF)
-            for frame in frames(env, renderer, players, EVERY, SIZE[1]):
+            for frame in frames(env, renderer, rollouts, EVERY, SIZE[1]):
                 writer.add(frame)
                 last = Image.fromarray(frame)
             path, poster = writer.close("complete"), BytesIO()

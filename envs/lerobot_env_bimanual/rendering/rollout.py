@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
@@ -36,15 +37,8 @@ class Recording:
         return (len(self.states) - 1) * TICK_S
 
 
-@dataclass
-class Rollout(Recording):
-    """An episode of a player.
-
-    Attributes:
-        outcome: result of the episode.
-    """
-
-    outcome: EpisodeOutcome = field(kw_only=True)
+type Rollout[Outcome: Episode] = tuple[Recording, Outcome]
+"""States of an episode, and what became of it."""
 
 
 @contextmanager
@@ -56,7 +50,9 @@ def recorded(env: BimanualEnv) -> Iterator[Recording]:
     recording.note(env)
 
 
-def rollout(env: BimanualEnv, seed: int, player: Player, variation: int | None = None) -> Rollout:
+def rollout(
+    env: BimanualEnv, seed: int, player: Player, variation: int | None = None
+) -> Rollout[EpisodeOutcome]:
     """Play an episode, and keep every state of it.
 
     Args:
@@ -67,4 +63,4 @@ def rollout(env: BimanualEnv, seed: int, player: Player, variation: int | None =
     """
     with recorded(env) as recording:
         outcome = run_episode(env, seed, player, variation=variation)
-    return Rollout(recording.states, recording.keyposes, outcome=outcome)
+    return recording, outcome

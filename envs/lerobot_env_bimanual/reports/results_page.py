@@ -6,12 +6,12 @@ from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
-from lerobot_bimanual.results.episode import Episode, success_rate
+from lerobot_bimanual.results.episode import success_rate
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.failures.attribution import Attribution, attribute_failures
 from lerobot_env_bimanual.failures.classes import FailureClass
@@ -85,13 +85,12 @@ def sections_of(results: Sequence[ResultFile], max_videos: int, pool: WorkerPool
         section = Section(
             result, {one.seed: one for one in attribute_failures(record, [*failed.values()], pool)}
         )
-        jobs = [
-            (record.task, record.options, failed[seed], section.who)
-            for seed in _of_different_classes(section.attributions)[:max_videos]
-        ]
-        videos = pool.map(
-            _video, jobs, f"{record.task}: videos", "video", name=lambda job: f"{job[0]}, seed {job[2].seed}"
+        shown = [failed[seed] for seed in _of_different_classes(section.attributions)[:max_videos]]
+        film, label = (
+            partial(failure_video, record.task, record.options, section.who),
+            f"{record.task}: videos",
         )
+        videos = pool.map(film, shown, label, "video", name=lambda episode: f"seed {episode.seed}")
         sections.append(replace(section, videos=[*videos]))
     return sections
 
@@ -104,10 +103,6 @@ def _of_different_classes(attributions: Mapping[int, Attribution]) -> list[int]:
         rank[seed] = seen[one.failure_class], seed
         seen[one.failure_class] += 1
     return sorted(rank, key=rank.__getitem__)
-
-
-def _video(job: tuple[str, dict[str, str | int], Episode, str]) -> FailureVideo:
-    return failure_video(*job)
 
 
 def results_page(sections: Sequence[Section]) -> str:

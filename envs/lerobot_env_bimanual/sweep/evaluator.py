@@ -24,7 +24,7 @@ from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import run_measured
-from lerobot_env_bimanual.experts.runner import failed_to_start, run_episode
+from lerobot_env_bimanual.experts.runner import outcome_of, run_episode
 from lerobot_env_bimanual.experts.world_version import simulation_versions
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.replay import ReplayMode
@@ -87,7 +87,7 @@ def play(spec: EpisodeSpec) -> EpisodeOutcome:
             return run_measured(env, spec.seed, player, spec.replay)
         return run_episode(env, spec.seed, player)
     except PlacementFailure as failure:
-        return failed_to_start(env, str(failure))
+        return outcome_of(env, success=False, failure=str(failure))
     except Exception:
         _environment.cache_clear()  # its state is unknown
         raise

@@ -111,13 +111,6 @@ def _main_module_hidden() -> Iterator[None]:
                 main.__file__ = file
 
 
-def _start_fork_server() -> None:
-    """Have the process that workers are forked from import what they need, while LeRobot loads the policy."""
-    multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
-    with interrupts_ignored():
-        forkserver.ensure_running()
-
-
 class LazyVectorEnv(VectorEnv):
     """A synchronous or asynchronous vector environment that exists from its first use until `close`.
 
@@ -165,8 +158,10 @@ class LazyVectorEnv(VectorEnv):
         self._settled: dict[int, Episode | None] = {}
         self._replayed: dict[int, Iterator[NDArray | InvalidAction]] = {}
         example.close()
-        if asynchronous:
-            _start_fork_server()
+        if asynchronous:  # so that it imports what workers need while LeRobot loads the policy
+            multiprocessing.set_forkserver_preload(PRELOADED_IN_FORK_SERVER)
+            with interrupts_ignored():
+                forkserver.ensure_running()
 
     def _ensure(self) -> SyncVectorEnv | AsyncVectorEnv:
         """Start the environments unless they run; LeRobot calls this by name to start the next task's early."""

@@ -21,7 +21,7 @@ from lerobot_bimanual.dataset.reader import (
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta
 from lerobot_bimanual.errors import DatasetError
-from lerobot_env_bimanual.experts.recorder import RecordedWorld, Recorder
+from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
 from lerobot_env_bimanual.options import SPLITS
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.verification.fault import Fault, first_of
@@ -96,11 +96,11 @@ class Player:
             BimanualError: it cannot be played, or is not solved.
         """
         voxels, perturb = setting(dataset, "discretise", 0), setting(dataset, "perturb", "")
-        world = RecordedWorld(meta.task, meta.split, dataset.cameras, image_size, voxels, perturb)
-        which = world, meta.variation, meta.seed
+        options = recording_options(meta.split, dataset.cameras, image_size, perturb)
+        which = meta.task, options, meta.seed, meta.variation, voxels
         if self._last is None or self._last[0] != which:
             self._last = None  # its images are lost now
-            outcome, episode = self._recorder.record(world, meta.seed, meta.variation)
+            outcome, episode = self._recorder.record(*which)
             if episode is None:
                 raise DatasetError(
                     f"the expert does not solve it: {outcome.failure}, at {outcome.last_move!r}"

@@ -5,7 +5,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import run_expert
+from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.motion.pace import BESIDE_M, FREE, HEAVY_KG, is_beside_heavy
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
@@ -24,7 +24,7 @@ def test_no_experts_arm_is_sent_faster_than_the_pace_of_free_motions(name):
     env.reset(seed=70000)
     sent = [env.scene.commanded] * 3
     env.tick_observers.append(lambda _, action: sent.append(action.copy()))
-    run_expert(env, seed=70000)
+    run_episode(env, 70000, expert())
     env.close()
     joints = by_arm(np.array(sent, dtype=np.float64))[..., :-1]
     for order, most in (
