@@ -77,7 +77,13 @@ def record_shard(job: Job) -> int:
 
 @cache
 def _recorder() -> Recorder:
-    """The recorder of this process, kept from shard to shard; what it uses is kept quiet and on one core."""
+    """The recorder of this process, kept from shard to shard."""
+    quieten_libraries()
+    return Recorder()
+
+
+def quieten_libraries() -> None:
+    """Keep what recording uses quiet and on one core."""
     import av.logging
     import datasets
     import pyarrow
@@ -90,4 +96,3 @@ def _recorder() -> Recorder:
     datasets.disable_progress_bars()
     av.logging.set_libav_level(av.logging.ERROR)
     logging.getLogger("lerobot").setLevel(logging.CRITICAL)
-    return Recorder()
