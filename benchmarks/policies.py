@@ -36,8 +36,6 @@ from lerobot_policy_bimanual.training.program import keep_freed_memory
 
 type Job = Callable[[], object]
 POLICIES = ("peract2", "peract_lf", "peract_independent", "rvt_lf")
-EPISODE_KEYPOSES = 7
-"""Of the synthetic batches; no time depends on it."""
 
 
 def seconds(job: Job, device: str) -> float:
@@ -92,8 +90,7 @@ def small_policy(name: str, batch_size: int, rounds: int, device: str) -> Figure
     section = Recipe.find(name, "small").sections["policy"]
     flags = [f"--{option}={json.dumps(value)}" for option, value in section.items() if option != "type"]
     config = draccus.parse(PreTrainedConfig.get_choice_class(name), args=[*flags, f"--device={device}"])
-    stats = {schema.KEYPOSE_STEP: {"max": EPISODE_KEYPOSES}}
-    policy: Any = get_policy_class(name)(config, dataset_stats=stats).to(device).train()
+    policy: Any = get_policy_class(name)(config).to(device).train()
     optimizer: Any = config.get_optimizer_preset().build(policy.get_optim_params())
     batch, observation = random_batch(batch_size, 128, device), random_batch(1, 128, device)
 
@@ -113,7 +110,7 @@ def small_policy(name: str, batch_size: int, rounds: int, device: str) -> Figure
 
 def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> Figures:
     """Forward and backward pass of PerAct2 in the paper's size, and of its reference with the same weights."""
-    config = PerAct2Config(device=device, voxel_size=voxels, keypose_horizon=EPISODE_KEYPOSES + 1)
+    config = PerAct2Config(device=device, voxel_size=voxels)
     network: Any = PerAct2Policy(config).network.eval().to(device)
     parameters = dict(network.named_parameters())
     grid = torch.rand(batch_size, 10, voxels, voxels, voxels, device=device)
@@ -125,7 +122,7 @@ def beside_reference(voxels: int, batch_size: int, rounds: int, device: str) -> 
 
     def ours() -> None:
         losses = keypose_losses(network(grid, proprio, language), target)
-        torch.stack(list(losses.values())).sum().backward()
+        torch.stack(list(losses.values())).sum(dim=0).mean().backward()
 
     def written_out() -> None:
         outputs = reference.network(parameters, grid, proprio, language, arms=2, heads=config.heads)

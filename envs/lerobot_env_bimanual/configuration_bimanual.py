@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
 
     def __post_init__(self) -> None:
         """Check the options against every selected task; MuJoCo is loaded here, not with this module."""
+        from lerobot_env_bimanual.episode.observations import PIXELS, dataset_key, observation_space
         from lerobot_env_bimanual.tasks.registry import get_task
 
         super().__post_init__()
@@ -40,20 +42,29 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
             raise InvalidChoice("fps", self.fps, [str(schema.FPS)])
         for task in self.tasks:
             get_task(task).spec.variation_index(self.variation)
+        counts = Counter(task for tasks in self.groups.values() for task in tasks)
+        if shared := [task for task, count in counts.items() if count > 1]:
+            raise InvalidChoice("task", self.task, f"suites and tasks that share no task, as these {shared}")
         action_dim = KEYPOSE_DIM if self.control_mode == "keypose" else JOINT_ACTION_DIM
+        space = dict(observation_space(self))
+        images = {schema.image_key(camera): box for camera, box in dict(space.pop(PIXELS, {})).items()}
         self.features = {schema.ACTION: PolicyFeature(FeatureType.ACTION, (action_dim,))}
-        self.features["agent_pos"] = PolicyFeature(FeatureType.STATE, (len(schema.VECTORS[schema.STATE]),))
-        if self.obs != "state":
-            image = PolicyFeature(FeatureType.VISUAL, (*self.size, 3))
-            self.features |= {schema.image_key(camera): image for camera in self.camera_names}
-        self.features_map = {key: key for key in self.features} | {"agent_pos": schema.STATE}
+        for key, box in (space | images).items():
+            kind = FeatureType.VISUAL if len(box.shape) == 3 else FeatureType.STATE
+            self.features[key] = PolicyFeature(kind, box.shape)
+        self.features_map = {key: dataset_key(key) for key in self.features}
+
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Tasks of each selected suite; a task that was selected by its own name is a group of one."""
+        from lerobot_env_bimanual.tasks.registry import resolve_tasks
+
+        return {name: resolve_tasks(name) for name in map(str.strip, (self.task or "").split(","))}
 
     @property
     def tasks(self) -> tuple[str, ...]:
         """Names of the selected tasks."""
-        from lerobot_env_bimanual.tasks.registry import resolve_tasks
-
-        return resolve_tasks(self.task or "")
+        return tuple(dict.fromkeys(task for tasks in self.groups.values() for task in tasks))
 
     @property
     def gym_kwargs(self) -> dict[str, Any]:
@@ -63,9 +74,9 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
     ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
-        """One vector environment per task, as `{task name: {task id: environments}}`.
+        """One vector environment per task, as `{suite: {task id: environments}}`: LeRobot's `per_group` is per suite.
 
-        LeRobot reports success per outer key, hence one group per task; a suite's mean is LeRobot's `overall`.
+        A task that was selected by its own name is its own group.
 
         Raises:
             BimanualError: `results_dir` holds another evaluation, or `lerobot-eval` is told to record this one itself.
@@ -75,8 +86,11 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
 
         evaluation = evaluation_of_program()
         return {
-            task: {get_task(task).spec.id: self.make_vector_env(task, n_envs, use_async_envs, evaluation)}
-            for task in self.tasks
+            group: {
+                get_task(task).spec.id: self.make_vector_env(task, n_envs, use_async_envs, evaluation)
+                for task in tasks
+            }
+            for group, tasks in self.groups.items()
         }
 
     def make_vector_env(

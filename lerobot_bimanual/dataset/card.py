@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from importlib.metadata import metadata
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -93,6 +94,7 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         versions=", ".join(f"{package} {version}" for package, version in provenance.versions.items()),
         seeds=[key.seed for key in provenance.episodes],
         license=LICENSE,
+        links=[url.split(", ", 1) for url in metadata("lerobot_bimanual").get_all("Project-URL") or ()],
     )
     _write_picture(root)
     write_file(root / CARD_FILE, text)

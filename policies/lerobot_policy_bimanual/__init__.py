@@ -1,11 +1,12 @@
-"""Keypose policies for two arms, as LeRobot policies.
+"""Keypose policies for two arms, as LeRobot policies: of each its config, the policy, and what makes its processors.
 
-LeRobot's plugin discovery imports this package, always from inside LeRobot, and then the configs are registered;
-networks are imported when a policy is made. Without LeRobot in the process they are left out, so that the help
-texts of the package's commands need neither LeRobot nor torch. To use a policy in a script that imports this package
-before LeRobot, import its config from here.
+LeRobot's plugin discovery imports this package, always from inside LeRobot, and then the configs are registered; policies
+are imported on first use. Without LeRobot in the process even the configs are left out, so that the help texts of the
+package's commands need neither LeRobot nor torch. To use a policy in a script that imports this package before LeRobot,
+import its config from here.
 """
 
+import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,35 @@ if TYPE_CHECKING or "lerobot" in sys.modules:
         RVTLFConfig,
     )
 
-__all__ = ["PerAct2Config", "PerActIndependentConfig", "PerActLFConfig", "RVTLFConfig"]
+__all__ = [
+    "PerAct2Config",
+    "PerAct2Policy",
+    "PerActIndependentConfig",
+    "PerActIndependentPolicy",
+    "PerActLFConfig",
+    "PerActLFPolicy",
+    "RVTLFConfig",
+    "RVTLFPolicy",
+    "make_peract2_pre_post_processors",
+    "make_peract_independent_pre_post_processors",
+    "make_peract_lf_pre_post_processors",
+    "make_rvt_lf_pre_post_processors",
+]
+
+_CLASSES = {
+    "peract2": "PerAct2",
+    "peract_independent": "PerActIndependent",
+    "peract_lf": "PerActLF",
+    "rvt_lf": "RVTLF",
+}
 
 
 def __getattr__(name: str) -> Any:
-    """Import the configs on first use where LeRobot was not loaded before."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from lerobot_policy_bimanual import configurations
-
-    return getattr(configurations, name)
+    """Import a config, a policy or what makes its processors on first use."""
+    for policy, begin in _CLASSES.items():
+        makes = f"make_{policy}_pre_post_processors"
+        kinds = {f"{begin}Config": "configuration", f"{begin}Policy": "modeling", makes: "processor"}
+        if kind := kinds.get(name):
+            importlib.import_module(f"{__name__}.configurations")
+            return getattr(importlib.import_module(f"{__name__}.{policy}.{kind}_{policy}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

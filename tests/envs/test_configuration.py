@@ -7,7 +7,8 @@ import pytest
 from lerobot.configs import FeatureType
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.factory import make_env
-from lerobot.envs.utils import env_to_policy_features
+from lerobot.envs.utils import env_to_policy_features, preprocess_observation
+from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
@@ -43,17 +44,27 @@ def test_flags_reach_the_environment():
     assert (options.camera_names, options.size) == (("front", "left_wrist"), (24, 32))
 
 
-def test_policies_see_the_names_and_shapes_of_the_dataset():
-    features = env_to_policy_features(BimanualEnvConfig(image_size="24x32"))
-    dataset = schema.features(CAMERA_NAMES, 24, 32, "frames")
-    assert set(features) == {schema.ACTION, schema.STATE, *map(schema.image_key, CAMERA_NAMES)}
-    for key, feature in features.items():
-        shape = dataset[key]["shape"]
-        if feature.type is FeatureType.VISUAL:
-            shape = (shape[2], *shape[:2])
-        assert feature.shape == shape
-    assert features[schema.ACTION].type is FeatureType.ACTION
-    assert features[schema.STATE].type is FeatureType.STATE
+@pytest.mark.parametrize(
+    ("given", "count"),
+    [({}, 16), ({"cameras": "left_wrist"}, 8), ({"obs": "rgb"}, 11), ({"obs": "state"}, 6)],
+)
+def test_the_declared_features_are_what_policies_get_and_what_datasets_hold(given, count, instant_placement):
+    config = BimanualEnvConfig(image_size="24x32", **given)
+    env = BimanualEnv("push_box", **config.gym_kwargs)
+    observation, _ = env.reset(seed=0)
+    env.close()
+    pixels = {camera: image[None] for camera, image in observation.pop("pixels", {}).items()}
+    batch = preprocess_observation(
+        {key: value[None] for key, value in observation.items()} | {"pixels": pixels}
+    )
+    features = env_to_policy_features(config)
+    action = features.pop(schema.ACTION)
+    assert (action.type, len(features)) == (FeatureType.ACTION, count)
+    assert {key: feature.shape for key, feature in features.items()} == {
+        key: tuple(value.shape[1:]) for key, value in batch.items()
+    }
+    stored = dataset_to_policy_features(schema.features(CAMERA_NAMES, 24, 32, "frames"))
+    assert features == {key: stored[key] for key in features}
 
 
 @pytest.mark.parametrize(("mode", "length"), [("auto", 16), ("joint", 16), ("keypose", 18)])
@@ -63,19 +74,22 @@ def test_the_declared_action_follows_the_control_mode(mode, length):
     assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
 
 
-def test_environments_are_grouped_by_task():
-    envs = make_env(parse("--env.task=push_box,symmetric"), n_envs=2)
-    expected = dict.fromkeys(("push_box", *list_suites()["symmetric"]))
-    assert list(envs) == list(expected)
-    for task, by_id in envs.items():
-        ((task_id, env),) = by_id.items()
-        assert task_id == get_task(task).spec.id
-        assert env.num_envs == 2
-        assert env.call("task") == (task, task)
+def test_environments_are_grouped_by_suite_and_a_task_alone_is_a_group():
+    suites = list_suites()
+    alone = next(task for task in suites["all"] if task not in suites["symmetric"])
+    envs = make_env(parse(f"--env.task={alone}, symmetric"), n_envs=2)
+    groups = {alone: (alone,), "symmetric": suites["symmetric"]}
+    assert {group: list(by_id) for group, by_id in envs.items()} == {
+        group: [get_task(task).spec.id for task in tasks] for group, tasks in groups.items()
+    }
+    for group, by_id in envs.items():
+        assert [env.call("task") for env in by_id.values()] == [(task, task) for task in groups[group]]
 
 
 def test_bad_options_are_refused_with_the_valid_ones():
     with pytest.raises(UnknownTask, match="symmetric"):
         BimanualEnvConfig(task="symetric")
+    with pytest.raises(InvalidChoice, match=r"share no task, .*push_box"):
+        BimanualEnvConfig(task="push_box,all")
     with pytest.raises(InvalidChoice, match="20"):
         BimanualEnvConfig(fps=30)

@@ -3,6 +3,7 @@
 import copy
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import torch
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
+import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE, depth_key
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadConfig
@@ -38,9 +41,19 @@ def test_every_registered_keypose_policy_is_walked_by_these_tests(specimens):
     assert specimens.keys() == registered
 
 
+def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_type(policy_type):
+    offered = {name: getattr(lerobot_policy_bimanual, name) for name in lerobot_policy_bimanual.__all__}
+    policy_class = get_policy_class(policy_type)
+    for part in (PreTrainedConfig.get_choice_class(policy_type), policy_class):
+        assert offered[part.__name__] is part
+    assert callable(offered[f"make_{policy_type}_pre_post_processors"])
+
+
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
     policy_class = get_policy_class(policy_type)
-    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu", keypose_horizon=25)
+    config = PreTrainedConfig.get_choice_class(policy_type)(
+        device="cpu"
+    )  # nothing else is needed, no statistics
     with torch.device("meta"):
         policy = policy_class(config)
     count = sum(
@@ -77,8 +90,12 @@ def test_a_batch_gives_the_actions_of_its_samples(make_policy, make_batch):
     alone = torch.cat([policy.select_action(part(batch, sample)) for sample in range(3)])
     torch.testing.assert_close(policy.select_action(batch), alone)
     loss = policy(batch)[0]
-    losses = [policy(part(batch, sample))[0] for sample in range(3)]
-    torch.testing.assert_close(loss, torch.stack(losses).mean())
+    losses, report = policy(batch, reduction="none")
+    torch.testing.assert_close(losses, torch.stack([policy(part(batch, each))[0] for each in range(3)]))
+    torch.testing.assert_close(loss, losses.mean())
+    assert report == policy(batch)[1]
+    with pytest.raises(InvalidChoice, match="mean, none"):
+        policy(batch, reduction="sum")
 
 
 def test_gradients_reach_every_parameter(make_policy, make_batch):
@@ -113,17 +130,21 @@ def test_neither_training_nor_acting_changes_the_batch(make_policy, make_batch):
     assert_equal_batches(batch, before)
 
 
-def test_policy_survives_saving_and_ignores_the_environments_action_space(make_policy, make_batch, tmp_path):
+def test_policy_survives_saving_and_answers_with_a_keypose_whatever_the_environments_action(
+    make_policy, make_batch, tmp_path
+):
     policy = make_policy().eval()
     policy.save_pretrained(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"config.json", "model.safetensors"}
     config = PreTrainedConfig.from_pretrained(tmp_path)
     assert type(config) is type(policy.config)
+    assert config.output_features == {"action": PolicyFeature(FeatureType.ACTION, (18,))}
     config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
     restored = type(policy).from_pretrained(tmp_path, config=config, strict=True)
     batch = make_batch()
     assert torch.equal(restored.select_action(batch), policy.select_action(batch))
     assert torch.equal(restored(batch)[0], policy(batch)[0])
+    assert restored.config.output_features == policy.config.output_features
 
 
 @pytest.mark.parametrize("cameras", [("front",), ("right_wrist", "left_shoulder")])
@@ -172,6 +193,25 @@ def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
 
 def test_without_a_dataset_the_horizon_is_that_of_the_papers_code(make_policy):
     assert make_policy(dataset_stats=None, keypose_horizon=None).config.keypose_horizon == 25
+
+
+def test_flags_must_not_contradict_a_checkpoint_and_a_longer_dataset_is_warned_of(
+    make_policy, tmp_path, caplog
+):
+    stats = {KEYPOSE_STEP: {"max": np.array([5.0])}}
+    policy = make_policy(dataset_stats=stats, keypose_horizon=None)
+    policy.save_pretrained(tmp_path)
+    config = PreTrainedConfig.from_pretrained(tmp_path)
+    for name, other in {"keypose_horizon": 7, "workspace_lower": (0.0, 0.0, 0.0), "heads": 1}.items():
+        with pytest.raises(BadConfig, match=rf"leave out --policy\.{name}"):
+            type(policy).from_pretrained(tmp_path, config=replace(config, **{name: other}))
+    labels = {"min": -np.ones(18), "max": np.ones(18)}
+    longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, NEXT_KEYPOSE: labels}
+    restored = type(policy).from_pretrained(tmp_path, config=config, dataset_stats=longer)
+    assert restored.config.keypose_horizon == 6
+    steps, workspace = (record.getMessage() for record in caplog.records)
+    assert "episodes of 6 keyposes" in steps
+    assert "beyond the workspace" in workspace
 
 
 @pytest.mark.parametrize("stats", [{}, {KEYPOSE_STEP: {"max": np.array([np.nan])}}])

@@ -80,7 +80,8 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(
     torch.testing.assert_close(prediction.translation.logits, translation)
     torch.testing.assert_close(pose_logits(prediction), pose)
     angles, flags = classes.split((3, 2), dim=-1)
-    sum(keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1))).values()).backward()
+    losses = keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1)))
+    sum(losses.values()).mean().backward()
     for name, parameter in parameters.items():
         torch.testing.assert_close(
             parameter.grad, expected[name], msg=lambda text, name=name: f"{name}: {text}"

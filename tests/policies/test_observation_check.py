@@ -21,6 +21,7 @@ from lerobot_bimanual.dataset.schema import (
 )
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadObservation
+from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
 from lerobot_policy_bimanual.keypose.observation import observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 
@@ -139,7 +140,10 @@ def test_another_task_and_another_size_are_warned_of_once_and_survive_saving(
     policy.config.input_features = {
         key: PolicyFeature(FeatureType.VISUAL, (3, 8, 8)) for key in policy.config.observation_keys
     }
-    policy.config.remember_dataset(Meta(["push the box"], height=32, width=24))
+    fit_config(policy.config, Meta(["push the box"], height=32, width=24), None)
+    (other,) = warnings_of(caplog)
+    assert re.search(r"differ from those of the policy's training: .*images\.front, ", other)
+    caplog.clear()
     policy.save_pretrained(tmp_path)
     restored = type(policy).from_pretrained(tmp_path)
     assert restored.config.trained_instructions == ("push the box",)
@@ -153,7 +157,7 @@ def test_another_task_and_another_size_are_warned_of_once_and_survive_saving(
 @pytest.mark.parametrize("instructions", [map(str, range(5000)), ["very " * 3000 + "long"]])
 def test_datasets_with_endless_instructions_are_not_remembered(instructions):
     config = PerAct2Config(device="cpu")
-    config.remember_dataset(Meta(list(instructions), 16, 16))
+    fit_config(config, Meta(list(instructions), 16, 16), None)
     assert config.trained_instructions == ()
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.errors import DatasetError
+from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.training.train import check_dataset
 
 WITHOUT_LEROBOT = """
@@ -53,13 +55,13 @@ def test_the_folder_above_a_checkpoint_is_answered_with_the_right_one(tmp_path, 
     assert f"Do you mean {tmp_path / below}?" in capsys.readouterr().err
 
 
-def training(root) -> SimpleNamespace:
-    return SimpleNamespace(dataset=SimpleNamespace(root=str(root), repo_id="local/data", revision=None))
+def training(root, *episodes) -> SimpleNamespace:
+    return SimpleNamespace(dataset=SimpleNamespace(root=str(root), episodes=[*episodes] or None))
 
 
 def touch_dataset(folder) -> None:
     (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text("{}")
+    (folder / "meta" / "info.json").write_text('{"total_episodes": 4}')
 
 
 def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
@@ -67,10 +69,17 @@ def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
         touch_dataset(tmp_path / view)
     with pytest.raises(DatasetError, match=f"--dataset.root={tmp_path / 'keyframes'}"):
         check_dataset(training(tmp_path))
-    check_dataset(training(tmp_path / "frames"))
+    check_dataset(training(tmp_path / "frames", 0, 3))
+    with pytest.raises(DatasetError, match=r"has episodes 0 to 3, but --dataset\.episodes names 4"):
+        check_dataset(training(tmp_path / "frames", 0, 4, 5))
 
 
-def test_a_missing_dataset_that_the_hub_has_not_either_is_one_line(tmp_path):
-    with pytest.raises(DatasetError, match=r"nowhere is no dataset .* local/data could not .*") as error:
-        check_dataset(training(tmp_path / "nowhere"))
-    assert "\n" not in str(error.value)
+def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DatasetError, match=r"no dataset at --dataset.root=nowhere: .* does not exist"):
+        check_dataset(training("nowhere"))
+    (tmp_path / "outputs").mkdir()
+    for path in ("/nowhere/at/all", "outputs/nowhere", "./nowhere", "a/b/c"):
+        with pytest.raises(CheckpointError, match="no checkpoint at"):
+            require_checkpoint_if_local(path)
+    require_checkpoint_if_local("owner/name")

@@ -48,6 +48,13 @@ def env_key(dataset_key: str) -> str:
     return "agent_pos" if dataset_key == schema.STATE else dataset_key.removeprefix("observation.")
 
 
+def dataset_key(key: str) -> str:
+    """Key in a dataset, and in a policy's batch, of what an environment calls `key`."""
+    if key == schema.ACTION or key.startswith("observation."):
+        return key
+    return schema.STATE if key == "agent_pos" else f"observation.{key}"
+
+
 def observation_space(options: EnvOptions) -> spaces.Dict:
     """Space of the observations that `observe` returns."""
     size = options.size

@@ -25,3 +25,13 @@ def require_checkpoint(folder: Path) -> None:
         "outputs/peract2/checkpoints/last/pretrained_model"
     )
     raise CheckpointError(f"no checkpoint at {folder}: {folder / CONFIG_FILE} does not exist. {advice}")
+
+
+def require_checkpoint_if_local(path: str) -> None:
+    """`require_checkpoint` of what LeRobot takes as a folder or as `owner/name` on the Hub, unless it can only be the latter.
+
+    Raises:
+        CheckpointError: there is no checkpoint.
+    """
+    if Path(path).parent.is_dir() or path.count("/") != 1:
+        require_checkpoint(Path(path))

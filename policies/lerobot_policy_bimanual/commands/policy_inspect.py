@@ -20,7 +20,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     r"""Draw what a keypose policy sees in one row of a dataset, and what it predicts.
 
     One picture, row_INDEX.png: the occupied voxels from three sides, over them the translation heat map of each arm,
-    and the predicted hands beside the true ones; below, errors and probabilities per arm.
+    and the predicted hands beside the true ones; below, the errors of each arm.
 
     Examples:
         lerobot-bimanual policy inspect --checkpoint=outputs/peract2/checkpoints/last/pretrained_model --root=data/lift_ball
@@ -45,14 +45,12 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
             f"{root} has {rows} rows, counted from 0, so --index={config.index} is not among them"
         )
 
-    from lerobot_policy_bimanual.inspection.inspection import inspect_sample
     from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
     from lerobot_policy_bimanual.inspection.sheet import draw_sheet
 
     policy, preprocess = load_policy(config.checkpoint)
-    inspection = inspect_sample(policy, preprocess(batch_of(open_dataset(root), [config.index])))
-    picture = BytesIO()
-    draw_sheet(inspection, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
+    batch, picture = preprocess(batch_of(open_dataset(root), [config.index])), BytesIO()
+    draw_sheet(policy, batch, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
     write_file(path, picture.getvalue())
     print(path)
     paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")

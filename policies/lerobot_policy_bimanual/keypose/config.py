@@ -1,17 +1,15 @@
 """What all keypose policies have in common in their configs."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from lerobot.configs import NormalizationMode, PreTrainedConfig
+from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature, PreTrainedConfig
 from lerobot.optim import CosineDecayWithWarmupSchedulerConfig, LRSchedulerConfig, OptimizerConfig
-from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.dataset.schema import (
+    ACTION,
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     GRIPPER_FINGERS,
@@ -23,17 +21,12 @@ from lerobot_bimanual.dataset.schema import (
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_bimanual.keypose_grid import divides_circle
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
 
 LEARNED_LANGUAGE = "learned"
 CLIP_PREFIX = "clip:"
-
-MAX_INSTRUCTION_CHARACTERS = 10_000
-"""Total length of the instructions of a training that a config stores."""
-
-CODE_HORIZON = 25
-"""`keypose_horizon` of PerAct2's code, for all tasks."""
 
 SCHEDULE_STEPS = 1_000_000
 """LeRobot shrinks a longer schedule to the length of the training, so this fits any length."""
@@ -121,6 +114,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Learning rate at the end over the one at the peak.
     final_lr_fraction: float = number(0.02, 0, 1)
 
+    # Tags of the policy's card on the Hub; the default names what to install.
+    tags: list[str] | None = field(default_factory=lambda: ["lerobot_policy_bimanual"])
     trained_instructions: tuple[str, ...] = ()  # those of its dataset, filled in by training
 
     def __post_init__(self):
@@ -178,14 +173,16 @@ class KeyposePolicyConfig(PreTrainedConfig):
         return (CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, *step)
 
     def validate_features(self) -> None:
-        """Keep the inputs that the policy reads, and check that none is missing.
+        """Keep the inputs that the policy reads, check that none is missing, and name its output.
 
         The label `observation.next_keypose` and unused cameras are removed, so that a checkpoint does not require them.
-        `output_features` is never read: LeRobot fills it with the environment's action, which is a joint action.
+        The output is a keypose, whatever the column `action` of a dataset, or the action of an environment, which LeRobot
+        puts there.
 
         Raises:
             SchemaMismatch: if inputs are listed but some are missing.
         """
+        self.output_features = {ACTION: PolicyFeature(FeatureType.ACTION, (KEYPOSE_DIM,))}
         if not self.input_features:
             return
         missing = [key for key in self.observation_keys if key not in self.input_features]
@@ -195,41 +192,6 @@ class KeyposePolicyConfig(PreTrainedConfig):
                 "`lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
             )
         self.input_features = {key: self.input_features[key] for key in self.observation_keys}
-
-    def fit_keypose_horizon(self, dataset_stats: Mapping[str, Mapping[str, Any]] | None) -> int:
-        """Return `keypose_horizon`, after setting it from a dataset's statistics if it is unset.
-
-        It becomes one more than the largest keypose step, so one more than the most keyposes of an episode; without a
-        dataset, as where a network is made to be looked at, that of PerAct2's code.
-
-        Raises:
-            BadConfig: the statistics of the dataset have no keypose step.
-        """
-        if self.keypose_horizon is None and dataset_stats is None:
-            self.keypose_horizon = CODE_HORIZON
-        if self.keypose_horizon is None:
-            largest = np.max((dataset_stats or {}).get(KEYPOSE_STEP, {}).get("max", np.nan))
-            if not np.isfinite(largest):
-                raise BadConfig(
-                    "keypose_horizon is not set, and there are no statistics of a dataset with "
-                    f"{KEYPOSE_STEP} to take it from: set --policy.keypose_horizon"
-                )
-            self.keypose_horizon = max(2, 1 + round(float(largest)))
-            check_fields(self)
-        return self.keypose_horizon
-
-    def remember_dataset(self, dataset_meta: Any) -> None:
-        """Store the instructions and image sizes of a training, so that a checkpoint can warn of others.
-
-        Args:
-            dataset_meta: LeRobot's metadata of the dataset.
-        """
-        tasks = () if dataset_meta.tasks is None else tuple(map(str, dataset_meta.tasks.index))
-        # Of very many sentences none is typical, so a warning would tell nothing.
-        self.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
-        for key, feature in dataset_to_policy_features(dataset_meta.features).items():
-            if self.input_features and key in self.input_features:
-                self.input_features[key] = feature
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""

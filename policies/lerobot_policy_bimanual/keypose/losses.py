@@ -17,9 +17,9 @@ FAR_M = 0.05
 def keypose_losses(
     prediction: KeyposePrediction, target: KeyposeBins, offset: Tensor | None = None
 ) -> dict[str, Tensor]:
-    """Cross-entropies of all parts, each summed over arms and rotation axes and averaged over the batch.
+    """Cross-entropies (b,) of all parts, each summed over arms and rotation axes.
 
-    The training loss is their plain sum (PerAct2 paper and code: all weights are 1).
+    The training loss is their plain sum, averaged over the batch (PerAct2 paper and code: all weights are 1).
 
     Args:
         prediction: output of the network.
@@ -27,7 +27,7 @@ def keypose_losses(
         offset: (b, arms, 3) position within the voxels; see `TranslationPrediction.cross_entropy`.
     """
     return {
-        "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1).mean(),
+        "translation": prediction.translation.cross_entropy(target.voxel, offset).sum(dim=1),
         "rotation": _cross_entropy(prediction.rotation, target.rotation),
         "gripper_open": _cross_entropy(prediction.gripper_open, target.gripper_open),
         "ignore_collisions": _cross_entropy(prediction.ignore_collisions, target.ignore_collisions),
@@ -35,9 +35,9 @@ def keypose_losses(
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-    """Mean over the batch of the sum over all other dimensions of target (b, ...)."""
+    """Sum over all dimensions of target (b, ...) but the first."""
     losses = F.cross_entropy(logits.flatten(0, -2), target.flatten(), reduction="none")
-    return losses.view_as(target).flatten(1).sum(dim=1).mean()
+    return losses.view_as(target).flatten(1).sum(dim=1)
 
 
 @torch.no_grad()

@@ -3,18 +3,22 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import torch
+from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
-from lerobot_bimanual.errors import SchemaMismatch
+from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch
+from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.dataset_fit import compare_with_checkpoint, fit_config
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
 from lerobot_policy_bimanual.keypose.observation import Observation, observe
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
@@ -22,6 +26,8 @@ from lerobot_policy_bimanual.keypose.weights import check_tensors
 from lerobot_policy_bimanual.nn.language import LearnedLanguage
 from lerobot_policy_bimanual.nn.precision import full_precision
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+
+REDUCTIONS = ("mean", "none")
 
 
 class KeyposePolicy(PreTrainedPolicy):
@@ -32,8 +38,8 @@ class KeyposePolicy(PreTrainedPolicy):
 
     Args:
         config: the policy's config.
-        dataset_stats: statistics of the dataset, which LeRobot passes in training; they set `keypose_horizon`.
-        dataset_meta: metadata of the dataset, which LeRobot passes in training; see `KeyposePolicyConfig.remember_dataset`.
+        dataset_stats: statistics of the dataset, which LeRobot passes in training; see `keypose.dataset_fit`.
+        dataset_meta: metadata of the dataset, likewise.
         **kwargs: other arguments of LeRobot, not used.
     """
 
@@ -53,13 +59,26 @@ class KeyposePolicy(PreTrainedPolicy):
     ):
         super().__init__(config)
         config.validate_features()
-        if dataset_meta is not None:
-            config.remember_dataset(dataset_meta)
-        self.keypose_horizon = config.fit_keypose_horizon(dataset_stats) if config.use_keypose_step else None
+        fit_config(config, dataset_meta, dataset_stats)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
         self._check_observation = ObservationCheck(config)
+
+    @classmethod
+    def from_pretrained(  # pyright: ignore[reportIncompatibleMethodOverride]
+        cls, pretrained_name_or_path: str | Path, *, config: PreTrainedConfig | None = None, **kwargs: Any
+    ) -> Self:
+        """Load a checkpoint as LeRobot does, unless the config contradicts it.
+
+        Raises:
+            BadConfig: as in `compare_with_checkpoint`.
+            CheckpointError: as in `load_state_dict`.
+        """
+        if config is not None and (Path(pretrained_name_or_path) / CONFIG_FILE).is_file():
+            trained = PreTrainedConfig.from_pretrained(pretrained_name_or_path)
+            compare_with_checkpoint(config, trained, pretrained_name_or_path)
+        return super().from_pretrained(pretrained_name_or_path, config=config, **kwargs)
 
     @abstractmethod
     def make_network(self) -> nn.Module:
@@ -99,19 +118,23 @@ class KeyposePolicy(PreTrainedPolicy):
     def reset(self) -> None:
         """Do nothing: the policy keeps no state."""
 
-    def forward(self, batch: dict[str, Any]) -> tuple[Tensor, dict[str, float]]:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def forward(self, batch: dict[str, Any], reduction: str = "mean") -> tuple[Tensor, dict[str, float]]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Training loss on a batch with labels.
 
         Args:
             batch: the keys of `keypose.observation.observe`, and `observation.next_keypose` (b, 18).
+            reduction: `mean` over the batch, or `none` for the losses (b,) of its samples, which LeRobot then weighs.
 
         Returns:
-            The loss, and its parts in nats with prediction errors per arm in cm and degrees.
+            The loss, and its parts in nats with prediction errors per arm in cm and degrees, averaged over the batch.
 
         Raises:
+            InvalidChoice: another reduction.
             SchemaMismatch: the label is missing.
             BadObservation: as in `observe`.
         """
+        if reduction not in REDUCTIONS:
+            raise InvalidChoice("reduction", reduction, REDUCTIONS)
         if NEXT_KEYPOSE not in batch:
             raise SchemaMismatch(
                 f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual dataset generate` records"
@@ -127,8 +150,9 @@ class KeyposePolicy(PreTrainedPolicy):
             offset = self.codec.in_voxels(keyposes) - target.voxel - 0.5
         prediction = self.predict(observation, target)
         with full_precision(keyposes.device):
-            losses = keypose_losses(prediction, target, offset)
-            loss = torch.stack(list(losses.values())).sum()
+            of_samples = keypose_losses(prediction, target, offset)
+            losses = {part: values.mean() for part, values in of_samples.items()}
+            loss = torch.stack(list((of_samples if reduction == "none" else losses).values())).sum(dim=0)
             errors = keypose_errors(self._decode(prediction), keyposes)
             report = {f"{part}_loss": value for part, value in losses.items()} | errors
             # One transfer from the device for all numbers.
@@ -170,7 +194,10 @@ class KeyposePolicy(PreTrainedPolicy):
         """
         self._check_observation(batch)
         return observe(
-            batch, cameras=self.config.cameras, keypose_horizon=self.keypose_horizon, motion=motion
+            batch,
+            cameras=self.config.cameras,
+            keypose_horizon=self.config.keypose_horizon if self.config.use_keypose_step else None,
+            motion=motion,
         )
 
     def target_bins(self, keyposes: Tensor) -> KeyposeBins:

@@ -23,7 +23,7 @@ from accelerate.utils import DistributedDataParallelKwargs
 from lerobot.configs import parser
 from lerobot.configs.train import TrainPipelineConfig
 from lerobot.configs.video import DEPTH_MILLIMETER_UNIT
-from lerobot.datasets import EpisodeAwareSampler, LeRobotDatasetMetadata
+from lerobot.datasets import EpisodeAwareSampler
 from lerobot.scripts import lerobot_train
 from lerobot.utils.import_utils import register_third_party_plugins
 from torch.utils.data import DataLoader, Subset
@@ -31,6 +31,8 @@ from torch.utils.data import DataLoader, Subset
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.files import check_output_folder, read_json
+from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
@@ -140,7 +142,10 @@ def train(cfg: TrainPipelineConfig) -> None:
     Raises:
         DatasetError: as in `check_training`, or the dataset does not fit into memory.
         BadConfig: the training is to run elsewhere.
+        CheckpointError: the folder of `--policy.path` holds no checkpoint.
     """
+    if path := parser.get_path_arg("policy"):
+        require_checkpoint_if_local(path)
     if cfg.job.is_remote:
         raise BadConfig("--job.target names another machine: submit the training with `lerobot-train`")
     of_config: Any = getattr(cfg, "accelerator", None)
@@ -184,6 +189,7 @@ def check_training(cfg: TrainPipelineConfig) -> None:
     Raises:
         DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, or as in
             `check_dataset`.
+        UnwritableOutput: nothing can be written to the folder of the training.
     """
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
@@ -198,33 +204,36 @@ def check_training(cfg: TrainPipelineConfig) -> None:
             "leave out --dataset.depth_output_unit, or use `lerobot-train`"
         )
     check_dataset(cfg)
+    if cfg.output_dir is not None:
+        check_output_folder(cfg.output_dir if cfg.output_dir.is_dir() else cfg.output_dir.parent)
     if cfg.num_workers:
         logging.info("No loader processes: the dataset is in memory")
         cfg.num_workers = 0
 
 
 def check_dataset(cfg: TrainPipelineConfig) -> None:
-    """Whether LeRobot finds the dataset of a training; where the folder holds none, it looks for one on the Hub.
+    """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
 
     Raises:
-        DatasetError: the folder is the one above the views, or there is no dataset, neither here nor on the Hub.
+        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for.
     """
-    root, repo_id = cfg.dataset.root, cfg.dataset.repo_id
-    if root is None or (Path(root) / INFO_FILE).is_file():
+    if cfg.dataset.root is None:
         return
-    if views := views_below(Path(root)):
+    root, episodes = Path(cfg.dataset.root), cfg.dataset.episodes or [0]
+    if views := views_below(root):
         raise DatasetError(
             f"--dataset.root={root} holds the views of a dataset, but must be one of them: give "
             f"{' or '.join(f'--dataset.root={view}' for view in views)}. Keypose policies learn from `keyframes`, "
             "policies of joint actions from `frames`"
         )
-    try:
-        LeRobotDatasetMetadata(repo_id, root, cfg.dataset.revision)
-    except Exception as error:  # whatever keeps it from the Hub: a name, the network, rights
+    if not (root / INFO_FILE).is_file():
         raise DatasetError(
-            f"--dataset.root={root} is no dataset ({Path(root) / INFO_FILE} does not exist), and {repo_id} could not "
-            f"be downloaded to it: {' '.join(str(error).split())}"
-        ) from error
+            f"no dataset at --dataset.root={root}: {root / INFO_FILE} does not exist. To train on one of the Hub, leave out "
+            "--dataset.root"
+        )
+    total = read_json(root / INFO_FILE).get("total_episodes")
+    if outside := [number for number in episodes if not 0 <= number < total]:
+        raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")
 
 
 def images_read(cfg: TrainPipelineConfig, meta: Any) -> set[str]:

@@ -1,0 +1,108 @@
+"""What a dataset decides of a policy: one comparison of checkpoint, config and dataset, whoever makes the policy.
+
+| | a new policy | fine-tuning, resuming | acting |
+|---|---|---|---|
+| image sizes, instructions | the dataset's | the dataset's; other sizes than before are warned of | others are warned of |
+| keypose horizon | the dataset's | the checkpoint's; more keyposes are warned of | the checkpoint's |
+| `DECIDED` | the config's | must be the checkpoint's | must be the checkpoint's |
+| workspace | labels outside it are warned of | likewise | the checkpoint's |
+
+What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename its keys.
+"""
+
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from lerobot.configs import PreTrainedConfig
+from lerobot.utils.feature_utils import dataset_to_policy_features
+
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, POSITION
+from lerobot_policy_bimanual.errors import BadConfig
+from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.fields import check_fields
+
+CODE_HORIZON = 25
+"""`keypose_horizon` of PerAct2's code, for all tasks."""
+
+MAX_INSTRUCTION_CHARACTERS = 10_000
+"""Total length of the instructions of a training that a config stores: of very many sentences none is typical."""
+
+
+DECIDED = (
+    *("workspace_lower", "workspace_upper", "use_keypose_step", "keypose_horizon"),
+    *("voxel_size", "heads", "leader", "point_radius"),
+)
+"""Fields on which the meaning of weights depends; loading compares those that give them their shapes."""
+
+_log = logging.getLogger(__name__)
+
+
+def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig, origin: object) -> None:
+    """Compare the config that a checkpoint is loaded with, flags included, with the one that it was saved with.
+
+    Raises:
+        BadConfig: a field among `DECIDED` differs.
+    """
+    for name in DECIDED:
+        found, wanted = getattr(config, name, None), getattr(trained, name, None)
+        if found != wanted:
+            raise BadConfig(
+                f"{name} is {found}, but {origin} was trained with {wanted}: leave out --policy.{name}, or train anew"
+            )
+
+
+def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mapping[str, Any]] | None) -> None:
+    """Take from the dataset of a training what follows from it, and warn of what does not fit it.
+
+    Args:
+        config: of the policy that is made.
+        meta: LeRobot's metadata of the dataset; None where nothing is trained.
+        stats: the dataset's statistics; without them an unset `keypose_horizon` becomes that of PerAct2's code.
+
+    Raises:
+        BadConfig: the horizon is unset, and the statistics do not tell it.
+    """
+    if meta is not None:
+        tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
+        config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
+        before = config.input_features or {}
+        stored = {
+            key: each for key, each in dataset_to_policy_features(meta.features).items() if key in before
+        }
+        if other := [
+            key for key, feature in stored.items() if tuple(feature.shape) != tuple(before[key].shape)
+        ]:
+            _log.warning(
+                f"shapes of this dataset differ from those of the policy's training: {', '.join(other)}"
+            )
+        config.input_features = before | stored
+    most = CODE_HORIZON - 1 if stats is None else np.max(stats.get(KEYPOSE_STEP, {}).get("max", np.nan))
+    if not config.use_keypose_step:
+        pass
+    elif config.keypose_horizon is None:
+        if not np.isfinite(most):
+            raise BadConfig(
+                f"keypose_horizon is not set, and there are no statistics of a dataset with {KEYPOSE_STEP} to take it "
+                "from: set --policy.keypose_horizon"
+            )
+        config.keypose_horizon = max(2, 1 + round(float(most)))
+        check_fields(config)
+    elif stats is not None and most >= config.keypose_horizon:
+        _log.warning(
+            f"this dataset has episodes of {most:.0f} keyposes, of which the policy tells {config.keypose_horizon} apart "
+            "(keypose_horizon)"
+        )
+    if stats and NEXT_KEYPOSE in stats:
+        lower, upper = (
+            np.reshape(stats[NEXT_KEYPOSE][bound], (len(ARMS), ARM_KEYPOSE_DIM))[:, POSITION]
+            for bound in ("min", "max")
+        )
+        if (lower < config.workspace_lower).any() or (upper > config.workspace_upper).any():
+            _log.warning(
+                f"keyposes of this dataset reach from {lower.min(0).round(3)} to {upper.max(0).round(3)}, beyond the "
+                f"workspace from {config.workspace_lower} to {config.workspace_upper} m: none outside can be predicted"
+            )
