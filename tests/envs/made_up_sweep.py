@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from sample_results import outcome
+from sample_results import outcome, proved
 
-from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.expert_report import EXPERTS, EpisodeOutcome
 from lerobot_env_bimanual.episode.progress import draw_episode
@@ -67,22 +66,8 @@ class MadeUpRollout:
             raise KeyboardInterrupt
         MadeUpRollout.remaining -= 1
         note(len(self.seeds))
-        spec = get_task(TASK).spec
-        episodes = []
-        for seed in self.seeds:
-            variation = draw_episode(spec, "test", seed, None).variation.index
-            solved = seed % 2 == 0
-            episodes.append(
-                Episode(
-                    seed=seed,
-                    variation=variation,
-                    success=solved,
-                    failure=None if solved else "out of time",
-                    ticks=9,
-                    keyposes=2,
-                    proof=Proof(instruction="push", start="0a" * 32, actions=(), links="", end="0b" * 32),
-                )
-            )
+        spec, outcomes = get_task(TASK).spec, "".join("x."[seed % 2] for seed in self.seeds)
+        variations = {seed: draw_episode(spec, "test", seed, None).variation.index for seed in self.seeds}
         return EvaluationRecord(
             schema_version=2,
             task=TASK,
@@ -90,5 +75,8 @@ class MadeUpRollout:
             options={},
             batch_size=2,
             versions={},
-            episodes=tuple(episodes),
+            episodes=tuple(
+                episode.model_copy(update={"variation": variations[episode.seed]})
+                for episode in proved(outcomes, self.seeds.start)
+            ),
         )

@@ -62,7 +62,7 @@ def test_every_task_has_conditions_and_says_what_does_not_apply(task):
 @pytest.mark.parametrize(
     ("axes", "levels", "message"),
     [
-        (["masse"], [1], "axes is 'masse'"),
+        (["masse"], [1], "axis is 'masse'"),
         (["mass"], [4], "levels is 4, but must be one of: 1, 2, 3"),
         (["mass"], [], "levels is ''"),
     ],

@@ -44,11 +44,6 @@ def test_parts_are_counted_as_workers_tell_them() -> None:
     assert jobs.in_parts(4) == 4  # in no worker nobody is told
 
 
-def test_an_error_comes_home_as_it_was_raised() -> None:
-    with pytest.raises(UnknownTask, match="unknown task 'wash_dishes'"), WorkerPool(1) as pool:
-        list(pool.map(get_task, ["wash_dishes"], "looking", "task"))
-
-
 @pytest.mark.parametrize("workers", [1, 3])
 def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers):
     words = ["a", jobs.OBSTINATE, "b", "c"]
@@ -59,13 +54,14 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
     assert lost.startswith("obstinate: its worker process died, also when it was tried alone")
 
 
-def test_whatever_goes_wrong_in_a_worker_comes_home_in_words():
-    for function, complaint in (
-        (jobs.raise_unportable, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
-        (jobs.result_without_a_pickle, "7: unexpected .*pickle"),
+def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_words():
+    for function, error, complaint in (
+        (get_task, UnknownTask, "unknown task '7'"),
+        (jobs.raise_unportable, WorkFailed, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
+        (jobs.result_without_a_pickle, WorkFailed, "7: unexpected .*pickle"),
     ):
-        with pytest.raises(WorkFailed, match=complaint), WorkerPool(1) as pool:
-            list(pool.map(function, [7], "trying", "number"))
+        with pytest.raises(error, match=complaint), WorkerPool(1) as pool:
+            list(pool.map(function, ["7"], "trying", "number"))
 
 
 def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():

@@ -35,11 +35,11 @@ def in_parts(count: int) -> int:
     return count
 
 
-def raise_unportable(_: int) -> None:
+def raise_unportable(_: str) -> None:
     raise Unportable(1, 2)
 
 
-def result_without_a_pickle(_: int) -> object:
+def result_without_a_pickle(_: str) -> object:
     return lambda: None
 
 

@@ -75,12 +75,13 @@ def failure_video(task: str, options: Mapping[str, str | int], policy: str, play
         camera = clearest_camera(env.scene, [expert.states[index] for index in (0, *ends, -1)])
         rollouts = {policy: (recording, played), "expert": (expert, outcome)}
         with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
-            writer = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF)
+            writer, last = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF), None
             for frame in frames(env, renderer, rollouts, EVERY, SIZE[1]):
                 writer.add(frame)
                 last = Image.fromarray(frame)
             path, poster = writer.close("complete"), BytesIO()
             assert path is not None  # an episode has at least one state
+            assert last is not None
             last.save(poster, "jpeg", quality=75)
             seconds = writer.frames * EVERY * TICK_S
             return FailureVideo(played.seed, camera, seconds, path.read_bytes(), poster.getvalue())

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
-from lerobot_bimanual.results.episode import success_rate
+from lerobot_bimanual.results.episode import Episode, success_rate
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.failures.attribution import Attribution, attribute_failures
 from lerobot_env_bimanual.failures.classes import FailureClass
@@ -86,13 +86,16 @@ def sections_of(results: Sequence[ResultFile], max_videos: int, pool: WorkerPool
             result, {one.seed: one for one in attribute_failures(record, [*failed.values()], pool)}
         )
         shown = [failed[seed] for seed in _of_different_classes(section.attributions)[:max_videos]]
-        film, label = (
-            partial(failure_video, record.task, record.options, section.who),
-            f"{record.task}: videos",
+        film = partial(failure_video, record.task, record.options, section.who)
+        videos = pool.map(
+            film, shown, f"{record.task}: videos", "video", name=partial(_episode_name, record.task)
         )
-        videos = pool.map(film, shown, label, "video", name=lambda episode: f"seed {episode.seed}")
         sections.append(replace(section, videos=[*videos]))
     return sections
+
+
+def _episode_name(task: str, episode: Episode) -> str:
+    return f"{task}, seed {episode.seed}"
 
 
 def _of_different_classes(attributions: Mapping[int, Attribution]) -> list[int]:

@@ -97,11 +97,8 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     for level in levels or [""]:
         if level not in LEVELS:
             raise InvalidChoice("levels", level, map(str, LEVELS))
-    for name in axes:
-        if name not in AXES.names:
-            raise InvalidChoice("axes", name, AXES.names)
-    model = build_spec(spec.props, PANDA_PAIR)
     chosen = [AXES.get(name) for name in sorted(set(axes or AXES.names))]
+    model = build_spec(spec.props, PANDA_PAIR)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:
         raise BimanualError(f"none of the axes {', '.join(axes)} finds anything to change in {task}")
