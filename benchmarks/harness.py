@@ -15,6 +15,8 @@ from pathlib import Path
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # read when NumPy is loaded
 
+import pandas as pd
+
 from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
 
@@ -76,7 +78,6 @@ def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> fl
 
 def report(title: str, rows: dict[str, Figures]) -> None:
     """Print a table of named rows that have the same columns, and as the last line all figures as JSON."""
-    columns = list(next(iter(rows.values())))
-    cells = [(name, *(f"{figures[column]:.4g}" for column in columns)) for name, figures in rows.items()]
-    print_table(("", *columns), cells, title)
+    cells = pd.DataFrame(rows).T.map("{:.4g}".format)
+    print_table(cells.rename_axis("").reset_index(), title)
     print(json.dumps({"benchmark": title, "figures": rows}))

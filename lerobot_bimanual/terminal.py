@@ -1,48 +1,43 @@
 """What commands print: tables in which no word is ever cut, and the command that comes next."""
 
+from __future__ import annotations
+
 import shlex
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
 from functools import partial
-from io import StringIO
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 UNBOUNDED = 10_000
 """Columns of a file or a pipe, which has no width."""
 
 
-def print_table(headings: Sequence[str], rows: Iterable[Sequence[object]], title: str = "") -> None:
+def print_table(table: pd.DataFrame, title: str = "") -> None:
     """Print a table as wide as its cells; on a narrower terminal, a paragraph for each row.
 
     Args:
-        headings: names of the columns; the first column is aligned left, the others right.
-        rows: cells, shown by `str`, as many as headings.
+        table: cells, shown by `str`; the first column is aligned left, the others right.
         title: a line above.
     """
-    from rich.console import Console
-    from rich.table import Table
-
     columns = shutil.get_terminal_size((UNBOUNDED, 24)).columns
     wrap = partial(textwrap.fill, width=columns, break_long_words=False, break_on_hyphens=False)
-    table = Table(*headings, box=None, pad_edge=False)
-    for column in table.columns[1:]:
-        column.justify = "right"
-    lines = [tuple(map(str, row)) for row in rows]
-    for line in lines:
-        table.add_row(*line)
-    console = Console(file=StringIO(), width=UNBOUNDED, markup=False, highlight=False, emoji=False)
+    align = ["left", *["right"] * (len(table.columns) - 1)]
+    text = table.to_markdown(index=False, tablefmt="plain", disable_numparse=True, colalign=align)
+    lines = [line.rstrip() for line in str(text).splitlines()]
     if title:
         print(wrap(title))
-    if console.measure(table).maximum > columns:
-        for first, *others in lines:
-            print(f"{headings[0]}: {first}")
-            for heading, cell in zip(headings[1:], others, strict=True):
-                print(wrap(f"{heading}: {cell}", initial_indent="    ", subsequent_indent="      "))
+    if max(map(len, lines)) <= columns:
+        print("\n".join(lines))
         return
-    with console.capture() as captured:
-        console.print(table)
-    print("\n".join(line.rstrip() for line in captured.get().splitlines()))
+    for row in table.to_dict("records"):
+        (heading, first), *others = row.items()
+        print(f"{heading}: {first}")
+        for heading, cell in others:
+            print(wrap(f"{heading}: {cell}", initial_indent="    ", subsequent_indent="      "))
 
 
 def show_next(*words: object) -> None:

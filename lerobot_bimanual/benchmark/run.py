@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
+import pandas as pd
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.pipeline import Pipeline, made_before, show_command
@@ -143,13 +144,13 @@ def report(result: BenchmarkResult, plan: Plan, console: Console) -> None:
         f"{policy} after {result.checkpoint_step} steps (test)": result.rates["policy"],
         "open loop: mean keyposes of the training split (test)": result.rates["open_loop"],
     }
-    rows = []
-    for agent, rate in rates.items():
-        low, high = rate.interval
-        rows.append((agent, f"{rate.successes} of {rate.trials}", f"{low:.0%} to {high:.0%}"))
+    shown = {
+        "agent": [*rates],
+        "solved": [f"{rate.successes} of {rate.trials}" for rate in rates.values()],
+        "95 % interval (Wilson)": ["{:.0%} to {:.0%}".format(*rate.interval) for rate in rates.values()],
+    }
     console.rule("[bold]result[/bold]")
-    title = f"{result.task}, recipe {result.config.recipe}"
-    print_table(("agent", "solved", "95 % interval (Wilson)"), rows, title)
+    print_table(pd.DataFrame(shown), f"{result.task}, recipe {result.config.recipe}")
     for name, path in (("checkpoint", plan.checkpoint(result.checkpoint_step)), ("result", plan.result)):
         console.print(f"{name:<11} {path}", soft_wrap=True, highlight=False)
 

@@ -4,6 +4,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pandas as pd
+
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.comparison import Comparison, check_trainings
@@ -40,7 +42,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
         lerobot-bimanual results compare --first=outputs/robustness/peract2.json --second=outputs/robustness/act.json
     """
     if is_robustness_result(config.first) or is_robustness_result(config.second):
-        from lerobot_bimanual.reports.robustness_text import print_comparison
+        from lerobot_bimanual.reports.robustness_table import print_comparison
 
         print_comparison(RobustnessResult.read(config.first), RobustnessResult.read(config.second))
         return
@@ -82,19 +84,19 @@ def _results(path: Path, policy: str | None, flag: str) -> dict[str, tuple[Bench
 
 def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
     corrected = holm([comparison.p_value for comparison in comparisons.values()])
-    rows = [
-        (
-            place,
-            *(_rates(rates) for rates in comparison.rates),
-            _difference(comparison),
-            "{}, {}".format(*comparison.better),
-            f"{comparison.p_value:.3g}",
-            f"{p_holm:.3g}",
-        )
+    table = pd.DataFrame(
+        {
+            "task": place,
+            "first": _rates(comparison.rates[0]),
+            "second": _rates(comparison.rates[1]),
+            "difference": _difference(comparison),
+            "better on": "{}, {}".format(*comparison.better),
+            "p": f"{comparison.p_value:.3g}",
+            "p (Holm)": f"{p_holm:.3g}",
+        }
         for (place, comparison), p_holm in zip(comparisons.items(), corrected, strict=True)
-    ]
-    headings = ("task", "first", "second", "difference", "better on", "p", "p (Holm)")
-    print_table(headings, rows, "success on the same seeds")
+    )
+    print_table(table, "success on the same seeds")
     for place, comparison in comparisons.items():
         first, second = comparison.better
         equal = len(comparison.seeds) - first - second

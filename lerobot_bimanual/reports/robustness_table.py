@@ -1,4 +1,4 @@
-"""Robustness results as one table, a line per condition, from which pages, charts and comparisons are made."""
+"""Robustness results as one table, a line per condition, for pages, charts, comparisons and the terminal."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # The types of pandas do not tell a frame from a series where it is indexed or grouped.
@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
 from lerobot_bimanual.results.statistics import holm, mcnemar_p_value, only_one_solved
+from lerobot_bimanual.terminal import print_table
+from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 SIGNIFICANT = 0.05
 """Corrected p-values up to this one count as a difference."""
@@ -97,3 +101,90 @@ def by_axis(cells: pd.DataFrame, axes: list[str]) -> pd.DataFrame:
     filled = cells.reindex([name for names in lines.values() for name in names]).fillna(".")
     joined = {column: [" ".join(filled.loc[names, column]) for names in lines.values()] for column in cells}
     return pd.DataFrame({"axis": [*lines], **joined})
+
+
+def print_robustness(result: RobustnessResult) -> None:
+    """Print a line per condition, and what the conditions together say.
+
+    Lost and won are the episodes that are solved only in the nominal world, and only on the condition.
+    """
+    table = conditions_table({result.policy: result})
+    shown = pd.DataFrame(
+        {
+            "condition": line.condition,
+            "magnitude": f"{line.magnitude:g}" if line.level else "",
+            "policy": line.solved,
+            "95 % interval": f"{line.low:.0%} to {line.high:.0%}",
+            "expert": line.expert,
+            "open loop": line.open_loop,
+            "lost, won": f"{line.lost}, {line.won}" if line.level else "",
+            "p": f"{line.p:.3g}" if line.level else "",
+            "p (Holm)": _corrected_text(line) if line.level else "",
+        }
+        for line in table.itertuples()
+    )
+    print_table(shown, f"{result.policy} on {result.task}, the same {len(result.nominal.episodes)} episodes")
+    sums = table[table.valid].groupby("level")[["solved", "n"]].sum()
+    said = "; ".join(f"level {line.Index}: {line.solved} of {line.n}" for line in sums.itertuples())
+    print(f"valid conditions together: {said or 'none'}")
+    if not table.valid.all():
+        invalid = ", ".join(table[~table.valid].condition)
+        print(f"not valid, since the expert solves too few, and in no sum: {invalid}")
+    if result.not_applicable:
+        print(f"not applicable to {result.task}: {', '.join(result.not_applicable)}")
+
+
+def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
+    """Print a line per condition of two policies: successes, and McNemar's exact test on the same episodes.
+
+    Its p-values are corrected by Holm for the number of axes with a valid condition of the same level.
+
+    Raises:
+        BimanualError: the results differ in task, options, seeds, worlds or simulation.
+    """
+    shared = first.by_key.keys() & second.by_key.keys()
+    one, other = (
+        {"task": result.task, "seeds": result.nominal.seeds}
+        | {name: result.config.options.get(name) for name in ("split", "variation", "max_keyposes")}
+        | {f"the world of {condition_name(*key)}": result.by_key[key].world for key in shared}
+        | {package: result.config.versions.get(package) for package in SIMULATION_PACKAGES}
+        for result in (first, second)
+    )
+    for name in one:
+        if one[name] != other[name]:
+            raise BimanualError(
+                f"the results differ in {name}: {one[name]!r} and {other[name]!r}; compare results of the same episodes"
+            )
+    table = conditions_table({"first": first}).merge(
+        conditions_table({"second": second}), on="condition", suffixes=("", "_second")
+    )
+    keys = [*zip(table.axis, table.level, strict=True)]
+    table["pair"] = [only_one_solved(first.by_key[key].solved, second.by_key[key].solved) for key in keys]
+    table["p"], table["valid"] = (
+        [mcnemar_p_value(*pair) for pair in table.pair],
+        table.valid & table.valid_second,
+    )
+    table["p_holm"] = corrected(table[table.valid], "level")
+    shown = pd.DataFrame(
+        {
+            "condition": line.condition,
+            "first": line.solved,
+            "second": line.solved_second,
+            "only one solved": "{}, {}".format(*line.pair),
+            "p": f"{line.p:.3g}",
+            "p (Holm)": _corrected_text(line),
+        }
+        for line in table.itertuples()
+    )
+    count = len(first.nominal.episodes)
+    print_table(shown, f"success on {first.task}, the same {count} episodes at every condition")
+    sums = table[table.valid].groupby("level")[["solved", "solved_second", "n"]].sum()
+    for line in sums.itertuples():
+        where = f"valid conditions of level {line.Index}" if line.Index else "nominal"
+        print(f"{where}: first {line.solved}, second {line.solved_second} of {line.n}")
+    if missing := sorted(first.by_key.keys() ^ second.by_key.keys()):
+        print(f"only one has played: {', '.join(condition_name(*key) for key in missing)}")
+
+
+def _corrected_text(line: Any) -> str:
+    return f"{line.p_holm:.3g}" if line.valid else "not valid"

@@ -5,8 +5,7 @@ from sample_robustness import AXES, EXPERT_REPORT, ROBUSTNESS, condition, result
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.reports.robustness_table import conditions_table
-from lerobot_bimanual.reports.robustness_text import print_robustness
+from lerobot_bimanual.reports.robustness_table import conditions_table, print_robustness
 from lerobot_bimanual.results.robustness import ExpertRobustnessReport, read_expert_robustness
 from lerobot_bimanual.results.statistics import SuccessRate, holm, mcnemar_p_value
 

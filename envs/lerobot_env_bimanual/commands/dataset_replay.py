@@ -106,7 +106,7 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
     ]
     if rows:
         table = pd.DataFrame(rows).groupby(["task", "variation"], as_index=False).sum()
-        print_table([*table], table.values)
+        print_table(table)
     for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"

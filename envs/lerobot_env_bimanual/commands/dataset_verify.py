@@ -184,13 +184,16 @@ class _ViewReport:
 
     def print(self) -> None:
         """The table, the list of what is wrong, and the hash."""
+        import pandas as pd
+
         from lerobot_bimanual.dataset.content_hash import combined_hash
 
-        rows = []
-        for check, outcomes in self._faults.items():
-            failed = sum(bool(faults) for _, faults in outcomes)
-            rows.append((check, len(outcomes) - failed, failed))
-        print_table(("check", "passed", "failed"), rows, str(self.root))
+        rows = {
+            check: (sum(not faults for _, faults in outcomes), sum(bool(faults) for _, faults in outcomes))
+            for check, outcomes in self._faults.items()
+        }
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["passed", "failed"])
+        print_table(table.rename_axis("check").reset_index(), str(self.root))
         for text in filter(None, (self.remark, self.note)):
             print(text)
         for check, outcomes in self._faults.items():

@@ -63,7 +63,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from tqdm import tqdm
 
     from lerobot_bimanual.reports.robustness_figure import heat_map
-    from lerobot_bimanual.reports.robustness_text import print_robustness
+    from lerobot_bimanual.reports.robustness_table import print_robustness
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
     missing = sweep.missing()

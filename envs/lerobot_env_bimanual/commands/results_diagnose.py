@@ -74,7 +74,11 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found)
             print(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
             _print_episodes(found)
-    _print_counts(groups)
+    for title, kind in (
+        ("Failures by class:", "failure_class"),
+        ("Failures by responsible arm:", "responsible"),
+    ):
+        _print_counts(groups, kind, title)
     if config.output is not None:
         from lerobot_env_bimanual.reports.failure_figure import failure_figure
 
@@ -85,26 +89,24 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
 
 
 def _print_episodes(attributions: Sequence[Attribution]) -> None:
+    import pandas as pd
 
-    headings = ("seed", "class", "last recoverable keypose", "responsible", "event")
-    rows = [
-        (one.seed, one.failure_class, one.last_recoverable, one.responsible, one.event)
-        for one in attributions
-    ]
-    if rows:
-        print_table(headings, [tuple("" if cell is None else cell for cell in row) for row in rows])
+    if attributions:
+        columns = ["seed", "failure_class", "last_recoverable", "responsible", "event"]
+        table = pd.DataFrame(attributions, dtype=object)[columns].fillna("")
+        headings = {"failure_class": "class", "last_recoverable": "last recoverable keypose"}
+        print_table(table.rename(columns=headings))
 
 
-def _print_counts(groups: Mapping[str, Sequence[Attribution]]) -> None:
-    from lerobot_env_bimanual.failures.attribution import Responsible
-    from lerobot_env_bimanual.failures.classes import FailureClass
+def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title: str) -> None:
+    """Print how many failures of each result are of each class, or to whom they are attributed."""
+    import pandas as pd
 
-    for title, kinds in (("Failures by class:", FailureClass), ("Failures by responsible arm:", Responsible)):
-        counts = {
-            name: [sum(kind in (one.failure_class, one.responsible) for one in group) for kind in kinds]
-            for name, group in groups.items()
-        }
-        shown = [column for column in range(len(kinds)) if any(row[column] for row in counts.values())]
-        headings = ("result", *([*kinds][column] for column in shown), "failed")
-        rows = [(name, *(row[column] for column in shown), sum(row)) for name, row in counts.items()]
-        print_table(headings, rows, title)
+    names = [name for name, group in groups.items() for _ in group]
+    kinds = [getattr(one, kind) for group in groups.values() for one in group]
+    order = [each for each in type(kinds[0]) if each in kinds] if kinds else []
+    table = pd.crosstab(pd.Series(names, dtype=str), pd.Series(kinds, dtype=str))
+    table = table.reindex(index=[*groups], columns=order, fill_value=0).assign(
+        failed=lambda table: table.sum(axis=1)
+    )
+    print_table(table.rename_axis("result").reset_index(), title)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
+import pandas as pd
 from rich.console import Console
 
 from lerobot_bimanual.results.episode import success_rate
@@ -124,18 +125,22 @@ def _place(split: str, outcome: EpisodeOutcome) -> str:
 
 def print_report(report: ExpertReport) -> None:
     """Print one line per variation, the failures of an expert, and the violations."""
-    headings = ("task", "variation", "successes", "95 % interval", "median time", "worst tip error")
-    rows, is_expert = [], report.player in EXPERTS
-    for (task, variation), episodes in report.by_variation.items():
-        rate, duration_s = success_rate(episodes), median_duration_s(episodes)
-        low, high = rate.interval
-        tip_error = f"{worst_tip_error_mm(episodes):.1f} mm" if is_expert else ""
-        counts = f"{rate.successes}/{rate.trials}", f"{low:.1%} to {high:.1%}"
-        rows.append((task, variation, *counts, f"{duration_s:.1f} s", tip_error))
+    is_expert = report.player in EXPERTS
+    table = pd.DataFrame(
+        {
+            "task": task,
+            "variation": variation,
+            "successes": "{0.successes}/{0.trials}".format(success_rate(episodes)),
+            "95 % interval": "{:.1%} to {:.1%}".format(*success_rate(episodes).interval),
+            "median time": f"{median_duration_s(episodes):.1f} s",
+            "worst tip error": f"{worst_tip_error_mm(episodes):.1f} mm" if is_expert else "",
+        }
+        for (task, variation), episodes in report.by_variation.items()
+    )
     title = f"{report.player} on {report.split} seeds {report.seeds.start} to {report.seeds.stop - 1}"
     if report.discretise:
         title += f", keyposes rounded to {report.discretise} voxels per axis"
-    print_table(headings, rows, f"{title}, {report.perturb}" if report.perturb else title)
+    print_table(table, f"{title}, {report.perturb}" if report.perturb else title)
     console = Console(highlight=False, soft_wrap=True)
     for outcome in report.episodes:
         if is_expert and not outcome.success:

@@ -39,6 +39,6 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     policy, preprocess = load_policy(config.checkpoint)
     dataset = open_dataset(config.root)
     table = summary(measure(policy, preprocess, dataset))
-    print_table(list(table.columns), table.to_numpy().tolist(), f"{policy.name} on {config.root}")
+    print_table(table, f"{policy.name} on {config.root}")
     paths = (f"--checkpoint={config.checkpoint}", f"--root={config.root}")
     show_next("lerobot-bimanual", "policy", "inspect", *paths)
