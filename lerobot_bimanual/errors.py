@@ -113,8 +113,5 @@ class DatasetError(BimanualError):
 class MissingGL(BimanualError):
     """No OpenGL context could be created for offscreen rendering."""
 
-    def __init__(self, detail: str):
-        super().__init__(
-            f"no offscreen OpenGL context ({detail}). On Debian or Ubuntu: "
-            "sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libgl1, and set MUJOCO_GL=egl"
-        )
+    def __init__(self, cause: str, remedy: str = ""):
+        super().__init__(f"no offscreen OpenGL context: {cause}{remedy and '; '}{remedy}")

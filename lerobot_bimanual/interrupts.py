@@ -11,11 +11,12 @@ from types import FrameType
 def signal_handled(
     number: int, handler: signal.Handlers | Callable[[int, FrameType | None], None]
 ) -> Iterator[None]:
-    """Answer a signal by a handler meanwhile.
+    """Answer a signal by a handler meanwhile, unless it is ignored, as by `nohup`.
 
     Python lets only the main thread decide this; in others it stays as it is.
     """
-    if threading.current_thread() is not threading.main_thread():
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(number) == signal.SIG_IGN:
         yield
         return
     before = signal.signal(number, handler)

@@ -19,6 +19,7 @@ from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
 from lerobot_env_bimanual.episode.observations import ObservationRenderer, observation_space
+from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
@@ -36,14 +37,13 @@ type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
 
 @dataclass(frozen=True, eq=False)
 class _World:
-    """A compiled scene, and what works in it."""
-
     scene: Scene
     planner: KeyposePlanner
     reset: EpisodeReset
     renderer: ObservationRenderer
 
 
+@one_thread_at_a_time("reset", "step", "fail", "observe", "images", "render", "restore_state", "close")
 class BimanualEnv(gym.Env):
     """A bimanual manipulation task with two Franka arms.
 
@@ -59,7 +59,7 @@ class BimanualEnv(gym.Env):
 
     An episode is determined by task, split, seed, variation and perturbations, bit for bit. Construction is cheap: the
     world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
-    A copy or a pickle is another environment in the same state, without observers and videos.
+    A copy or a pickle is another environment in the same state, without observers and videos. Two threads at once are refused.
 
     Args:
         task: registered task name.

@@ -7,9 +7,20 @@ off-screen driver is installed.
 
 import contextlib
 import ctypes
+import importlib
 import logging
+import multiprocessing
 import os
+import re
 import sys
+from collections.abc import Iterator
+
+from lerobot_bimanual.errors import MissingGL
+
+DEVICE = "MUJOCO_EGL_DEVICE_ID"
+LIBRARIES = (("libEGL.so.1",), ("libGL.so.1", "libOpenGL.so.0"), ("libEGL_mesa.so.0", "libEGL_nvidia.so.0"))
+"""What EGL needs: one of each."""
+INSTALL = "on Debian or Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libgl1"
 
 
 def release_gl() -> None:
@@ -23,17 +34,85 @@ def release_gl() -> None:
         egl.eglMakeCurrent(module.EGL_DISPLAY, egl.EGL_NO_SURFACE, egl.EGL_NO_SURFACE, egl.EGL_NO_CONTEXT)
 
 
+def missing_gl(error: Exception) -> MissingGL:
+    """Why no context could be made, where this was raised instead, and how to mend it."""
+    backend = os.environ.get("MUJOCO_GL", "")
+    if backend.lower().strip() != "egl":
+        return MissingGL(f"MUJOCO_GL is {backend!r}, which draws nothing here", "set MUJOCO_GL=egl")
+    if lacking := [names[0] for names in LIBRARIES if not any(map(_opens, names))]:
+        return MissingGL(f"{', '.join(lacking)} cannot be opened", INSTALL)
+    try:
+        importlib.import_module("mujoco.egl")  # MuJoCo does not say why it could not import it
+    except Exception as cause:
+        error = cause
+    if isinstance(error, ValueError):
+        return MissingGL(f"{DEVICE} is {os.environ.get(DEVICE)!r}, but must be the number of a device")
+    return MissingGL(str(error))
+
+
+@contextlib.contextmanager
+def device_chosen() -> Iterator[None]:
+    """Have the first context of this process made on a GPU of its own, where there are several.
+
+    Ranks of a job and their workers take one after the other, of those in CUDA_VISIBLE_DEVICES, and the next one where
+    theirs cannot be used. Where the user has chosen a device, or MuJoCo has one, nothing changes.
+    """
+    module = sys.modules.get("mujoco.egl")
+    if module is None or module.EGL_DISPLAY is not None or DEVICE in os.environ:
+        yield
+        return
+    devices = module.EGL.eglQueryDevicesEXT()
+    gpus = [
+        str(index) for index, device in enumerate(devices) if len(devices) > 1 and not _is_software(device)
+    ]
+    visible = os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",")
+    chosen = [gpu for gpu in gpus if gpu in visible] or gpus
+    place = _place() % max(1, len(chosen))
+    try:
+        for gpu in (*chosen[place:], *chosen[:place]) if len(gpus) > 1 else ():
+            os.environ[DEVICE] = gpu
+            if module.create_initialized_egl_device_display() != module.EGL.EGL_NO_DISPLAY:
+                break
+            del os.environ[DEVICE]
+        yield
+    finally:
+        os.environ.pop(
+            DEVICE, None
+        )  # it is not the user's, so processes that are started from here choose anew
+
+
+def _place() -> int:
+    """Number of this process among those that draw: its rank on this machine and, if it is a worker, its number."""
+    rank = os.environ.get("LOCAL_RANK") or os.environ.get("SLURM_LOCALID") or ""
+    names = (rank, multiprocessing.current_process().name)
+    return sum(int(number[0]) for name in names if (number := re.search("[0-9]+$", name)))
+
+
+def _is_software(device: object) -> bool:
+    from OpenGL.EGL import EGL_EXTENSIONS
+    from OpenGL.EGL.EXT.device_query import eglQueryDeviceStringEXT
+
+    return bool(eglQueryDeviceStringEXT) and b"software" in eglQueryDeviceStringEXT(device, EGL_EXTENSIONS)
+
+
+def _opens(library: str) -> bool:
+    try:
+        return bool(ctypes.CDLL(library))
+    except OSError:
+        return False
+
+
 # Off-screen EGL when the caller chose nothing and there is no display. Mesa's software rasteriser is kept in the calling
 # thread: at 256 pixels its worker threads cost more than they give, and this package runs one process per core. Both are
 # only defaults.
-if not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
-    os.environ.setdefault("MUJOCO_GL", "egl")
+if not os.environ.get("MUJOCO_GL") and not ("DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ):
+    os.environ["MUJOCO_GL"] = "egl"
 os.environ.setdefault("LP_NUM_THREADS", "0")
 
 try:
     import mujoco
-except AttributeError:
-    # What a missing driver library becomes inside PyOpenGL. Physics needs no driver: import without rendering,
+except (AttributeError, RuntimeError):
+    # What a missing driver library and an unknown backend become. Physics needs no driver: import without rendering,
     # and let a `Renderer` raise `MissingGL` when one is made.
     wanted = os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
@@ -44,9 +123,9 @@ except AttributeError:
 # Its bindings give MuJoCo a clock, which is read thirty times a step for timers that are not used here. As their
 # setter puts it back in place of None, the pointer is cleared itself, where the loader finds it.
 with contextlib.suppress(OSError, ValueError):
-    ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time").value = None
+    ctypes.c_void_p.in_dll(ctypes.CDLL(sys.modules["mujoco._callbacks"].__file__), "mjcb_time").value = None
 
 # Left alone, MuJoCo appends its warnings to a file MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).warning)
 
-__all__ = ["mujoco", "release_gl"]
+__all__ = ["device_chosen", "missing_gl", "mujoco", "release_gl"]

@@ -159,9 +159,9 @@ def checked_reset_options(options: Any) -> Mapping[str, Any]:
 def _camera_names(cameras: Any) -> tuple[str, ...]:
     names = cameras.split(",") if isinstance(cameras, str) else cameras
     is_list = isinstance(names, Sequence) and all(isinstance(name, str) for name in names)
-    chosen = tuple(dict.fromkeys(name.strip() for name in names)) if is_list else ()
-    if not chosen:
-        raise InvalidChoice("cameras", cameras, ["a non-empty list of " + ", ".join(CAMERA_NAMES)])
+    chosen = tuple(name.strip() for name in names) if is_list else ()
+    if not chosen or len({*chosen}) < len(chosen):
+        raise InvalidChoice("cameras", cameras, f"a non-empty list of {', '.join(CAMERA_NAMES)}, none twice")
     for name in chosen:
         if name not in CAMERA_NAMES:
             raise UnknownCamera(name, CAMERA_NAMES)

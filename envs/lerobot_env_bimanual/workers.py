@@ -7,9 +7,11 @@ one by one, so that the one that kills its worker is known and named.
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import traceback
 from collections import deque
@@ -27,10 +29,12 @@ from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.resources import worker_count
 
 START_METHOD = "forkserver"
 POLL_S = 0.1
 """Interval at which the parent looks for parts that workers have done."""
+PR_SET_PDEATHSIG = 1
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
@@ -53,7 +57,7 @@ class WorkerPool:
     """Worker processes, started as work comes; use it in a `with` statement, which ends them.
 
     Args:
-        workers: number of processes; 0 takes one per core.
+        workers: number of processes; 0 takes one per core that may be used, if there is memory for them.
         preload: further modules imported once, in the process that workers are forked from; none that opens an OpenGL
             context on import, which does not survive a fork. Only the first pool of a process can have some.
 
@@ -67,7 +71,7 @@ class WorkerPool:
         os.environ.update(ONE_THREAD)
         self._context = multiprocessing.get_context(START_METHOD)
         self._context.set_forkserver_preload([__name__, *preload])
-        self._limit = workers or os.cpu_count() or 1
+        self._limit = worker_count(workers)
         self._executor: ProcessPoolExecutor | None = None
         self._lifeline: Connection | None = None
         self._running: dict[Future[Any], int] = {}
@@ -237,6 +241,9 @@ def _prepare_worker(lifeline: Connection) -> None:
 
 
 def _end_with(lifeline: Connection | int) -> None:
+    if sys.platform == "linux":  # at once, however busy: the process that forked us ends with our parent
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
     def await_end() -> None:
         connection.wait([lifeline])
         os._exit(1)

@@ -20,9 +20,10 @@ from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.record import Record
 
-TERMINATION_TIMEOUT_S = 20.0
+TERMINATION_TIMEOUT_S = 5.0
 """Time that an interrupted program has to end its workers."""
 
 
@@ -75,7 +76,7 @@ def call(words: list[str]) -> int:
         # No command needs the network: a dataset or policy that is not found here must fail, not be asked for.
         "HF_HUB_OFFLINE": "1",
         # One core is left to environments and the system; threads that wait for each other on a full machine crawl.
-        "OMP_NUM_THREADS": str(max(1, (os.cpu_count() or 1) - 1)),
+        "OMP_NUM_THREADS": str(max(1, usable_cores() - 1)),
     }
     executable = Path(sys.executable).parent / program
     with interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback

@@ -34,7 +34,8 @@ How to write a command
        one that it catches, and the command prints the text behind "interrupted".
 
 `lerobot_bimanual.cli.flags` says which flags a dataclass gets. Exit codes: 0 done (or what the command returned),
-1 the command failed with a clear message, 2 the command line is wrong, 130 interrupted, 143 terminated.
+1 the command failed with a clear message, 2 the command line is wrong, 130 interrupted, 129 or 143 terminated,
+141 unfinished because the reader of its output has left.
 """
 
 from lerobot_bimanual.cli.command_line import config_type_of, find_command, find_commands, main

@@ -3,6 +3,7 @@
 import ast
 import difflib
 import inspect
+import io
 import os
 import signal
 import sys
@@ -39,8 +40,13 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns:
         The exit code of the process (see the package's text).
     """
+    code = (
+        128 + signal.SIGPIPE
+    )  # of work that is unfinished when the reader of our output has left, as `head` does
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may know ASCII only
     try:
-        with signal_handled(signal.SIGTERM, _leave):
+        with signal_handled(signal.SIGTERM, _leave), signal_handled(signal.SIGHUP, _leave):
             code = _dispatch(list(sys.argv[1:] if words is None else words))
         sys.stdout.flush()
         return code
@@ -53,9 +59,10 @@ def main(words: Sequence[str] | None = None) -> int:
         remark = f"; {interrupt}" if interrupt.args else ""
         print(f"\n{PROGRAM}: interrupted{remark}", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # the reader of our output has left, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    except BrokenPipeError:
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return code
 
 
 def find_commands(group: str = "") -> dict[str, EntryPoint]:

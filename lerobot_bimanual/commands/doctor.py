@@ -1,6 +1,5 @@
 """The command `doctor`: checks of the machine and of the installed distributions."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import NamedTuple
 
-from lerobot_bimanual.errors import MissingGL
+from lerobot_bimanual.resources import shared_memory_problem, usable_cores, usable_memory
 from lerobot_bimanual.terminal import show_next
 
 CORE, PLUGINS = (
@@ -17,18 +16,16 @@ CORE, PLUGINS = (
     ("lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual"),
 )
 REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies -e robots"
+KNOWN_PROBLEM = "lerobot_bimanual.errors.MissingGL: "
 RENDER_TIMEOUT_S = 120
 """An OpenGL driver may hang."""
 # Runs in its own process, because a broken OpenGL driver can take the process with it.
 RENDER_8X8 = """
 import os
-from lerobot_env_bimanual.gl import mujoco
-model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 2'/><geom size='1'/></worldbody></mujoco>")
-data = mujoco.MjData(model)
-mujoco.mj_forward(model, data)
-with mujoco.Renderer(model, 8, 8) as renderer:
-    renderer.update_scene(data)
-    assert renderer.render().any(), "the image is black"
+from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.scene import Scene
+with Renderer(Scene(), ("front",), 8, 8) as renderer:
+    assert renderer.render()["front"][0].any(), "the image is black"
 print("off-screen image rendered, MUJOCO_GL=" + os.environ.get("MUJOCO_GL", ""))
 """
 COLORS = {"ok": "green", "info": "blue", "warn": "yellow", "fail": "bold red"}
@@ -112,13 +109,11 @@ def check_packages() -> Iterator[Finding]:
 
 
 def check_machine() -> Iterator[Finding]:
-    """Processor cores that this process may use, memory, free space here, and a CUDA device for training at full size."""
-    memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    free_gb = shutil.disk_usage(".").free / 1e9
-    cores = len(os.sched_getaffinity(0))
-    yield Finding(
-        "machine", "info", f"{cores} cores, {memory_gib:.0f} GiB memory, {free_gb:.0f} GB free here"
-    )
+    """What this process may use: cores, memory, shared memory, disk, and a CUDA device for training at full size."""
+    free = f"{usable_memory() / 1e9:.0f} GB memory free, {shutil.disk_usage('.').free / 1e9:.0f} GB free here"
+    yield Finding("machine", "info", f"{usable_cores()} cores, {free}")
+    if problem := shared_memory_problem():
+        yield Finding("shared memory", "warn", *problem.split(": ", 1))
     if _version("torch") is None:
         return
     import torch
@@ -129,7 +124,9 @@ def check_machine() -> Iterator[Finding]:
 
 
 def check_gl() -> Iterator[Finding]:
-    """Off-screen rendering of an 8 x 8 image, in another process."""
+    """Off-screen rendering of an 8 x 8 image, in another process, where environments are installed."""
+    if _version(PLUGINS[0]) is None:
+        return
     command = [sys.executable, "-c", RENDER_8X8]
     try:
         child = subprocess.run(command, capture_output=True, text=True, check=True, timeout=RENDER_TIMEOUT_S)
@@ -137,10 +134,15 @@ def check_gl() -> Iterator[Finding]:
         problem = f"no image within {RENDER_TIMEOUT_S} s"
     except subprocess.CalledProcessError as error:
         problem = (error.stderr.strip().splitlines() or [f"the process ended with {error.returncode}"])[-1]
+        if problem.startswith(KNOWN_PROBLEM):
+            yield Finding("OpenGL", "fail", problem.removeprefix(KNOWN_PROBLEM))
+            return
     else:
         yield Finding("OpenGL", "ok", child.stdout.strip())
         return
-    yield Finding("OpenGL", "fail", problem, str(MissingGL("rendering failed")))
+    yield Finding(
+        "OpenGL", "fail", problem, "install the driver anew, or another GPU: MUJOCO_EGL_DEVICE_ID=1"
+    )
 
 
 def check_video() -> Iterator[Finding]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from os import cpu_count
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -14,6 +13,7 @@ from pydantic import (
     model_validator,
 )
 
+from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.episode import (
     MAX_EPISODES,
     Episode,
@@ -136,7 +136,7 @@ class Machine(Record):
     """Machine on which a policy was trained.
 
     Attributes:
-        cpus: number of cores.
+        cpus: number of cores that the training could use.
         gpu: name of the first GPU, if there is one.
     """
 
@@ -149,7 +149,7 @@ class Machine(Record):
         import torch
 
         gpu = torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
-        return cls(cpus=cpu_count() or 1, gpu=gpu)
+        return cls(cpus=usable_cores(), gpu=gpu)
 
 
 class Validation(Record):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import time
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.errors import check_range
+from lerobot_bimanual.resources import worker_count
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.tasks.registry import resolve_tasks
@@ -91,7 +91,7 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
         from lerobot_env_bimanual.generation.build import process_executor
 
         executor = process_executor(config.workers)
-        print(estimate(settings, config.workers or os.cpu_count() or 1))
+        print(estimate(settings, worker_count(config.workers)))
     make_dataset(settings, config.root, executor)
 
 

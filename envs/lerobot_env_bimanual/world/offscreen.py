@@ -2,7 +2,6 @@
 
 import atexit
 import contextlib
-import os
 import threading
 import weakref
 from collections.abc import Iterator
@@ -12,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.errors import MissingGL
-from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.gl import device_chosen, missing_gl, mujoco
 
 MAX_GEOMS = 2000
 
@@ -78,17 +76,13 @@ class Offscreen:
         self.aspect = width / height
         self._shape = (height, width)
         self._rect = mujoco.MjrRect(0, 0, width, height)
-        if not hasattr(mujoco, "GLContext"):
-            raise MissingGL(
-                f"MUJOCO_GL={os.environ.get('MUJOCO_GL')}, but its driver library is not installed"
-            )
         try:
-            with _offscreen_settings(model, height, width, quality), _making_a_context:
+            with _offscreen_settings(model, height, width, quality), _making_a_context, device_chosen():
                 gl = mujoco.GLContext(width, height)
                 gl.make_current()
                 self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
-        except (ImportError, RuntimeError, mujoco.FatalError) as error:
-            raise MissingGL(f"{type(error).__name__}: {error}") from error
+        except (AttributeError, ImportError, RuntimeError, ValueError, mujoco.FatalError) as error:
+            raise missing_gl(error) from error
         self._gl = gl
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
         self._mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR

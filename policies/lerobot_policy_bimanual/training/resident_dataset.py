@@ -8,7 +8,6 @@ from typing import Any
 import cv2
 import datasets
 import numpy as np
-import psutil
 import torch
 from lerobot.configs.video import DEPTH_METER_UNIT, DEPTH_MILLIMETER_UNIT, DepthEncoderConfig
 from lerobot.datasets.depth_utils import MM_PER_METRE, dequantize_depth
@@ -21,6 +20,7 @@ from torch.utils.data import Dataset
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.resources import usable_memory
 
 MAX_SHARE = 0.7
 """Share of the free memory that a dataset may take."""
@@ -147,7 +147,7 @@ class ResidentDataset(Dataset):
 def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[str, Tensor]:
     """Allocate columns for rows like this one."""
     needed = rows * sum(value.nbytes for value in row.values())
-    free = torch.cuda.mem_get_info(device)[0] if device.type == "cuda" else psutil.virtual_memory().available
+    free = torch.cuda.mem_get_info(device)[0] if device.type == "cuda" else usable_memory()
     if needed > MAX_SHARE * free:
         raise DatasetError(
             f"{rows} rows of this dataset take {needed / 1e9:.1f} GB of memory, more than {MAX_SHARE:.0%} of the "
