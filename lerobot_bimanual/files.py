@@ -68,6 +68,13 @@ def write_file(path: Path, content: str | bytes) -> None:
         partial.unlink(missing_ok=True)
 
 
+def share_files(folder: Path, pattern: str) -> None:
+    """Let others read and write the files of a folder as far as the umask of this process allows."""
+    os.umask(umask := os.umask(0o077))
+    for file in folder.rglob(pattern):
+        file.chmod(0o666 & ~umask)
+
+
 def move_durably(source: Path, target: Path) -> None:
     """Rename a finished file or folder in one step that survives a power failure.
 

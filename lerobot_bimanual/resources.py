@@ -6,7 +6,8 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-PROCESS, GROUPS, SHARED_MEMORY = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"), Path("/dev/shm")
+PROCESS, GROUPS = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
+MEMORY, SHARED_MEMORY = Path("/proc/meminfo"), Path("/dev/shm")
 WORKER_BYTES = 9 * 10**8
 """Memory of a process that simulates and draws: 0.76 to 0.96 GB were measured."""
 ENOUGH_SHARED_BYTES = 2**30
@@ -25,7 +26,7 @@ def usable_cores() -> int:
 
 def usable_memory() -> int:
     """Bytes that this process may still take: what is free, within the limits of its cgroups."""
-    free = [1024 * _entry(Path("/proc"), "meminfo", "MemAvailable:")]
+    free = [1024 * _entry(MEMORY, "MemAvailable:")]
     for group in _groups("memory"):
         used = _words(group, "memory.max", "memory.current")
         dropped = "inactive_file"  # files in memory, which the system drops first
@@ -33,7 +34,7 @@ def usable_memory() -> int:
             used = _words(group, "memory.limit_in_bytes", "memory.usage_in_bytes")
             dropped = "total_inactive_file"
         if len(used) == 2 and used[0] != "max":
-            free.append(int(used[0]) - int(used[1]) + _entry(group, "memory.stat", dropped))
+            free.append(int(used[0]) - int(used[1]) + _entry(group / "memory.stat", dropped))
     return max(0, min(free))
 
 
@@ -74,7 +75,7 @@ def _words(folder: Path, *names: str) -> list[str]:
         return []
 
 
-def _entry(folder: Path, name: str, key: str) -> int:
+def _entry(file: Path, key: str) -> int:
     """The number behind a key in a file; 0 where there is none."""
-    words = _words(folder, name)
+    words = _words(file.parent, file.name)
     return int(words[words.index(key) + 1]) if key in words else 0

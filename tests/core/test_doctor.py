@@ -46,16 +46,25 @@ def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(pretend
     assert [*levels.values()] == ["fail", "fail", "ok", "warn"]
 
 
-@pytest.mark.parametrize(
-    "program", ["raise ImportError('libEGL.so.1 not found')", "import time; time.sleep(60)"]
-)
-def test_opengl_that_fails_or_hangs_comes_with_the_line_that_installs_it(program, monkeypatch):
+@pytest.mark.parametrize("program", ["raise RuntimeError('driver broken')", "import time; time.sleep(60)"])
+def test_opengl_that_fails_or_hangs_comes_with_a_remedy(program, monkeypatch):
     monkeypatch.setattr(command, "RENDER_8X8", program)
     monkeypatch.setattr(command, "RENDER_TIMEOUT_S", 1)
     (finding,) = command.check_gl()
     assert finding.level == "fail"
-    assert finding.detail in ("ImportError: libEGL.so.1 not found", "no image within 1 s")
-    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri" in finding.remedy
+    assert finding.detail in ("RuntimeError: driver broken", "no image within 1 s")
+    assert "MUJOCO_EGL_DEVICE_ID" in finding.remedy
+
+
+def test_opengl_that_is_missing_for_a_known_reason_and_little_shared_memory_are_said(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "foo")
+    (finding,) = command.check_gl()
+    assert (
+        finding.detail
+        == "no offscreen OpenGL context: MUJOCO_GL is 'foo', which draws nothing here; set MUJOCO_GL=egl"
+    )
+    monkeypatch.setattr(command, "shared_memory_problem", lambda: "too few: do this")
+    assert ("shared memory", "warn", "too few", "do this") in [*command.check_machine()]
 
 
 def test_a_check_that_breaks_is_a_finding_and_the_others_go_on(monkeypatch, capsys):

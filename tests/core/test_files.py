@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.files import move_durably
+from lerobot_bimanual.files import move_durably, share_files
 
 
 @pytest.fixture
@@ -53,3 +53,16 @@ def test_a_file_takes_the_place_of_an_older_one_and_a_folder_of_an_empty_one_onl
     (tmp_path / "place/mine").rmdir()
     move_durably(tmp_path / "more", tmp_path / "place")
     assert not (tmp_path / "more").exists()
+
+
+def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
+    own, other = tmp_path / "step" / "a.safetensors", tmp_path / "b.json"
+    own.parent.mkdir()
+    for path in (own, other):
+        path.touch(0o600)
+    before = os.umask(0o027)
+    try:
+        share_files(tmp_path, "*.safetensors")
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in (own, other)] == [0o640, 0o600]

@@ -132,6 +132,7 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
         ({"control_mode": "ee"}, InvalidChoice, "auto, joint, keypose"),
         ({"cameras": ("front", "top")}, UnknownCamera, "left_shoulder"),
         ({"cameras": ()}, InvalidChoice, "non-empty"),
+        ({"cameras": "front, front"}, InvalidChoice, "none twice"),
         ({"image_size": 20_000}, InvalidChoice, "8 to 4096 pixels"),
         ({"variation": np.zeros(2)}, UnknownVariation, "any"),
         ({"video_dir": "/dev/null/films"}, InvalidChoice, "that can be written or made"),

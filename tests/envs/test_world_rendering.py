@@ -1,7 +1,9 @@
 import os
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.cameras import CAMERA_NAMES, project, unproject
 from lerobot_bimanual.errors import MissingGL
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual import gl
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
@@ -152,17 +155,69 @@ def test_high_quality_has_shadows_and_smooth_edges(scene, images):
     assert len(np.unique(fine.reshape(-1, 3), axis=0)) > len(np.unique(plain.reshape(-1, 3), axis=0))
 
 
-def test_without_a_driver_physics_runs_and_rendering_names_the_packages():
+@pytest.mark.parametrize(
+    ("variables", "cause"),
+    [
+        ({"MUJOCO_GL": "disable"}, "MUJOCO_GL is 'disable', which draws nothing here; set MUJOCO_GL=egl"),
+        ({"MUJOCO_GL": "osmesa"}, "MUJOCO_GL is 'osmesa', which draws nothing here; set MUJOCO_GL=egl"),
+        ({"MUJOCO_GL": "foo"}, "MUJOCO_GL is 'foo', which draws nothing here; set MUJOCO_GL=egl"),
+        ({"MUJOCO_EGL_DEVICE_ID": "99"}, r"MUJOCO_EGL_DEVICE_ID .*, got 99\.$"),
+        ({"MUJOCO_EGL_DEVICE_ID": "x"}, "MUJOCO_EGL_DEVICE_ID is 'x', but must be the number of a device$"),
+        ({"PYOPENGL_PLATFORM": "glx"}, "PYOPENGL_PLATFORM"),
+    ],
+)
+def test_without_a_context_physics_runs_and_rendering_names_the_cause(variables, cause):
     program = (
         "from lerobot_env_bimanual.world.scene import Scene; from lerobot_env_bimanual.world.rendering import Renderer;"
         "scene = Scene(); scene.settle(1); print('physics runs'); Renderer(scene).render()"
     )
-    result = without_gl(program, MUJOCO_GL="disable")
+    result = without_gl(program, **variables)
     assert "physics runs" in result.stdout
-    assert result.returncode != 0
-    assert MissingGL.__name__ in result.stderr
-    assert "apt-get install" in result.stderr
-    assert "libegl1" in result.stderr
+    problem = result.stderr.splitlines()[-1]
+    assert re.search(f"{MissingGL.__name__}: no offscreen OpenGL context: .*{cause}", problem)
+    assert "apt-get" not in problem
+
+
+def test_the_line_that_installs_libraries_is_for_libraries_that_cannot_be_opened(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setattr(gl, "LIBRARIES", (("libnone.so.1",), ("libnone.so.2", "libc.so.6")))
+    complaint = str(gl.missing_gl(AttributeError("'NoneType' object has no attribute 'eglQueryString'")))
+    assert (
+        "context: libnone.so.1 cannot be opened; on Debian or Ubuntu: sudo apt-get install libegl1"
+        in complaint
+    )
+
+
+@pytest.mark.parametrize(
+    ("variables", "devices"),
+    [
+        ({}, ["0", None]),
+        ({"LOCAL_RANK": "1"}, ["1", None]),
+        ({"SLURM_LOCALID": "2"}, ["2", None]),
+        ({"SLURM_LOCALID": "4"}, ["0", None]),
+        ({"LOCAL_RANK": "3"}, ["0", None]),  # the last GPU is another job's, the next is taken
+        ({"LOCAL_RANK": "1", "CUDA_VISIBLE_DEVICES": "0,2"}, ["2", None]),
+        ({"LOCAL_RANK": "1", "MUJOCO_EGL_DEVICE_ID": "0"}, ["0", "0"]),
+    ],
+)
+def test_ranks_draw_on_gpus_of_their_own_unless_the_user_chose_one(variables, devices, monkeypatch):
+    for name in ("LOCAL_RANK", "SLURM_LOCALID", "CUDA_VISIBLE_DEVICES", gl.DEVICE):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    egl = SimpleNamespace(
+        eglQueryDevicesEXT=lambda: ["GPU", "GPU", "GPU", "GPU", "software"], EGL_NO_DISPLAY=0
+    )
+    display = SimpleNamespace(
+        EGL=egl,
+        EGL_DISPLAY=None,
+        create_initialized_egl_device_display=lambda: int(os.environ[gl.DEVICE] != "3"),
+    )
+    monkeypatch.setitem(sys.modules, "mujoco.egl", display)
+    monkeypatch.setattr(gl, "_is_software", lambda device: device == "software")
+    with gl.device_chosen():
+        chosen = os.environ[gl.DEVICE]
+    assert [chosen, os.environ.get(gl.DEVICE)] == devices
 
 
 def test_the_backend_is_chosen_before_mujoco_is_imported_and_a_choice_is_respected():

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import os
 import re
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, field_comments, flags_of, parse_flags
+from lerobot_bimanual.interrupts import signal_handled
 
 COMMAND = '''
 from dataclasses import dataclass
@@ -34,9 +36,9 @@ def greet(config: GreetConfig) -> int | None:
         raise BimanualError("there is no one to greet")
     if config.fail == "by interrupt":
         raise KeyboardInterrupt("the same command goes on")
-    if config.fail == "by termination":
+    if config.fail.startswith("by SIG"):
         import os, signal
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), getattr(signal, config.fail.removeprefix("by ")))
     print("hello", config.name)
     return 5
 '''
@@ -98,15 +100,41 @@ def test_a_mistake_is_answered_with_one_line(words, code, message, greeting, cap
     assert (captured.err.strip().count("\n"), captured.out) == (0, "")
 
 
-def test_a_command_returns_its_exit_code_and_unwinds_when_it_is_terminated(greeting, capsys):
-    assert cli.main(["greet", "--name=Ada"]) == 5
-    assert capsys.readouterr().out == "hello Ada\n"
-    before = signal.getsignal(signal.SIGTERM)
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_command_returns_its_exit_code_and_unwinds_when_it_is_ended(name, greeting, capsys):
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
     with pytest.raises(SystemExit) as exit_:
-        cli.main(["greet", "--fail=by termination"])
-    assert exit_.value.code == 143
+        cli.main(["greet", f"--fail=by {name}"])
+    assert exit_.value.code == 128 + number
     assert capsys.readouterr() == ("", "")
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert signal.getsignal(number) is before
+    with signal_handled(number, signal.SIG_IGN):  # as by nohup
+        assert cli.main(["greet", "--name=Ada", f"--fail=by {name}"]) == 5
+    assert capsys.readouterr().out == "hello Ada\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "reader", "shown", "code"),
+    [
+        ("Zoë", "cat", b"hello Zo?\n", 5),
+        ("Ada", "true", b"", 5),  # its work is done
+        (100_000 * "A", "true", b"", 128 + signal.SIGPIPE),
+    ],
+    ids=["ASCII", "after the work", "within the work"],
+)
+def test_ascii_terminals_and_closed_pipes_end_no_command_with_a_traceback(
+    name, reader, shown, code, greeting, tmp_path
+):
+    program = f"(sleep 0.3; exec {sys.executable} -m lerobot_bimanual.cli greet --name={name}) | {reader}"
+    program += "; exit ${PIPESTATUS[0]}"
+    environment = os.environ | {
+        "PYTHONPATH": str(tmp_path),
+        "PYTHONIOENCODING": "ascii",
+        "PYTHONUNBUFFERED": "",
+    }
+    child = subprocess.run(["bash", "-c", program], capture_output=True, env=environment, check=False)
+    assert (child.stdout, child.stderr, child.returncode) == (shown, b"", code)
 
 
 def test_installed_commands_show_their_help_without_loading_lerobot_or_torch():

@@ -149,6 +149,10 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     assert_equal_weights(room / f"lerobot-train-{policy}", room / f"lerobot-bimanual-train-{policy}")
     if policy == "act":
         assert evaluate("lerobot-bimanual-train-act", room)["n_episodes"] == 1
+    weights = (room / f"lerobot-bimanual-train-{policy}").rglob("*.safetensors")
+    assert {path.stat().st_mode for path in weights} == {
+        (room / "data" / view / "meta/info.json").stat().st_mode
+    }
 
 
 def test_act_trains_on_a_dataset_without_depth_as_it_is(room):

@@ -1,5 +1,6 @@
 """The base of all keypose policies: LeRobot's policy interface around a network that predicts the next keypose."""
 
+import logging
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +15,7 @@ from torch import Tensor, nn
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch
+from lerobot_bimanual.resources import shared_memory_problem
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
@@ -60,6 +62,8 @@ class KeyposePolicy(PreTrainedPolicy):
         super().__init__(config)
         config.validate_features()
         fit_config(config, dataset_meta, dataset_stats)
+        if dataset_meta is not None and (problem := shared_memory_problem()):
+            logging.warning(problem)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()

@@ -31,7 +31,7 @@ from torch.utils.data import DataLoader, Subset
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.files import check_output_folder, read_json
+from lerobot_bimanual.files import check_output_folder, read_json, share_files
 from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
@@ -102,6 +102,12 @@ class AcceleratorWithMemory:
             else part
             for place, part in enumerate(prepared)
         )
+
+    def wait_for_everyone(self) -> None:
+        """Wait for all processes, as after a checkpoint, which others may then read as far as the umask lets them."""
+        self._accelerator.wait_for_everyone()
+        if self._accelerator.is_main_process and self._cfg.output_dir is not None:
+            share_files(Path(self._cfg.output_dir), "*.safetensors")  # written for their owner alone
 
     def _in_memory(self, loader: DataLoader) -> tuple[DataLoader, ResidentDataset]:
         """A loader of the numbers of the same rows, and their dataset in memory."""
