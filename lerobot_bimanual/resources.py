@@ -8,6 +8,11 @@ from pathlib import Path
 
 PROCESS, GROUPS = Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 MEMORY, SHARED_MEMORY = Path("/proc/meminfo"), Path("/dev/shm")
+MEMORY_FILES = (
+    ("memory.max", "memory.current", "inactive_file"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+)
+"""Limit and usage, and what of it are files that the system drops first; of cgroups v2 and v1."""
 WORKER_BYTES = 9 * 10**8
 """Memory of a process that simulates and draws: 0.76 to 0.96 GB were measured."""
 ENOUGH_SHARED_BYTES = 2**30
@@ -28,13 +33,10 @@ def usable_memory() -> int:
     """Bytes that this process may still take: what is free, within the limits of its cgroups."""
     free = [1024 * _entry(MEMORY, "MemAvailable:")]
     for group in _groups("memory"):
-        used = _words(group, "memory.max", "memory.current")
-        dropped = "inactive_file"  # files in memory, which the system drops first
-        if not used:
-            used = _words(group, "memory.limit_in_bytes", "memory.usage_in_bytes")
-            dropped = "total_inactive_file"
-        if len(used) == 2 and used[0] != "max":
-            free.append(int(used[0]) - int(used[1]) + _entry(group / "memory.stat", dropped))
+        for limit, usage, dropped in MEMORY_FILES:
+            used = _words(group, limit, usage)
+            if len(used) == 2 and used[0] != "max":
+                free.append(int(used[0]) - int(used[1]) + _entry(group / "memory.stat", dropped))
     return max(0, min(free))
 
 

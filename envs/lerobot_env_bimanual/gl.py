@@ -58,34 +58,24 @@ def device_chosen() -> Iterator[None]:
     theirs cannot be used. Where the user has chosen a device, or MuJoCo has one, nothing changes.
     """
     module = sys.modules.get("mujoco.egl")
-    if module is None or module.EGL_DISPLAY is not None or DEVICE in os.environ:
+    is_open = module is not None and module.EGL_DISPLAY is None and DEVICE not in os.environ
+    devices = module.EGL.eglQueryDevicesEXT() if is_open else []
+    gpus = [str(i) for i, device in enumerate(devices) if len(devices) > 1 and not _is_software(device)]
+    if len(gpus) < 2:
         yield
         return
-    devices = module.EGL.eglQueryDevicesEXT()
-    gpus = [
-        str(index) for index, device in enumerate(devices) if len(devices) > 1 and not _is_software(device)
-    ]
+    rank = os.environ.get("LOCAL_RANK") or os.environ.get("SLURM_LOCALID") or ""
+    numbers = [re.search("[0-9]*$", name)[0] for name in (rank, multiprocessing.current_process().name)]
     visible = os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",")
     chosen = [gpu for gpu in gpus if gpu in visible] or gpus
-    place = _place() % max(1, len(chosen))
+    place = sum(map(int, filter(None, numbers))) % len(chosen)
+    for os.environ[DEVICE] in (*chosen[place:], *chosen[:place], *map(str, range(len(devices)))):
+        if module.create_initialized_egl_device_display() != module.EGL.EGL_NO_DISPLAY:
+            break
     try:
-        for gpu in (*chosen[place:], *chosen[:place]) if len(gpus) > 1 else ():
-            os.environ[DEVICE] = gpu
-            if module.create_initialized_egl_device_display() != module.EGL.EGL_NO_DISPLAY:
-                break
-            del os.environ[DEVICE]
         yield
     finally:
-        os.environ.pop(
-            DEVICE, None
-        )  # it is not the user's, so processes that are started from here choose anew
-
-
-def _place() -> int:
-    """Number of this process among those that draw: its rank on this machine and, if it is a worker, its number."""
-    rank = os.environ.get("LOCAL_RANK") or os.environ.get("SLURM_LOCALID") or ""
-    names = (rank, multiprocessing.current_process().name)
-    return sum(int(number[0]) for name in names if (number := re.search("[0-9]+$", name)))
+        del os.environ[DEVICE]  # not the user's: processes that are started from here choose anew
 
 
 def _is_software(device: object) -> bool:

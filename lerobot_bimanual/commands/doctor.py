@@ -16,7 +16,6 @@ CORE, PLUGINS = (
     ("lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual"),
 )
 REPAIR = "make setup, or in your own environment: pip install -e . -e envs -e policies -e robots"
-KNOWN_PROBLEM = "lerobot_bimanual.errors.MissingGL: "
 RENDER_TIMEOUT_S = 120
 """An OpenGL driver may hang."""
 # Runs in its own process, because a broken OpenGL driver can take the process with it.
@@ -131,18 +130,13 @@ def check_gl() -> Iterator[Finding]:
     try:
         child = subprocess.run(command, capture_output=True, text=True, check=True, timeout=RENDER_TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        problem = f"no image within {RENDER_TIMEOUT_S} s"
+        problem = f"no image within {RENDER_TIMEOUT_S} s; perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1"
     except subprocess.CalledProcessError as error:
         problem = (error.stderr.strip().splitlines() or [f"the process ended with {error.returncode}"])[-1]
-        if problem.startswith(KNOWN_PROBLEM):
-            yield Finding("OpenGL", "fail", problem.removeprefix(KNOWN_PROBLEM))
-            return
     else:
         yield Finding("OpenGL", "ok", child.stdout.strip())
         return
-    yield Finding(
-        "OpenGL", "fail", problem, "install the driver anew, or another GPU: MUJOCO_EGL_DEVICE_ID=1"
-    )
+    yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_bimanual.errors.MissingGL: "))
 
 
 def check_video() -> Iterator[Finding]:

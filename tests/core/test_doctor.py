@@ -47,13 +47,15 @@ def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(pretend
 
 
 @pytest.mark.parametrize("program", ["raise RuntimeError('driver broken')", "import time; time.sleep(60)"])
-def test_opengl_that_fails_or_hangs_comes_with_a_remedy(program, monkeypatch):
+def test_opengl_that_fails_or_hangs_is_a_finding(program, monkeypatch):
     monkeypatch.setattr(command, "RENDER_8X8", program)
     monkeypatch.setattr(command, "RENDER_TIMEOUT_S", 1)
     (finding,) = command.check_gl()
     assert finding.level == "fail"
-    assert finding.detail in ("RuntimeError: driver broken", "no image within 1 s")
-    assert "MUJOCO_EGL_DEVICE_ID" in finding.remedy
+    assert finding.detail in (
+        "RuntimeError: driver broken",
+        "no image within 1 s; perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1",
+    )
 
 
 def test_opengl_that_is_missing_for_a_known_reason_and_little_shared_memory_are_said(monkeypatch):

@@ -9,11 +9,7 @@ from lerobot_bimanual.errors import BimanualError
 
 
 def one_thread_at_a_time[Kind: type](*names: str) -> Callable[[Kind], Kind]:
-    """Have methods of a class refuse a call while another thread is in one of them.
-
-    Args:
-        names: the methods. They keep the lock in the object's attribute `_in_use`.
-    """
+    """Have the methods of a class with these names refuse a call while another thread is in one of them."""
 
     def guard(kind: Kind) -> Kind:
         for name in names:
