@@ -139,9 +139,7 @@ def test_a_warning_of_mujoco_ends_the_episode(state_env):
     assert (terminated, info["is_success"], info["failure"]) == (True, False, "simulation_unstable")
 
 
-def test_learned_joint_targets_are_clipped_to_the_limits():
-    env = BimanualEnv(TASK, obs="state")
-    env.reset(seed=1)
-    env.step(np.full(16, 100.0, dtype=np.float32))
-    assert np.array_equal(env.scene.commanded, env.action_space.high)
-    env.close()
+def test_learned_joint_targets_are_clipped_to_the_limits(state_env):
+    state_env.reset(seed=1)
+    state_env.step(np.full(16, 100.0, dtype=np.float32))
+    assert np.array_equal(state_env.scene.commanded, state_env.action_space.high)
