@@ -1,7 +1,7 @@
 """A recorded demonstration, independent of how it is stored."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,7 @@ class Demonstration:
         images: gives the images of a row, dataset key -> RGB uint8 (H, W, 3) or depth float32 (1, H, W) in
             millimetres, as the environment emits them. They are requested row by row, so that no caller renders
             rows that no view stores, and an episode never has to fit into memory with all its images.
+        outcome: further columns, the same in every row, of an episode that a policy has played.
     """
 
     meta: EpisodeMeta
@@ -64,6 +65,7 @@ class Demonstration:
     steps: tuple[Step, ...]
     final_observation: dict[str, NDArray]
     images: Callable[[int], dict[str, NDArray]]
+    outcome: dict[str, NDArray | str] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:

@@ -94,6 +94,11 @@ columns, and not side files, because columns survive every tool that merges, spl
 """
 
 
+SUCCESS, FAILURE_CLASS = "success", "failure_class"
+OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
+"""Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
+
+
 def image_key(camera: str) -> str:
     """Key of a camera's RGB image, uint8 (height, width, 3)."""
     return f"{IMAGE_PREFIX}{camera}"
@@ -105,7 +110,7 @@ def depth_key(camera: str) -> str:
 
 
 def features(
-    cameras: tuple[str, ...], height: int, width: int, view: View, depth: bool = True
+    cameras: tuple[str, ...], height: int, width: int, view: View, depth: bool = True, outcome: bool = False
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 
@@ -115,6 +120,7 @@ def features(
         width: image width in pixels.
         view: "frames" stores images as video, "keyframes" stores them losslessly in the table.
         depth: whether each camera has a depth image.
+        outcome: whether rows say what became of their episode; demonstrations are all solved.
     """
     dtype = "video" if view == "frames" else "image"
     names = ["height", "width", "channels"]
@@ -130,7 +136,7 @@ def features(
             }
     for key, elements in VECTORS.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
-    for key, scalar in SCALARS.items():
+    for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
         table[key] = {"dtype": scalar, "shape": (1,), "names": None}
     table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
     return table

@@ -56,6 +56,7 @@ class ViewWriter:
         width: image width in pixels.
         intermediate: see `rows_of_view`.
         depth: whether depth images are stored.
+        outcome: whether rows say what became of their episode.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class ViewWriter:
         width: int,
         intermediate: Sequence[float] = (),
         depth: bool = True,
+        outcome: bool = False,
     ):
         self.root = root
         self.view: View = view
@@ -77,7 +79,7 @@ class ViewWriter:
         self._meta = LeRobotDatasetMetadata.create(
             repo_id=repo_id,
             fps=schema.FPS,
-            features=schema.features(self._cameras, height, width, view, depth),
+            features=schema.features(self._cameras, height, width, view, depth, outcome),
             robot_type=schema.ROBOT_TYPE,
             root=root,
             use_videos=view == "frames",

@@ -8,7 +8,7 @@ memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,47 @@ from lerobot_env_bimanual.episode.observations import env_key
 from lerobot_env_bimanual.experts.runner import expert_of, run_episode
 from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.world.scene import SceneState
+
+
+class Tape:
+    """Notes an episode while it is played. Its images can be asked for until the environment's next episode.
+
+    Args:
+        env: where it is played.
+        stage: gives the index of the keypose that is under way.
+    """
+
+    def __init__(self, env: BimanualEnv, stage: Callable[[], int]):
+        self._env, self._stage = env, stage
+        self._ticks: list[tuple[dict[str, NDArray], NDArray[np.float32], int]] = []
+        self._states: list[SceneState] = []
+        self._hashes: list[str] = []
+
+    def note(self, env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+        """Note the state before a tick; its hash belongs to the tick before."""
+        self._ticks.append((_vectors(env.observe()), joint_action.copy(), self._stage()))
+        self._states.append(env.scene.save_state())
+        self._hashes.append(env.state_hash())
+
+    def demonstration(self, keyposes: NDArray[np.float32]) -> Demonstration:
+        """The episode, which has just ended.
+
+        Args:
+            keyposes: (stages, 18), those that were commanded.
+        """
+        env, states = self._env, [*self._states, self._env.scene.save_state()]
+        hashes_after = map(schema.state_hash_column, [*self._hashes[1:], env.state_hash()])
+        steps = tuple(
+            Step(*tick, state_hash) for tick, state_hash in zip(self._ticks, hashes_after, strict=True)
+        )
+
+        def images(row: int) -> dict[str, NDArray]:
+            env.scene.restore_state(states[row])
+            return _camera_images(env.images(), env.options.camera_names)
+
+        split, seed = env.options.split, env.progress.seed
+        meta = EpisodeMeta(env.task, env.variation, split, seed, env.task_description)
+        return Demonstration(meta, keyposes, steps, _vectors(env.observe()), images)
 
 
 class Recorder:
@@ -52,31 +93,13 @@ class Recorder:
         """
         env = self._env_of(task, options)
         keyposes: list[NDArray[np.float32]] = []
-        ticks: list[tuple[dict[str, NDArray], NDArray[np.float32], int]] = []
-        states: list[SceneState] = []
-        hashes: list[str] = []
-
-        def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
-            """Note the state before a tick; its hash belongs to the tick before."""
-            ticks.append((_vectors(env.observe()), joint_action.copy(), len(keyposes) - 1))
-            states.append(env.scene.save_state())
-            hashes.append(env.state_hash())
-
-        with env.observed_by(note):
+        tape = Tape(env, lambda: len(keyposes) - 1)
+        with env.observed_by(tape.note):
             player = expert_of(env, KeyposeCodec(voxels=voxels) if voxels else None)
             outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action), variation)
         if not outcome.success:
             return outcome, None
-        states.append(env.scene.save_state())
-        hashes_after = map(schema.state_hash_column, [*hashes[1:], outcome.state_hash])
-        steps = tuple(Step(*tick, state_hash) for tick, state_hash in zip(ticks, hashes_after, strict=True))
-
-        def images(row: int) -> dict[str, NDArray]:
-            env.scene.restore_state(states[row])
-            return _camera_images(env.images(), options.camera_names)
-
-        meta = EpisodeMeta(task, variation, options.split, seed, env.task_description)
-        return outcome, Demonstration(meta, np.array(keyposes), steps, _vectors(env.observe()), images)
+        return outcome, tape.demonstration(np.array(keyposes))
 
     def close(self) -> None:
         """Free the simulation and the renderer."""

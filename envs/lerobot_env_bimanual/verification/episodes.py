@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +33,14 @@ class EpisodeVerifier:
     Args:
         task: name of the task.
         options: options of the evaluation by name.
+        seen: options of what is seen meanwhile.
 
     Attributes:
         env: the environment in which it replays; it may be observed.
     """
 
-    def __init__(self, task: str, options: Mapping[str, str | int]):
-        self.env = replay_env(task, options)
+    def __init__(self, task: str, options: Mapping[str, str | int], **seen: Any):
+        self.env = replay_env(task, options, **seen)
         self._recorder = HoldAfterDone(EpisodeRecorder(self.env))
 
     def differences(self, episode: Episode) -> list[str]:
@@ -91,15 +93,16 @@ def _verify(task: str, options: Options, episode: Episode) -> list[str]:
     return _verifier(task, options).differences(episode)
 
 
-def replay_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
+def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> BimanualEnv:
     """An environment in which an evaluation is replayed.
 
     Args:
         task: name of the task.
         options: options of the evaluation by name.
+        seen: options of what is seen meanwhile.
     """
     keywords = {name: kind(options[name]) for name, kind in REPLAY_OPTIONS.items() if name in options}
-    return BimanualEnv(task, obs="state", **keywords)
+    return BimanualEnv(task, obs="state", **keywords, **seen)
 
 
 def expert_env(task: str, options: Mapping[str, str | int]) -> BimanualEnv:
