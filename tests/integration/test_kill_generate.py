@@ -68,10 +68,10 @@ def start_run(root: Path) -> subprocess.Popen:
     )
 
 
-def kill(run: subprocess.Popen, victim: str) -> None:
+def kill(run: subprocess.Popen, victim: str, number: signal.Signals = signal.SIGKILL) -> None:
     """Kill a run, and wait until its workers have ended."""
     with contextlib.suppress(ProcessLookupError):
-        (os.kill if victim == "parent" else os.killpg)(run.pid, signal.SIGKILL)
+        (os.kill if victim == "parent" else os.killpg)(run.pid, number)
     run.wait()
     deadline = time.monotonic() + TIMEOUT_S
     while left := processes_of(run.pid):
