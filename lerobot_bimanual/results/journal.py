@@ -63,12 +63,9 @@ class Journal[Entry: Record]:
             UnwritableOutput: it cannot be written.
         """
         self.header, self._lines = header, []
-        try:
-            self._file.truncate(0)
-            self._append(header)
-            bring_to_disk(self.path.parent)
-        except OSError as error:
-            raise UnwritableOutput(self.path, error.strerror or str(error)) from error
+        self._file.truncate(0)
+        self._append(header)
+        bring_to_disk(self.path.parent)
 
     def add(self, entry: Entry) -> None:
         """Keep an entry; it is on the disk afterwards.
@@ -76,10 +73,7 @@ class Journal[Entry: Record]:
         Raises:
             UnwritableOutput: it cannot be written.
         """
-        try:
-            self._append(entry.model_dump_json(exclude_defaults=True))
-        except OSError as error:
-            raise UnwritableOutput(self.path, error.strerror or str(error)) from error
+        self._append(entry.model_dump_json(exclude_defaults=True))
 
     def close(self) -> None:
         """Let other processes have it."""
@@ -92,9 +86,12 @@ class Journal[Entry: Record]:
 
     def _append(self, line: str) -> None:
         text = memoryview(f"{line}\n".encode())
-        while text:  # a disk that fills up takes a part
-            text = text[self._file.write(text) :]
-        os.fsync(self._file.fileno())
+        try:
+            while text:  # a disk that fills up takes a part
+                text = text[self._file.write(text) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise UnwritableOutput(self.path, error.strerror or str(error)) from error
 
     def _lock(self) -> None:
         try:

@@ -12,7 +12,7 @@ from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
-from lerobot_env_bimanual.replay import Replayer
+from lerobot_env_bimanual.replay import replay_recorded
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
@@ -64,8 +64,8 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
         last = [rows[end - 1] for end in rows.meta.episodes["dataset_to_index"]]
         assert [bool(row[schema.SUCCESS]) for row in last] == [True, True, False]
         assert [row[schema.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
-    frames = Replayer(RecordedDataset(root / "frames"), "joint")
-    results = [frames.replay(index)[1] for index in range(3)]
+    frames = RecordedDataset(root / "frames")
+    results = [replay_recorded(frames, "joint", index)[1] for index in range(3)]
     assert [(result.divergence, result.ticks) for result in results] == [
         (None, each.ticks) for each in played[:3]
     ]

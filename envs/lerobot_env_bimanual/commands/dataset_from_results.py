@@ -79,7 +79,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
             for start in range(0, len(episodes), EPISODES_PER_PART):
                 part = tuple(episodes[start : start + EPISODES_PER_PART])
                 options, place = tuple(record.options.items()), folder / f"{len(jobs):06d}"
-                how = (repo_id, views, seen.camera_names, *seen.size, config.depth)
+                how = (repo_id, views, seen.camera_names, seen.size, config.depth)
                 jobs.append(Replays(record.task, options, part, place, *how))
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
             left_out = [*pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)]

@@ -37,8 +37,7 @@ class Replays:
         repo_id: LeRobot's name of the dataset.
         views: which rows are stored.
         cameras: whose images are stored.
-        height: of the images in pixels.
-        width: of the images in pixels.
+        size: height and width of the images in pixels.
         depth: whether depth images are stored.
     """
 
@@ -49,8 +48,7 @@ class Replays:
     repo_id: str
     views: tuple[View, ...]
     cameras: tuple[str, ...]
-    height: int
-    width: int
+    size: tuple[int, int]
     depth: bool
 
 
@@ -65,7 +63,7 @@ def record_replays(job: Replays) -> list[str]:
     """
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 
-    verifier, attributor = _players(job.task, job.options, job.cameras, (job.height, job.width))
+    verifier, attributor = _players(job.task, job.options, job.cameras, job.size)
     env, left_out = verifier.env, list[str]()
     with plain_write_errors(job.folder), new_folder(job.folder.parent) as folder:
         with ExitStack() as stack:
@@ -84,11 +82,10 @@ def record_replays(job: Replays) -> list[str]:
                 played = played if actions else _with_reached_keyposes(played)
                 reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
                 outcome = {schema.SUCCESS: np.array([episode.success]), schema.FAILURE_CLASS: reason}
-                size = (job.height, job.width)
                 for view in () if writers else job.views:
                     place = folder / view
                     writer = ViewWriter(
-                        place, job.repo_id, view, job.cameras, *size, depth=job.depth, outcome=True
+                        place, job.repo_id, view, job.cameras, *job.size, depth=job.depth, outcome=True
                     )
                     writers.append(stack.enter_context(writer))
                 write_episode(replace(played, outcome=outcome), writers)

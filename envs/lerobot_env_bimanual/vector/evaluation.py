@@ -131,25 +131,30 @@ class KeptEpisodes:
         self._journal.add(_Entry(episode=episode, random_state=self._evaluation.random_state()))
         self.known[episode.seed] = episode
 
-    def is_asked_for(self, seed: int) -> bool:
-        """Whether an episode is not one that only fills up a batch."""
-        return self._evaluation.seeds is None or seed in self._evaluation.seeds
+    def begin(self, seeds: Mapping[int, int | None]) -> dict[int, Episode | None]:
+        """Those of a batch that are not to be played, see `EvaluationLog.begin`.
 
-    def go_on_from(self, seed: int) -> None:
-        """Go on with a batch, the first that is played since the interruption, with the random numbers that it had before.
-
-        Args:
-            seed: the first of the batch.
+        The first batch that is played since an interruption has the random numbers that it had before.
         """
-        states = [entry.random_state for entry in self._interrupted if entry.episode.seed < seed]
-        self._interrupted = []
-        if states and states[-1]:
-            self._evaluation.set_random_state(states[-1])
+        self.open()
+        settled: dict[int, Episode | None] = {}
+        for index, seed in seeds.items():
+            if seed in self.known and self._evaluation.policy:
+                settled[index] = self.known[seed]
+            elif self._evaluation.seeds is not None and seed not in self._evaluation.seeds:
+                settled[index] = None
+        first = min((seed for seed in seeds.values() if seed is not None), default=0)
+        if len(settled) < len(seeds):
+            states = [entry.random_state for entry in self._interrupted if entry.episode.seed < first]
+            self._interrupted = []
+            if states and states[-1]:
+                self._evaluation.set_random_state(states[-1])
+        return settled
 
     def finish(self) -> str:
-        """Write the record if every episode that was asked for is there; says where the episodes are."""
-        assert self._journal is not None
-        assert self._head is not None
+        """Write the record if every episode that was asked for is there; says where the episodes are, "" if there are none."""
+        if self._journal is None or self._head is None:
+            return ""
         missing = [seed for seed in self._evaluation.seeds or () if seed not in self.known]
         if missing or not self.known:
             text = f"{len(self.known)} episodes are kept in {self._partial}, the same command plays the other {len(missing)}"

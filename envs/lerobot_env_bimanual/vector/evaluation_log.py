@@ -58,19 +58,7 @@ class EvaluationLog:
         Raises:
             BimanualError: the folder of the record holds another evaluation.
         """
-        settled: dict[int, Episode | None] = {}
-        if self._kept is not None:
-            self._kept.open()
-            for index, seed in seeds.items():
-                if seed is None:
-                    continue
-                if seed in self._kept.known:
-                    settled[index] = self._kept.known[seed]
-                elif not self._kept.is_asked_for(seed):
-                    settled[index] = None
-            first = min((seed for seed in seeds.values() if seed is not None), default=0)
-            if len(settled) < len(seeds):
-                self._kept.go_on_from(first)
+        settled = {} if self._kept is None else self._kept.begin(seeds)
         self._running = (self._running - seeds.keys()) | (seeds.keys() - settled.keys())
         self._episodes += [episode for episode in settled.values() if episode is not None]
         return settled
@@ -99,6 +87,7 @@ class EvaluationLog:
         """Sum up the episodes since the last time, if there were any."""
         episodes, self._episodes = self._episodes, []
         self._running.clear()
+        kept = "" if self._kept is None else self._kept.finish()
         if not episodes:
             return
         failures = Counter(_reason(episode) for episode in episodes if not episode.success)
@@ -107,8 +96,8 @@ class EvaluationLog:
         videos = "--env.video_dir=FOLDER writes a video of every episode"
         if (folder := self._options.video_dir) is not None:
             videos = f"videos in {folder}"
-        if self._kept is not None:
-            videos = f"{self._kept.finish()}; {videos}"
+        if kept:
+            videos = f"{kept}; {videos}"
         text = "%s: %d of %d episodes solved%s; %s"
         logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", videos)
 
