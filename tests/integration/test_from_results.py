@@ -78,6 +78,6 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
     assert np.abs(given - found).max() < 0.02
     assert main(["dataset", "verify", f"--root={root}", "--workers=1"]) == 3
 
-    assert main([*words, f"--root={tmp_path / 'failed'}", "--episodes=failed", "--view=keyframes"]) == 0
+    assert main([*words, f"--root={tmp_path / 'failed'}", "--outcome=failed", "--view=keyframes"]) == 0
     assert len(RecordedDataset(tmp_path / "failed")) == 1
     assert main([*words, f"--root={root}"]) == 1

@@ -20,7 +20,7 @@ class DatasetFromResultsConfig:
     # A file, or a folder of files: results of `policy benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
     root: Path = field(kw_only=True)  # new folder of the dataset
-    episodes: Literal["all", "solved", "failed"] = "all"  # which episodes are stored
+    outcome: Literal["all", "solved", "failed"] = "all"  # which episodes are stored
     # What is stored: `frames` (every tick, as video), `keyframes` (start, reached keyposes and end, lossless), or both, in
     # root/frames and root/keyframes.
     view: Literal["frames", "keyframes", "both"] = "both"
@@ -42,7 +42,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
 
     Examples:
         lerobot-bimanual dataset from-results --results=outputs/records --root=data/played
-        lerobot-bimanual dataset from-results --results=outputs/records --episodes=solved --view=frames --root=data/solved
+        lerobot-bimanual dataset from-results --results=outputs/records --outcome=solved --view=frames --root=data/solved
     """
     from lerobot_bimanual.dataset.checksums import write_checksums
     from lerobot_bimanual.dataset.hub import check_repo_id
@@ -69,7 +69,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     given = {"image_size": config.image_size, "cameras": config.cameras}
     seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
     views = VIEWS if config.view == "both" else (config.view,)
-    wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.episodes]
+    wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
         config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
     with plain_write_errors(config.root), new_folder(config.root.absolute().parent) as folder:
@@ -86,7 +86,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
         parts = [job.folder for job in jobs if job.folder.exists()]
         if not parts:
             reasons = "; ".join([text for texts in left_out for text in texts][:3])
-            raise BimanualError(f"{config.results} holds no episode to store ({reasons or config.episodes})")
+            raise BimanualError(f"{config.results} holds no episode to store ({reasons or config.outcome})")
         merged = folder / "merged"
         for view in views:
             target = merged / view if len(views) > 1 else merged
