@@ -9,7 +9,7 @@ Anyone who has installed the requirements then loads the environments by that na
 
     from lerobot.envs.factory import make_env
     envs = make_env("me/bimanual@COMMIT", n_envs=2, trust_remote_code=True)
-    env = envs["lift_ball"][1]  # task and its number
+    env = envs["all"][1]  # the suite, and the number of lift_ball
 
 LeRobot runs this file on the user's machine, so users should read it and name its commit.
 """
@@ -29,7 +29,7 @@ if version("lerobot_env_bimanual") != VERSION:
 
 
 def make_env(n_envs=1, use_async_envs=False, cfg=None):
-    """Vector environments as `{task name: {task id: environment}}`; none starts before its first reset.
+    """Vector environments as `{suite: {task id: environment}}`; none starts before its first reset.
 
     Args:
         n_envs: parallel episodes per task.

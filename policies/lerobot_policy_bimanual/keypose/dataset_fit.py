@@ -1,13 +1,6 @@
 """What a dataset decides of a policy: one comparison of checkpoint, config and dataset, whoever makes the policy.
 
-| | a new policy | fine-tuning, resuming | acting |
-|---|---|---|---|
-| image sizes, instructions | the dataset's | the dataset's; other sizes than before are warned of | others are warned of |
-| keypose horizon | the dataset's | the checkpoint's; more keyposes are warned of | the checkpoint's |
-| `DECIDED` | the config's | must be the checkpoint's | must be the checkpoint's |
-| workspace | labels outside it are warned of | likewise | the checkpoint's |
-
-What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename its keys.
+docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename keys.
 """
 
 import logging
