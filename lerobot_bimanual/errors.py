@@ -4,9 +4,17 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+from lerobot_bimanual.foreign_text import MAX_TEXT, shown
+
 
 class BimanualError(Exception):
-    """Base of all errors raised on purpose; the command line prints them as one line."""
+    """Base of all errors raised on purpose; the command line prints them as one line.
+
+    Attributes:
+        exit_code: of a program that it ends.
+    """
+
+    exit_code = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel between processes as a message; by default an error is made again from its constructor's arguments."""
@@ -19,7 +27,8 @@ def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualE
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:
     """A sentence with the valid name that is nearest to a wrong one, after a space; "" if none is near."""
-    close = difflib.get_close_matches(name, list(valid), n=1) if isinstance(name, str) else []
+    is_word = isinstance(name, str) and len(name) <= MAX_TEXT
+    close = difflib.get_close_matches(name, list(valid), n=1) if is_word else []
     return f" Did you mean {close[0]!r}?" if close else ""
 
 
@@ -29,7 +38,7 @@ class UnknownTask(BimanualError):
     def __init__(self, name: str, valid: Iterable[str]):
         names = list(valid)
         super().__init__(
-            f"unknown task {name!r}.{did_you_mean(name, names)} Tasks and suites: {', '.join(names)}"
+            f"unknown task {shown(name)}.{did_you_mean(name, names)} Tasks and suites: {', '.join(names)}"
         )
 
 
@@ -38,7 +47,7 @@ class UnknownCamera(BimanualError):
 
     def __init__(self, name: str, valid: Iterable[str]):
         names = list(valid)
-        super().__init__(f"unknown camera {name!r}.{did_you_mean(name, names)} Cameras: {', '.join(names)}")
+        super().__init__(f"unknown camera {shown(name)}.{did_you_mean(name, names)} Cameras: {', '.join(names)}")
 
 
 class UnknownVariation(BimanualError):
@@ -46,7 +55,7 @@ class UnknownVariation(BimanualError):
 
     def __init__(self, task: str, variation: object, count: int):
         super().__init__(
-            f"task {task!r} has no variation {variation!r}. Use 'any' or an integer from 0 to {count - 1}"
+            f"task {task!r} has no variation {shown(variation)}. Use 'any' or an integer from 0 to {count - 1}"
         )
 
 
@@ -61,12 +70,12 @@ class InvalidChoice(BimanualError):
 
     def __init__(self, option: str, value: object, valid: str | Iterable[str]):
         if isinstance(valid, str):
-            super().__init__(f"{option} is {value!r}, but must be {valid}")
+            super().__init__(f"{option} is {shown(value)}, but must be {valid}")
         else:
             names = list(valid)
             guess = did_you_mean(value, names)
             super().__init__(
-                f"{option} is {value!r}, but must be one of: {', '.join(names)}{guess and '.'}{guess}"
+                f"{option} is {shown(value)}, but must be one of: {', '.join(names)}{guess and '.'}{guess}"
             )
 
 

@@ -189,7 +189,8 @@ class Pipeline:
                 f"{folder} holds checkpoints of a training with other flags. Choose another --output, or "
                 f"remove the folder to train anew with: {command}"
             )
-        return [command.words[0], f"--config_path={last}", "--resume=true"]
+        # The checkpoint is its own; only of a few policies can be said that they load nothing by name.
+        return [command.words[0], f"--config_path={last}", "--trust_checkpoint=true", "--resume=true"]
 
 
 def made_before(path: Path) -> str:

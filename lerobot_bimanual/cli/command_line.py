@@ -16,6 +16,7 @@ from types import FrameType
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
 from lerobot_bimanual.distributions import entries, location, require_extras
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
 from lerobot_bimanual.interrupts import signal_handled
 
 PROGRAM = "lerobot-bimanual"
@@ -53,8 +54,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except BimanualError as error:
         if os.environ.get(TRACEBACK_VARIABLE) == "1":
             raise
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2 if isinstance(error, BadCommandLine) else 1
+        print(f"{PROGRAM}: {plain(error, MAX_MESSAGE)}", file=sys.stderr)
+        return error.exit_code
     except KeyboardInterrupt as interrupt:
         remark = f"; {interrupt}" if interrupt.args else ""
         print(f"\n{PROGRAM}: interrupted{remark}", file=sys.stderr)

@@ -45,6 +45,8 @@ _SHORT = reprlib.Repr(maxstring=80)
 class BadCommandLine(BimanualError):
     """The user's command line cannot be understood; the message says what would be valid."""
 
+    exit_code = 2
+
 
 @dataclasses.dataclass(frozen=True)
 class Flag:

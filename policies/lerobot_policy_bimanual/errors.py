@@ -1,6 +1,9 @@
 """Errors of the policies: each says what was got and what is allowed."""
 
+from collections.abc import Mapping
+
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.foreign_text import shown
 
 
 class BadConfig(BimanualError):
@@ -9,6 +12,24 @@ class BadConfig(BimanualError):
 
 class CheckpointError(BimanualError):
     """A checkpoint that is damaged, does not fit its config, or asks for what a checkpoint must not do."""
+
+
+class NotSafeToSay(CheckpointError):
+    """A checkpoint that names something beyond what is known to load nothing.
+
+    Args:
+        what: the part of the checkpoint that names it.
+        options: that part's options that may do so, by name.
+    """
+
+    exit_code = 3
+
+    def __init__(self, what: str, options: Mapping[str, object]):
+        named = ", ".join(f"{key}={shown(value)}" for key, value in [*options.items()][:5])
+        super().__init__(
+            f"not safe to say: {what} loads {named or 'something'} by name and may run its code; where you trust its source, "
+            "programs that load it take --trust_checkpoint=true"
+        )
 
 
 class BadObservation(BimanualError):

@@ -16,6 +16,7 @@ from lerobot_bimanual.benchmark.pipeline import Command, Marker, Pipeline
 from lerobot_bimanual.errors import BimanualError
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
+RESUMED = ["--trust_checkpoint=true", "--resume=true"]
 
 
 @pytest.fixture
@@ -150,7 +151,7 @@ def test_an_interrupted_training_goes_on_from_its_last_checkpoint(tmp_path, trai
     trainings.run(command)
     assert training.calls == [
         NEW_TRAINING,
-        ["lerobot-train", f"--config_path={training.last}", "--resume=true"],
+        ["lerobot-train", f"--config_path={training.last}", *RESUMED],
     ]
     assert trainings.seconds(command) > first  # both runs are counted
     trainings.run(command)
@@ -188,7 +189,7 @@ def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
     subprocess.run(advice.split(), check=True)
     training.code = 0
     trainings.run(training_command(tmp_path))
-    assert training.calls[1:] == [["lerobot-train", f"--config_path={training.last}", "--resume=true"]]
+    assert training.calls[1:] == [["lerobot-train", f"--config_path={training.last}", *RESUMED]]
 
 
 @pytest.mark.parametrize("by_chain", [True, False])

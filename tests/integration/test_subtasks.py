@@ -84,7 +84,7 @@ def told(annotated_once, tmp_path_factory) -> Path:
     small = ("--cameras=front,left_wrist", "--hidden_dim=32", "--num_layers=1")
     places = (f"--root={annotated_once / 'frames'}", f"--clip={folder / 'tiny_clip'}", "--output=dit")
     run("python", str(TOLD), *places, *small, folder=folder)
-    assert main(["policy", "check", f"--checkpoint={folder / 'dit'}"]) == 0
+    assert main(["policy", "check", f"--checkpoint={folder / 'dit'}"]) == 3  # CLIP is looked up
     return folder / "dit"
 
 
@@ -100,8 +100,10 @@ def test_a_stock_policy_that_is_told_its_subtask_trains_and_reads_it_in_every_ro
     told, annotated_once, tmp_path
 ):
     root = annotated_once / "frames"
-    policy = (f"--policy.path={told}", "--policy.push_to_hub=false")
-    run("lerobot-bimanual-train", *policy, *training(root), folder=tmp_path)
+    policy = (f"--policy.path={told}", "--policy.push_to_hub=false", *training(root))
+    said = run("lerobot-bimanual-train", *policy, folder=tmp_path, fails=True)
+    assert "the policy 'multi_task_dit' loads" in said
+    run("lerobot-bimanual-train", *policy, "--trust_checkpoint=true", folder=tmp_path)
     trained = tmp_path / "trained/checkpoints/last/pretrained_model"
     dataset = LeRobotDataset("local/annotated", root=root)
     rows = ResidentDataset(dataset, torch.device("cpu"), images=())

@@ -12,18 +12,22 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
+from lerobot.processor import ProcessorStepRegistry
 from safetensors.torch import load_file, save_file
 
 from lerobot_bimanual import cli
-from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
-from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.checkpoint.check import SAFE_POLICIES, check_checkpoint
+from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, step_names
+from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.inspection.loading import load_policy
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.json"
 BIAS = "network.stem.conv.bias"
+FRONT, WRIST = "observation.images.front", "observation.images.left_wrist"
+FAR = {"type": "ACTION", "shape": [10**12]}
 
 Damage = Callable[[Path], Any]
 
@@ -57,6 +61,11 @@ def step(**changes: Any) -> Damage:
     return edit(PREPROCESSOR, lambda value: value["steps"][0].update(changes))
 
 
+def processor_step(index: int, options: dict[str, Any]) -> Damage:
+    """Change options of a step of the preprocessor."""
+    return edit(PREPROCESSOR, lambda value: value["steps"][index]["config"].update(options))
+
+
 def weights(change: Callable[[dict[str, torch.Tensor]], Any]) -> Damage:
     def damage(folder: Path) -> None:
         tensors = load_file(folder / WEIGHTS)
@@ -75,12 +84,12 @@ def remove(name: str) -> Damage:
 
 
 DAMAGES: dict[str, tuple[Damage, str]] = {
-    "unknown policy": (config(type="stranger"), "no known policy type; known are act"),
+    "unknown policy": (config(type="stranger"), "the policy 'stranger' loads language_encoder="),
     "language too wide for any memory": (config(language_dim=10**9), "language_dim is 1000000000"),
     "normalisation from outside": (config(normalization_mapping={"VISUAL": "MEAN_STD"}), "must be IDENTITY"),
     "an adapter": (config(use_peft=True), "use_peft"),
-    "too deep": (write(CONFIG, b"[" * 10**6), "must be JSON"),
-    "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "larger than 16 MB"),
+    "too deep": (write(CONFIG, b"[" * 10**6), "maximum recursion depth"),
+    "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "exceeds the 16 MB limit"),
     "no config": (remove(CONFIG), "no checkpoint at"),
     "no weights": (remove(WEIGHTS), "model.safetensors is not a valid safetensors file .missing"),
     "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "not a valid safetensors file"),
@@ -99,9 +108,34 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         edit(PREPROCESSOR, lambda value: value["steps"].append({"class": "subprocess.Popen"})),
         "names the class 'subprocess.Popen'",
     ),
-    "an unknown step": (step(registry_name="stranger"), "which LeRobot does not have"),
-    "another step of LeRobot": (step(registry_name="tokenizer_processor"), "but must list"),
-    "a state file outside": (step(state_file="../secret.safetensors"), "not in the same folder"),
+    "an unknown step": (step(registry_name="stranger"), "the step 'stranger' loads something"),
+    "another step of LeRobot": (step(registry_name="to_batch_processor", config={}), "but must list"),
+    "a state file outside": (step(state_file="../secret.safetensors"), "state_file: .* pattern"),
+    "a state file without end": (step(state_file="a" * 5000), "state_file: .* pattern"),
+    "a tower by name": (config(language_encoder="clip:/none"), "policy 'peract2' loads language_encoder='clip:/none'"),
+    "an unknown option": (
+        step(config={"tokenizer": "evil", "rename_map": {}}),
+        "step 'rename_observations_processor' loads tokenizer='evil' by name",
+    ),
+    "cameras exchanged": (step(config={"rename_map": {FRONT: WRIST, WRIST: FRONT}}), "see another camera"),
+    "a state for an action": (step(config={"rename_map": {"observation.state": "action"}}), "see another"),
+    "a device of any text": (processor_step(2, {"device": "rm -rf"}), "device: .* pattern"),
+    "a feature too large": (processor_step(3, {"features": {"a": FAR}}), "features.a.shape.0: .* less than"),
+    "an output too large": (config(output_features={"action": FAR}), "shape.0: .* less than"),
+    "an odd shape": (config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}), "shape: .* but is 'x'"),
+    "more beside the steps": (edit(PREPROCESSOR, lambda value: value.update(more=1)), "more: .* not permitted"),
+    "control characters": (config(repo_id="\x1b[2J\x00"), "holds a text with control characters"),
+    "float8": (
+        weights(lambda tensors: tensors.update({BIAS: tensors[BIAS].to(torch.float8_e4m3fn)})),
+        f"{BIAS} in .*float8_e4m3fn, but",
+    ),
+    "float8 in a state": (
+        lambda folder: [
+            save_file({"a": torch.full((1,), torch.nan).to(torch.float8_e4m3fn)}, folder / "a.safetensors"),
+            step(state_file="a.safetensors")(folder),
+        ],
+        "a in .*a.safetensors holds numbers that are not finite",
+    ),
 }
 
 
@@ -110,9 +144,11 @@ def test_what_is_wrong_with_a_checkpoint_is_named_in_one_line(checkpoint, damage
     damage(checkpoint)
     with pytest.raises(CheckpointError, match=message):
         load_policy(checkpoint)
-    assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 1
+    code = cli.main(["policy", "check", f"--checkpoint={checkpoint}"])
     output = capsys.readouterr()
+    assert code == (3 if "not safe to say" in output.err else 1)
     assert len(output.err.splitlines()) == 1
+    assert len(output.err) < 1000
     assert not output.out
 
 
@@ -171,12 +207,26 @@ def test_lerobot_loads_the_weights_of_a_policy_strictly(save_policy, policy_type
         stock.from_pretrained(checkpoint)
 
 
-def test_the_file_of_a_clip_tower_is_not_opened_to_check_a_policy_that_uses_it(checkpoint):
-    weights(lambda tensors: [tensors.pop(name) for name in list(tensors) if name.startswith("language.")])(
-        checkpoint
-    )
-    config(language_encoder="clip:/no/such/folder")(checkpoint)
-    assert check_checkpoint(checkpoint).config.language_encoder == "clip:/no/such/folder"
+def test_what_may_look_something_up_is_not_called_safe(checkpoint, specimens):
+    for name in PreTrainedConfig.get_known_choices().keys() - SAFE_POLICIES:
+        if name not in specimens:
+            config(type=name, vlm_model_name="evil/repo")(checkpoint)
+            with pytest.raises(NotSafeToSay, match=f"policy '{name}' loads .*vlm_model_name='evil/repo' by name"):
+                check_checkpoint(checkpoint)
+
+
+def test_no_step_that_lerobot_registers_is_safe_but_those_on_the_list(tmp_path):
+    for name in set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys():  # one of them trusts remote code by default
+        options = {"action_tokenizer_name": "evil/repo"}
+        processor = {"name": "x", "steps": [{"registry_name": name, "config": options}]}
+        with pytest.raises(NotSafeToSay, match=f"the step '{name}' loads action_tokenizer_name='evil/repo'"):
+            step_names(tmp_path, processor, set())
+
+
+def test_a_policy_that_is_compiled_is_checked_without_compiling(checkpoint, monkeypatch):
+    monkeypatch.setattr(torch, "compile", lambda *_, **__: pytest.fail("compiled"))
+    config(compile=True)(checkpoint)
+    check_checkpoint(checkpoint)
 
 
 def test_a_policy_of_lerobot_is_checked_without_being_built(save_policy, tmp_path, capsys):

@@ -37,6 +37,7 @@ class PolicyRobustnessConfig:
     output: Path | None = None
     # Folder of `expert evaluate --axes`: the expert on many more seeds, which then decides which conditions are valid.
     expert_reports: Path | None = None
+    trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
     dry_run: bool = False  # print the conditions, and play nothing
 
 
@@ -49,7 +50,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     counted in no sum. Prints for each condition the success, the paired difference to the nominal world and McNemar's exact
     p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, a figure, and one
     record per condition that `results verify` plays again. The loader builds what the checkpoint names, as `lerobot-eval`
-    does: look at a checkpoint from others with `policy check` first.
+    does, so a checkpoint that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
     Every condition is kept when it is played: the same command continues where it was interrupted, and with other axes or
     levels the same file grows.
@@ -62,6 +63,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from rich.console import Console
     from tqdm import tqdm
 
+    from lerobot_bimanual.checkpoint_trust import require_safe
     from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_table import print_robustness
 
@@ -83,6 +85,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
             levels = ", ".join(f"{axis.levels[level - 1]:g}" for level in sweep.conditions.levels)
             console.print(f"  {axis.name}: {levels} {axis.unit}; {axis.summary}")
         return
+    if missing and not config.trust_checkpoint:
+        require_safe(config.checkpoint)
     try:
         for condition in sweep.run():
             rates = ", ".join(f"{who} {rate.successes}" for who, rate in condition.rates.items())

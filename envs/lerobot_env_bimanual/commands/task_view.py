@@ -27,6 +27,7 @@ class TaskViewConfig:
     # Folder `pretrained_model` of a trained policy. The viewer shows the policy, a video the expert and the policy
     # side by side in the same episode.
     checkpoint: Path | None = None
+    trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
     video: bool = False  # write a video although there is a display
     output: Path = Path("outputs/view")  # folder of the videos and their contact sheets
 
@@ -41,7 +42,7 @@ def task_view(config: TaskViewConfig) -> None:
     Where there is none, or with `--video`, a video and a contact sheet are written instead.
 
     A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
-    name: check a stranger's with `policy check` first.
+    name, so one that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
@@ -73,8 +74,13 @@ def _play(config: TaskViewConfig, reason: str) -> None:
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
+        from lerobot_bimanual.checkpoint_trust import require_safe
+        from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
         from lerobot_env_bimanual.sweep.policy_rollout import policy_player
 
+        Checkpoint.read(config.checkpoint)
+        if not config.trust_checkpoint:
+            require_safe(config.checkpoint)
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
     if not reason:

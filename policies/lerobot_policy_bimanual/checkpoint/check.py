@@ -1,11 +1,12 @@
 """Check a checkpoint without running anything that it names.
 
-LeRobot's loader calls whatever class a processor file names. So the files are read as data first: the policy type and
-the processor steps must be registered by LeRobot or by this package, and the weights must be safetensors.
+LeRobot's loader calls whatever class a processor file names, and what policies and steps name is looked up, on the Hub too,
+and may bring its own code. So the files are read as data first, and only what is on a list of policies, steps and options
+that load nothing by name is called safe; the weights must be safetensors.
 """
 
-import importlib
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,22 +15,29 @@ import draccus
 import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-from lerobot.processor import ProcessorStepRegistry
 from torch import Tensor
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import read_json
+from lerobot_bimanual.foreign_text import plain, shown
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
-from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.checkpoint.steps import Feature, check_classes, step_names
+from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.weights import check_weights
 
 MAX_JSON_BYTES = 2**24
-KNOWN_PACKAGES = ("lerobot", "lerobot_policy_bimanual")
+SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}
+"""Policies of LeRobot that load nothing by name, but weights of torchvision's ResNets."""
+RESNETS = {
+    "vision_backbone": re.compile(r"resnet\d{2,3}"),
+    "pretrained_backbone_weights": re.compile(r"ResNet\d{2,3}_Weights\.\w{1,30}"),
+}
+LOADED = re.compile("name|path|repo|model|tokenizer|variant|encoder")
+"""In the name of an option whose value may be looked up."""
 WEIGHTS_FILE = "model.safetensors"
 PROCESSOR_FILES = ("policy_preprocessor.json", "policy_postprocessor.json")
-SUBTASK_STEP = {"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep", "config": {}}
-"""The one step that is allowed by class: registering it would make every plugin discovery import LeRobot's processors."""
 
 
 class CheckedCheckpoint(NamedTuple):
@@ -50,18 +58,21 @@ def check_checkpoint(folder: Path) -> CheckedCheckpoint:
 
     Raises:
         CheckpointError: something is missing, damaged, unknown or does not fit.
+        NotSafeToSay: a policy, a step or an option may load something by name.
     """
+    require_checkpoint(folder)
+    processors = {folder / file: _read(folder / file) for file in PROCESSOR_FILES}
+    for file, processor in processors.items():
+        check_classes(file, processor)
     config = read_config(folder)
-    expected = _weights_of(config) if isinstance(config, KeyposePolicyConfig) else None
-    try:
-        importlib.import_module(type(config).__module__.replace("configuration_", "processor_"))
-    except ImportError as error:
-        raise CheckpointError(f"LeRobot's policy {config.type} is not fully installed: {error}") from error
-    steps = {file: step_names(folder / file) for file in PROCESSOR_FILES}
-    if expected is not None:
+    inputs = {*(config.input_features or ())}
+    steps = {file.name: step_names(file, processor, inputs) for file, processor in processors.items()}
+    expected = None
+    if isinstance(config, KeyposePolicyConfig):
         for (file, names), own in zip(steps.items(), make_pre_post_processors(config), strict=True):
             if names != (known := [step["registry_name"] for step in own.get_config()["steps"]]):
                 raise CheckpointError(f"{folder / file} lists the steps {names}, but must list {known}")
+        expected = _weights_of(config)
     return CheckedCheckpoint(config, steps, check_weights(folder / WEIGHTS_FILE, expected))
 
 
@@ -69,82 +80,67 @@ def read_config(folder: Path) -> PreTrainedConfig:
     """Read the config of a folder `pretrained_model`; nothing is built from it.
 
     Raises:
-        CheckpointError: there is no config, its policy is not known, or a field is unknown, of another type or out of
-            its range.
+        CheckpointError: there is no config, or a field is unknown, of another type or out of its range.
+        NotSafeToSay: its policy is not on the list, or a field may load something by name.
     """
     require_checkpoint(folder)
     file = folder / CONFIG_FILE
-    values = _read_object(file)
-    known = {
-        name: kind
-        for name, kind in PreTrainedConfig.get_known_choices().items()
-        if kind.__module__.partition(".")[0] in KNOWN_PACKAGES
-    }
-    kind = known.get(str(values.pop("type", None)))
-    if kind is None:
-        raise CheckpointError(f"{file} names no known policy type; known are {', '.join(sorted(known))}")
+    values = _read(file)
+    if not isinstance(values, dict):
+        raise CheckpointError(f"{file} holds {shown(values)}, but must hold an object")
+    name = str(values.pop("type", None))
+    kind = PreTrainedConfig.get_known_choices().get(name)
+    if kind is None or not (name in SAFE_POLICIES or issubclass(kind, KeyposePolicyConfig)):
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", _looked_up(values))
+    named = {key: values[key] for key, known in RESNETS.items() if not _is_absent_or(known, values.get(key))}
+    if values.get("language_encoder", LEARNED_LANGUAGE) != LEARNED_LANGUAGE:
+        named["language_encoder"] = values["language_encoder"]
     try:
+        for side in ("input_features", "output_features"):
+            for feature in (values.get(side) or {}).values():
+                Feature.from_json(json.dumps(feature))
         config = draccus.decode(kind, values)
-        if isinstance(config, KeyposePolicyConfig):
-            config.validate_features()
+        config.validate_features()
     except Exception as error:  # draccus and the configs raise many kinds
-        raise CheckpointError(f"{file}: {' '.join(str(error.__cause__ or error).split())}") from error
+        raise CheckpointError(f"{file}: {plain(' '.join(str(error.__cause__ or error).split()))}") from error
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
+    if named:
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", named)
     return config
 
 
-def _read_object(file: Path) -> dict[str, Any]:
-    if not file.is_file():
-        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
-    if file.stat().st_size > MAX_JSON_BYTES:
-        raise CheckpointError(f"{file} is larger than {MAX_JSON_BYTES >> 20} MB")
-    try:
-        value = json.loads(file.read_bytes())
-    except (ValueError, RecursionError) as error:
-        raise CheckpointError(f"{file} must be JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise CheckpointError(f"{file} holds a {type(value).__name__}, but must hold an object")
-    return value
+def _looked_up(values: dict[str, Any]) -> dict[str, Any]:
+    """The options whose texts a policy that is not known may look up."""
+    return {key: value for key, value in values.items() if isinstance(value, str) and LOADED.search(key)}
 
 
-def step_names(file: Path) -> list[str]:
-    """Read the names of the steps of a processor file, and check the tensors that the steps name.
+def _is_absent_or(known: re.Pattern[str], value: object) -> bool:
+    return value is None or bool(isinstance(value, str) and known.fullmatch(value))
+
+
+def _read(file: Path) -> Any:
+    """The JSON value in a file, whose texts are printable.
 
     Raises:
-        CheckpointError: the file is missing or malformed, or names a class or a step from elsewhere.
+        CheckpointError: there is none, or another.
     """
-    steps = _read_object(file).get("steps")
-    if not isinstance(steps, list) or not all(isinstance(step, dict) for step in steps):
-        raise CheckpointError(f"{file} has no list of steps")
-    for step in steps:
-        if step == SUBTASK_STEP:
-            continue
-        if "class" in step:
-            raise CheckpointError(
-                f"{file} names the class {step['class']!r}, which LeRobot's loader would call. Do not load this checkpoint"
-            )
-        name, state = str(step.get("registry_name")), step.get("state_file")
-        known = name in ProcessorStepRegistry.list() and ProcessorStepRegistry.get(name).__module__
-        if not known or known.partition(".")[0] != "lerobot":
-            raise CheckpointError(f"{file} names the step {name!r}, which LeRobot does not have")
-        if state is not None:
-            if Path(str(state)).name != state:
-                raise CheckpointError(
-                    f"{file} names the state file {state!r}, which is not in the same folder"
-                )
-            check_weights(file.parent / state)
-    return [step.get("registry_name", "SubtaskStep") for step in steps]
+    if not file.is_file():
+        raise CheckpointError(f"{file} does not exist: the checkpoint is incomplete")
+    try:
+        value = read_json(file, MAX_JSON_BYTES)
+    except BimanualError as error:
+        raise CheckpointError(str(error)) from error
+    texts = json.dumps(value, ensure_ascii=False).replace(r"\\", "").replace(r"\"", "")
+    if "\\" in texts or not texts.isprintable():
+        raise CheckpointError(f"{file} holds a text with control characters")
+    return value
 
 
 def _weights_of(config: KeyposePolicyConfig) -> dict[str, Tensor]:
     """The weights of a policy by name, as tensors without memory."""
-    # A frozen text tower is not among the weights, and must not be loaded here.
-    stand_in = replace(config, language_encoder=LEARNED_LANGUAGE)
     try:
         with torch.device("meta"):
-            weights = get_policy_class(config.type)(stand_in).state_dict()
+            return get_policy_class(config.type)(replace(config, compile=False)).state_dict()
     except BimanualError as error:
         raise CheckpointError(str(error)) from error
-    learned = config.language_encoder == LEARNED_LANGUAGE
-    return {name: weight for name, weight in weights.items() if learned or not name.startswith("language.")}

@@ -12,6 +12,7 @@ class PolicyAccuracyConfig:
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
     root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made, either view
+    trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
 
 
 def policy_accuracy(config: PolicyAccuracyConfig) -> None:
@@ -36,7 +37,7 @@ def policy_accuracy(config: PolicyAccuracyConfig) -> None:
     from lerobot_policy_bimanual.inspection.accuracy import measure, summary
     from lerobot_policy_bimanual.inspection.loading import load_policy, open_dataset
 
-    policy, preprocess = load_policy(config.checkpoint)
+    policy, preprocess = load_policy(config.checkpoint, config.trust_checkpoint)
     dataset = open_dataset(config.root)
     table = summary(measure(policy, preprocess, dataset))
     print_table(table, f"{policy.name} on {config.root}")

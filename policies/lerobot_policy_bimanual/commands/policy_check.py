@@ -16,10 +16,12 @@ class PolicyCheckConfig:
 def policy_check(config: PolicyCheckConfig) -> None:
     """Check a checkpoint before anything loads it.
 
-    LeRobot's loader calls whatever class the processor files of a checkpoint name. This command only reads: the config
-    and the ranges of its values, the names of the processor steps, and the weights, which must be finite and, for
-    policies of this package, those of the network that the config describes. It prints what the checkpoint is, or says
-    what is wrong and exits with 1.
+    LeRobot's loader calls whatever class the processor files of a checkpoint name, and looks up what its policy and steps
+    name, which may bring programs with it. This command only reads: the config and the ranges of its values, the
+    processor steps with their options, and the weights, which must be finite and, for policies of this package, those of
+    the network that the config describes. It prints what the checkpoint is, or says what is wrong and exits with 1. It
+    exits with 3 where it is not safe to say: it knows policies, steps and options that load nothing by name, and the
+    checkpoint has another one, which it names.
 
     Examples:
         lerobot-bimanual policy check --checkpoint=outputs/peract2/checkpoints/last/pretrained_model
@@ -36,3 +38,14 @@ def policy_check(config: PolicyCheckConfig) -> None:
     for file, steps in found.steps.items():
         print(f"{file}: {', '.join(steps)}")
     show_next("lerobot-bimanual", "task", "view", "--task=lift_ball", f"--checkpoint={config.checkpoint}")
+
+
+def require_safe(folder: Path) -> None:
+    """Check a checkpoint for a program that is about to load it.
+
+    Raises:
+        CheckpointError: as `check_checkpoint`.
+    """
+    from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
+
+    check_checkpoint(folder)

@@ -12,6 +12,7 @@ class PolicyInspectConfig:
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
     root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made, either view
+    trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
     index: int = 0  # row of the dataset
     output: Path = Path("outputs/inspect")  # folder of the picture
 
@@ -48,7 +49,7 @@ def policy_inspect(config: PolicyInspectConfig) -> None:
     from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
     from lerobot_policy_bimanual.inspection.sheet import draw_sheet
 
-    policy, preprocess = load_policy(config.checkpoint)
+    policy, preprocess = load_policy(config.checkpoint, config.trust_checkpoint)
     batch, picture = preprocess(batch_of(open_dataset(root), [config.index])), BytesIO()
     draw_sheet(policy, batch, f"{policy.name}, row {config.index} of {config.root}").savefig(picture)
     write_file(path, picture.getvalue())

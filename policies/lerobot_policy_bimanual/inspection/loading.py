@@ -11,7 +11,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 
 from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
-from lerobot_policy_bimanual.checkpoint.check import check_checkpoint, read_config
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
@@ -19,21 +19,24 @@ from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 Batch = dict[str, Any]
 
 
-def load_policy(checkpoint: Path) -> tuple[KeyposePolicy, Callable[[Batch], Batch]]:
+def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy, Callable[[Batch], Batch]]:
     """The policy of a folder `pretrained_model`, and its preprocessor, on the device that there is.
+
+    Args:
+        checkpoint: the folder.
+        trusted: whether what it names may be loaded, without a check.
 
     Raises:
         CheckpointError: there is no checkpoint, it is damaged or not to be trusted, or its policy does not predict
             keyposes.
     """
-    config = read_config(checkpoint)
+    config = PreTrainedConfig.from_pretrained(checkpoint) if trusted else check_checkpoint(checkpoint).config
     if not isinstance(config, KeyposePolicyConfig):
         known = PreTrainedConfig.get_known_choices().items()
         fit = ", ".join(name for name, kind in known if issubclass(kind, KeyposePolicyConfig))
         raise CheckpointError(
             f"{checkpoint} holds the policy {config.type!r}, which predicts no keyposes. Policies that do: {fit}"
         )
-    check_checkpoint(checkpoint)
     # One prediction does not pay for compiling, and there may be fewer devices of its kind than in training.
     config = replace(config, compile=False, device=str(config.device).partition(":")[0])
     policy = cast(KeyposePolicy, get_policy_class(config.type).from_pretrained(checkpoint, config=config))

@@ -6,6 +6,7 @@ from pathlib import Path
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
+from lerobot_bimanual.foreign_text import plain
 from lerobot_policy_bimanual.errors import CheckpointError
 
 
@@ -26,9 +27,9 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
     try:
         with safe_open(file, framework="pt") as tensors:
             return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
-    except (SafetensorError, OSError, UnicodeDecodeError) as error:
+    except (SafetensorError, OSError, ValueError, AttributeError, RuntimeError) as error:  # of types of numbers, too
         raise CheckpointError(
-            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {error}"
+            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error
 
 
@@ -52,17 +53,17 @@ def check_tensors(
     if expected is not None and (differ := set(names) ^ expected.keys()):
         lacking = differ - set(names)
         word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
-        raise CheckpointError(f"{source} {word} tensors for the network of its config, such as {min(which)}")
+        raise CheckpointError(f"{source} {word} tensors for the network of its config, such as {plain(min(which))}")
     elements = 0
     for name in sorted(names):
         tensor = get(name)
         own = tensor if expected is None else expected[name]
         if (tensor.shape, tensor.dtype) != (own.shape, own.dtype):
             raise CheckpointError(
-                f"{name} in {source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
+                f"{plain(name)} in {source} is {tuple(tensor.shape)} {tensor.dtype}, but the network of the config has "
                 f"{tuple(own.shape)} {own.dtype}"
             )
-        if not tensor.isfinite().all():
-            raise CheckpointError(f"{name} in {source} holds numbers that are not finite")
+        if not (tensor.float() if tensor.itemsize == 1 else tensor).isfinite().all():  # float8 lacks the test
+            raise CheckpointError(f"{plain(name)} in {source} holds numbers that are not finite")
         elements += tensor.numel()
     return elements

@@ -32,9 +32,14 @@ import lerobot_policy_bimanual.configurations  # noqa: F401  registers the polic
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
+from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
+from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
+
+TRUST_FLAG = "--trust_checkpoint=true"
+"""Loads what a checkpoint of `--policy.path` or of a resumed training names, without a check."""
 
 
 class LoaderFromMemory:
@@ -133,11 +138,12 @@ def _starts_within_an_epoch(loader: DataLoader) -> bool:
 def main() -> int:
     """Run `lerobot-train` with the flags of this process."""
     register_third_party_plugins()
+    sys.argv = [word for word in sys.argv if word != TRUST_FLAG]  # LeRobot does not know it
     try:
         train()  # pyright: ignore[reportCallIssue]  the config is made of the flags
     except BimanualError as error:
-        print(f"lerobot-bimanual-train: {error}", file=sys.stderr)
-        return 1
+        print(f"lerobot-bimanual-train: {plain(error, MAX_MESSAGE)}", file=sys.stderr)
+        return error.exit_code
     return 0
 
 
@@ -196,7 +202,11 @@ def check_training(cfg: TrainPipelineConfig) -> None:
         DatasetError: the dataset is streamed, transformed at random, asked for in metres, for a reward model, or as in
             `check_dataset`.
         UnwritableOutput: nothing can be written to the folder of the training.
+        CheckpointError: the checkpoint that it starts from does not pass `check_checkpoint`, and no flag says to trust it.
     """
+    path = getattr(cfg.policy, "pretrained_path", None)
+    if path is not None and TRUST_FLAG not in sys.orig_argv:
+        check_checkpoint(Path(path))
     if cfg.is_reward_model_training:
         raise DatasetError("only policies are trained from memory; use `lerobot-train` for a reward model")
     if cfg.dataset.streaming or cfg.dataset.image_transforms.enable:

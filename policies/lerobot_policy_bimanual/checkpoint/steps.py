@@ -1,0 +1,128 @@
+"""Processor steps that load nothing by name, each with its options: all that a checkpoint may name and be called safe."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PositiveFloat
+
+from lerobot_bimanual.foreign_text import shown
+from lerobot_bimanual.results.record import BadRecord, Record
+from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
+from lerobot_policy_bimanual.keypose.weights import check_weights
+
+SUBTASK_STEP = {"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep", "config": {}}
+"""The one step that is allowed by class: registering it would make every plugin discovery import LeRobot's processors."""
+
+type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
+type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
+type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
+
+
+class Feature(Record):
+    """An input or output of a policy, of a size that memory can hold."""
+
+    type: Kind
+    shape: Annotated[tuple[Annotated[int, Field(ge=1, le=2**14)], ...], Field(max_length=4)]
+
+
+class _Step(Record):
+    registry_name: str
+    config: dict[str, Any] = {}
+    state_file: Annotated[str, Field(pattern=r"^\w[\w.-]{0,200}$")] | None = None
+
+
+class _Processor(Record):
+    name: str
+    steps: tuple[dict[str, Any], ...]
+
+
+class _Rename(Record):
+    rename_map: dict[str, str] = {}
+
+
+class _Batch(Record):
+    pass
+
+
+class _Device(Record):
+    device: Annotated[str, Field(pattern=r"^(cpu|cuda|mps|xpu)(:\d{1,3})?$")]
+    float_dtype: Float | None = None
+
+
+class _Normalizer(Record):
+    eps: PositiveFloat
+    features: dict[str, Feature]
+    norm_map: dict[Kind, Mode]
+    normalize_observation_keys: tuple[str, ...] | None = None
+
+
+SAFE_STEPS: dict[str, type[Record]] = {
+    "rename_observations_processor": _Rename,
+    "to_batch_processor": _Batch,
+    "device_processor": _Device,
+    "normalizer_processor": _Normalizer,
+    "unnormalizer_processor": _Normalizer,
+}
+"""By name in LeRobot's registry."""
+
+
+def check_classes(file: Path, processor: object) -> None:
+    """Refuse the steps that are named by a class, whatever else is wrong.
+
+    Raises:
+        CheckpointError: there is one.
+    """
+    steps = processor.get("steps") if isinstance(processor, dict) else None
+    for step in steps if isinstance(steps, list) else ():
+        if isinstance(step, dict) and "class" in step and step != SUBTASK_STEP:
+            raise CheckpointError(
+                f"{file} names the class {shown(step['class'])}, which LeRobot's loader would call. Do not load this checkpoint"
+            )
+
+
+def step_names(file: Path, processor: object, inputs: set[str]) -> list[str]:
+    """The names of the steps of a processor; their options are checked, and the tensors that they name.
+
+    Args:
+        file: the file.
+        processor: the JSON value in it.
+        inputs: keys of the policy's inputs.
+
+    Raises:
+        CheckpointError: the file is malformed, or an option or a tensor is.
+        NotSafeToSay: a step or an option may load something by name.
+    """
+    try:
+        steps = _Processor.from_json(json.dumps(processor)).steps
+        return [_checked(file, step, inputs) for step in steps]
+    except BadRecord as error:
+        raise CheckpointError(f"{file}: {error}") from error
+
+
+def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
+    """The name of a step.
+
+    Raises:
+        BimanualError: as `step_names`.
+    """
+    if value == SUBTASK_STEP:
+        return "SubtaskStep"
+    step = _Step.from_json(json.dumps(value))
+    name, kind = step.registry_name, SAFE_STEPS.get(step.registry_name)
+    known = kind.model_fields if kind else [key for key in step.config if not isinstance(step.config[key], str)]
+    unknown = {key: value for key, value in step.config.items() if key not in known}
+    if kind is None or unknown:
+        raise NotSafeToSay(f"{file}: the step {shown(name)}", unknown)
+    options = kind.from_json(json.dumps(step.config))
+    if isinstance(options, _Rename):
+        renamed = options.rename_map
+        taken, given = inputs & renamed.keys(), [*renamed.values()]
+        if taken or not inputs.issuperset(given) or len(set(given)) < len(given):
+            raise CheckpointError(
+                f"{file} renames {shown(renamed)}, but may only rename what the policy does not read, each to another of its "
+                "inputs: it would see another camera"
+            )
+    if step.state_file is not None:
+        check_weights(file.parent / step.state_file)
+    return name
