@@ -4,7 +4,7 @@ lerobot-bimanual dataset generate --task=lift_ball --episodes=10 --view=both --r
 python examples/10_subtasks.py --root=data/lift_ball
 python examples/11_subtask_policy.py --root=data/lift_ball/frames --clip=models/clip-vit-base-patch16 --output=outputs/dit
 lerobot-bimanual-train --policy.path=outputs/dit --dataset.repo_id=local/lift_ball --dataset.root=data/lift_ball/frames \\
-    --policy.push_to_hub=false --steps=20000 --output_dir=outputs/dit_trained
+    --trust_checkpoint=true --policy.push_to_hub=false --steps=20000 --output_dir=outputs/dit_trained
 
 It needs `pip install 'lerobot[multi_task_dit]'` and a folder with a CLIP of transformers, text and images. What is written is a
 policy that knows nothing yet, with its preprocessor, to train from. docs/datasets.md says who reads language columns and who

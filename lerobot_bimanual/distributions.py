@@ -8,8 +8,9 @@ from lerobot_bimanual.errors import BimanualError
 
 
 def entries(group: str) -> dict[str, EntryPoint]:
-    """The entry points of a group by name, sorted."""
-    return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}
+    """The entry points of a group by name, sorted; without those that name no module."""
+    found = sorted(entry_points(group=group), key=lambda entry: entry.name)
+    return {entry.name: entry for entry in found if entry.pattern.match(entry.value)}
 
 
 def location(module: str) -> Path | None:

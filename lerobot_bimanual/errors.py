@@ -47,7 +47,9 @@ class UnknownCamera(BimanualError):
 
     def __init__(self, name: str, valid: Iterable[str]):
         names = list(valid)
-        super().__init__(f"unknown camera {shown(name)}.{did_you_mean(name, names)} Cameras: {', '.join(names)}")
+        super().__init__(
+            f"unknown camera {shown(name)}.{did_you_mean(name, names)} Cameras: {', '.join(names)}"
+        )
 
 
 class UnknownVariation(BimanualError):

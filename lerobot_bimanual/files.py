@@ -10,10 +10,14 @@ import tempfile
 from pathlib import Path
 from typing import Any, NoReturn
 
+import yaml
+
 from lerobot_bimanual.errors import BimanualError
 
 MAX_BYTES = 2**26
 """Larger than any result or config; a larger file is not read."""
+MAX_YAML_BYTES, MAX_YAML_DEPTH = 2**16, 20
+"""Of a YAML file, whose reader is slow, and which people write."""
 
 
 class UnwritableOutput(BimanualError):
@@ -110,7 +114,7 @@ def read_file(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     except OSError as error:
         raise BimanualError(error.strerror or str(error)) from error
     if len(content) > max_bytes:
-        raise BimanualError(f"file exceeds the {max_bytes >> 20} MB limit")
+        raise BimanualError(f"file exceeds the limit of {max_bytes >> 10} kB")
     return content
 
 
@@ -124,6 +128,29 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         return json.loads(read_file(path, max_bytes), parse_constant=_refuse_constant)
     except (ValueError, RecursionError, BimanualError) as error:
         raise BimanualError(f"{path}: {error}") from error
+
+
+def read_yaml(path: Path, as_texts: bool = False) -> Any:
+    """The value in a YAML file of another program: no anchors, which let a short file stand for an endless one.
+
+    Args:
+        path: the file.
+        as_texts: whether every scalar is its text, as it stands in the file.
+
+    Raises:
+        BimanualError: the file cannot be read, is not YAML, is too large or too deep, or has an anchor; the message names it.
+    """
+    try:
+        content, depth = read_file(path, MAX_YAML_BYTES), 0
+        for event in yaml.parse(content, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if getattr(event, "anchor", None) or depth > MAX_YAML_DEPTH:
+                raise BimanualError(
+                    f"YAML with anchors, or of more than {MAX_YAML_DEPTH} levels, is not read"
+                )
+        return yaml.load(content, yaml.BaseLoader if as_texts else yaml.SafeLoader)
+    except (ValueError, yaml.YAMLError, BimanualError) as error:
+        raise BimanualError(f"{path}: {' '.join(str(error).split())}") from error
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import importlib
 import logging
+import signal
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -16,6 +17,7 @@ from typing import Any
 
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.foreign_text import plain, shown
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 
 logger = logging.getLogger(__name__)
@@ -44,8 +46,11 @@ class Registry[T]:
     @functools.cached_property
     def modules(self) -> dict[str, str]:
         """Name of every entry that is found without an import -> the module that registers it."""
-        announced = {name: entry.module for name, entry in entries(self._group).items()}
-        return announced | dict(self._own)
+        announced = entries(self._group)
+        for name in [name for name in announced if not name.isidentifier()]:
+            logger.warning("skipped: the %s %s%s has no name", self._kind, shown(name), self._source(name))
+            del announced[name]
+        return {name: entry.module for name, entry in announced.items()} | dict(self._own)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,9 +84,17 @@ class Registry[T]:
             module = self.modules[name]
             try:
                 importlib.import_module(module)
-            except Exception as error:  # another distribution's module may fail in any way
+            except (
+                BaseException
+            ) as error:  # another distribution's module may fail in any way, and end the process
+                if (
+                    isinstance(error, KeyboardInterrupt)
+                    or getattr(error, "code", None) == 128 + signal.SIGTERM
+                ):
+                    raise
                 raise BimanualError(
-                    f"{self._kind} {name!r} cannot be loaded from module {module!r}{self._source(name)}: {error}"
+                    f"{self._kind} {name!r} cannot be loaded from module {module!r}{self._source(name)}: "
+                    f"{type(error).__name__}: {plain(error)}"
                 ) from error
             if name not in self._entries:
                 raise BimanualError(

@@ -25,9 +25,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
+from lerobot_bimanual.files import read_yaml
 
 CONFIG_FLAG = "config_path"
 VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
@@ -167,10 +166,9 @@ def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tu
 def _read_config(path: Path, flags: Mapping[str, Flag]) -> dict[str, Any]:
     """The values in a YAML file, every scalar as its text."""
     try:
-        values = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise BadCommandLine(f"--{CONFIG_FLAG}: {_SHORT.repr(str(path))} cannot be read: {reason}") from error
+        values = read_yaml(path, as_texts=True)
+    except BimanualError as error:
+        raise BadCommandLine(f"--{CONFIG_FLAG}: {error}") from error
     if not isinstance(values, dict):
         found = _SHORT.repr(values)
         raise BadCommandLine(f"--{CONFIG_FLAG} holds {found}, but must hold `name: value` lines")

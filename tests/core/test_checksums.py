@@ -84,7 +84,7 @@ def line(name: str) -> str:
         (lambda text: text + text.splitlines(keepends=True)[0], "line 5 is not a hash"),
         (lambda text: text + line("../secret").encode(), "../secret is missing"),
         (lambda text: text.upper(), "line 1 is not a hash"),
-        (lambda text: b"x" * (2**26 + 1), "exceeds the 64 MB limit"),
+        (lambda text: b"x" * (2**26 + 1), "exceeds the limit of 65536 kB"),
         (lambda text: text + line("a\tb").encode(), r"'a\\tb' is missing"),
     ],
 )

@@ -1,4 +1,7 @@
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -59,10 +62,35 @@ def test_the_verb_lists_every_task_for_programs(capsys):
     assert rows["push_box"]["taxonomy"]["prehension"] == "non_prehensile"
 
 
-def test_a_broken_task_of_another_distribution_is_skipped_with_a_warning(monkeypatch, caplog):
-    monkeypatch.setitem(TASKS.modules, "juggle", "there.is_no_such_module")
-    assert "juggle" not in resolve_tasks("all")
-    assert "skipped: task 'juggle' cannot be loaded from module 'there.is_no_such_module'" in caplog.text
+@pytest.mark.parametrize("group", ["tasks", "perturbations"])
+def test_what_is_broken_in_another_distribution_is_a_warning_and_nothing_more(group, tmp_path):
+    metadata = tmp_path / "broken-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
+    entries = {"raises": "raises", "ends": "ends", "a b": "raises", "absent": "absent.task", "odd": "!"}
+    lines = [f"{name} = {module}" for name, module in entries.items()]
+    (metadata / "entry_points.txt").write_text("\n".join([f"[lerobot_bimanual.{group}]", *lines]))
+    (tmp_path / "raises.py").write_text("raise RuntimeError('\\x1b[2J' + 'x' * 10**6)")
+    (tmp_path / "ends.py").write_text("raise SystemExit(0)")
+    program = "import sys, lerobot_env_bimanual; from lerobot_bimanual.cli import main; sys.exit(main(sys.argv[1:]))"
+    every = ["task", "list" if group == "tasks" else "perturbations"]
+    for words, skipped in (
+        (every, {"raises", "ends", "absent"}),
+        (["task", "list", "--task=lift_ball"], set()),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", program, *words],
+            env=os.environ | {"PYTHONPATH": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+        )
+        assert not done.returncode, done.stderr
+        assert {name for name in entries if f"'{name}' cannot be loaded" in done.stderr} == skipped
+        assert ("the task 'a b' of the distribution 'broken' has no name" in done.stderr) == (
+            group == "tasks"
+        )
+        assert done.stderr.isascii() and "\x1b" not in done.stderr and len(done.stderr) < 5000
 
 
 def test_a_module_that_registers_no_task_of_its_entry_s_name_is_named(monkeypatch):

@@ -239,7 +239,7 @@ def test_flags_fill_the_dataclass(words, expected):
         (["--workers=two"], "--workers is 'two', but must be an integer"),
         (["--view=keyframe"], "--view is 'keyframe', but must be one of: frames, keyframes. Did you mean"),
         (["--no\nflag=1"], "unknown flag '--no\\nflag'"),
-        (["--config_path=absent.yaml"], "--config_path: 'absent.yaml' cannot be read: No such file"),
+        (["--config_path=absent.yaml"], "--config_path: absent.yaml: No such file"),
     ],
 )
 def test_mistakes_name_what_is_wrong_and_what_is_valid(words, message):
@@ -260,6 +260,12 @@ def test_flags_override_values_of_a_file_whose_mistakes_are_named_too(tmp_path):
         "worker: 3\n": "unknown flag --worker. Did you mean '--workers'?",
         "workers: [1]\n": "but must be a single value",
         "- 1": "must hold `name: value` lines",
+        "name: &a x": "YAML with anchors, or of more than 20 levels",
+        "cameras: [*a]": "YAML with anchors",
+        "[" * 10**4: "more than 20 levels",
+        " " * 10**5: "exceeds the limit of 64 kB",
+        "name: \x07": "special characters are not allowed",
+        "name: !!python/object/apply:os.abort []": "but must be a single value",
     }.items():
         path.write_text(content)
         with pytest.raises(BadCommandLine, match=re.escape(message)):

@@ -89,7 +89,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "normalisation from outside": (config(normalization_mapping={"VISUAL": "MEAN_STD"}), "must be IDENTITY"),
     "an adapter": (config(use_peft=True), "use_peft"),
     "too deep": (write(CONFIG, b"[" * 10**6), "maximum recursion depth"),
-    "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "exceeds the 16 MB limit"),
+    "a config without end": (write(CONFIG, b" " * (2**24 + 1)), "exceeds the limit of 16384 kB"),
     "no config": (remove(CONFIG), "no checkpoint at"),
     "no weights": (remove(WEIGHTS), "model.safetensors is not a valid safetensors file .missing"),
     "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "not a valid safetensors file"),
@@ -112,7 +112,10 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "another step of LeRobot": (step(registry_name="to_batch_processor", config={}), "but must list"),
     "a state file outside": (step(state_file="../secret.safetensors"), "state_file: .* pattern"),
     "a state file without end": (step(state_file="a" * 5000), "state_file: .* pattern"),
-    "a tower by name": (config(language_encoder="clip:/none"), "policy 'peract2' loads language_encoder='clip:/none'"),
+    "a tower by name": (
+        config(language_encoder="clip:/none"),
+        "policy 'peract2' loads language_encoder='clip:/none'",
+    ),
     "an unknown option": (
         step(config={"tokenizer": "evil", "rename_map": {}}),
         "step 'rename_observations_processor' loads tokenizer='evil' by name",
@@ -122,8 +125,14 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a device of any text": (processor_step(2, {"device": "rm -rf"}), "device: .* pattern"),
     "a feature too large": (processor_step(3, {"features": {"a": FAR}}), "features.a.shape.0: .* less than"),
     "an output too large": (config(output_features={"action": FAR}), "shape.0: .* less than"),
-    "an odd shape": (config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}), "shape: .* but is 'x'"),
-    "more beside the steps": (edit(PREPROCESSOR, lambda value: value.update(more=1)), "more: .* not permitted"),
+    "an odd shape": (
+        config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}),
+        "shape: .* but is 'x'",
+    ),
+    "more beside the steps": (
+        edit(PREPROCESSOR, lambda value: value.update(more=1)),
+        "more: .* not permitted",
+    ),
     "control characters": (config(repo_id="\x1b[2J\x00"), "holds a text with control characters"),
     "float8": (
         weights(lambda tensors: tensors.update({BIAS: tensors[BIAS].to(torch.float8_e4m3fn)})),
@@ -211,12 +220,16 @@ def test_what_may_look_something_up_is_not_called_safe(checkpoint, specimens):
     for name in PreTrainedConfig.get_known_choices().keys() - SAFE_POLICIES:
         if name not in specimens:
             config(type=name, vlm_model_name="evil/repo")(checkpoint)
-            with pytest.raises(NotSafeToSay, match=f"policy '{name}' loads .*vlm_model_name='evil/repo' by name"):
+            with pytest.raises(
+                NotSafeToSay, match=f"policy '{name}' loads .*vlm_model_name='evil/repo' by name"
+            ):
                 check_checkpoint(checkpoint)
 
 
 def test_no_step_that_lerobot_registers_is_safe_but_those_on_the_list(tmp_path):
-    for name in set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys():  # one of them trusts remote code by default
+    for name in (
+        set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys()
+    ):  # one of them trusts remote code by default
         options = {"action_tokenizer_name": "evil/repo"}
         processor = {"name": "x", "steps": [{"registry_name": name, "config": options}]}
         with pytest.raises(NotSafeToSay, match=f"the step '{name}' loads action_tokenizer_name='evil/repo'"):

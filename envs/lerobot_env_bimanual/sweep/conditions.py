@@ -97,7 +97,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
     for level in levels or [""]:
         if level not in LEVELS:
             raise InvalidChoice("levels", level, map(str, LEVELS))
-    chosen = [AXES.get(name) for name in sorted(set(axes or AXES.names))]
+    chosen = [AXES.get(name) for name in sorted(set(axes))] or [*AXES.all().values()]
     model = build_spec(spec.props, PANDA_PAIR)
     applicable = [axis for axis in chosen if axis.applies_to(spec, model)]
     if not applicable:

@@ -84,9 +84,9 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
     """
     names = selection.split(",") if isinstance(selection, str) else selection
     names = [name.strip() for name in names]
-    tasks, suites = list_tasks(), list_suites()
-    chosen: dict[str, None] = {}
-    for name in names:
+    tasks, chosen = list_tasks(), dict[str, None]()
+    for name in names:  # only a suite needs all tasks to be loaded
+        suites = {} if name in tasks else list_suites()
         if name not in tasks and name not in suites:
             raise UnknownTask(name, (*tasks, *suites))
         chosen.update(dict.fromkeys(suites.get(name, (name,))))
