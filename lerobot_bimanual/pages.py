@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lerobot_bimanual.files import write_file
+from lerobot_bimanual.foreign_text import MAX_MESSAGE, markdown, plain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,27 +18,42 @@ def render(package: str, template: str, **values: object) -> str:
 
     Args:
         package: the Python package that holds the folder `templates`.
-        template: name of the file; what is put into one that ends in `.html` is escaped, since names and sentences
-            may come from any file.
+        template: name of the file; what is put into it is escaped, since names and sentences may come from any file, but
+            what the filter `safe` lets through, and what `join`, `fence` and tables have escaped.
         values: what the template names; a name without a value is an error.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    is_html = template.endswith(".html")
+    escape = plain if is_html else markdown
+
+    def escaped(value: object) -> object:
+        return escape(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     environment = Environment(
         loader=PackageLoader(package),
-        autoescape=select_autoescape(("html",)),
+        autoescape=is_html,
+        finalize=escaped,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"table": markdown_table, "upright": upright}
+    environment.filters |= {
+        "table": lambda *arguments, **options: Markup(markdown_table(*arguments, **options)),
+        "upright": lambda *arguments: Markup(upright(*arguments)),
+        "fence": lambda text: Markup(plain(text, MAX_MESSAGE).replace("`", "'")),
+    }
+    if not is_html:
+        environment.filters["join"] = lambda values, by: Markup(by.join(map(markdown, values)))
     return environment.get_template(template).render(values)
 
 
 def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
     """A Markdown table; the first column is aligned left, the others right, or left in a table of words."""
     align = ["left", *["left" if words else "right"] * (len(frame.columns) - 1)]
+    frame = frame.map(lambda cell: markdown(cell) if isinstance(cell, str) else cell).rename(columns=markdown)
     text = frame.to_markdown(index=False, disable_numparse=True, colalign=align)
     assert text is not None  # it goes to no file
     return text

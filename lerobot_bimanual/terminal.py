@@ -9,6 +9,8 @@ import textwrap
 from functools import partial
 from typing import TYPE_CHECKING
 
+from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -25,11 +27,12 @@ def print_table(table: pd.DataFrame, title: str = "") -> None:
     """
     columns = shutil.get_terminal_size((UNBOUNDED, 24)).columns
     wrap = partial(textwrap.fill, width=columns, break_long_words=False, break_on_hyphens=False)
+    table = table.map(plain).rename(columns=plain)
     align = ["left", *["right"] * (len(table.columns) - 1)]
     text = table.to_markdown(index=False, tablefmt="plain", disable_numparse=True, colalign=align)
     lines = [line.rstrip() for line in str(text).splitlines()]
     if title:
-        print(wrap(title))
+        print(wrap(plain(title, MAX_MESSAGE)))
     if max(map(len, lines)) <= columns:
         print("\n".join(lines))
         return
@@ -38,6 +41,12 @@ def print_table(table: pd.DataFrame, title: str = "") -> None:
         print(f"{heading}: {first}")
         for heading, cell in others:
             print(wrap(f"{heading}: {cell}", initial_indent="    ", subsequent_indent="      "))
+
+
+def say(*lines: object) -> None:
+    """Print lines in which text of a file stands: one line each, without its control characters, and not endless."""
+    for line in lines:
+        print(plain(line, MAX_MESSAGE))
 
 
 def show_next(*words: object) -> None:

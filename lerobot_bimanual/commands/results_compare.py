@@ -12,7 +12,7 @@ from lerobot_bimanual.results.comparison import Comparison, check_trainings
 from lerobot_bimanual.results.record import result_paths
 from lerobot_bimanual.results.robustness import RobustnessResult, is_robustness_result
 from lerobot_bimanual.results.statistics import SuccessRate, holm
-from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_bimanual.terminal import print_table, say, show_next
 
 
 @dataclass
@@ -59,7 +59,7 @@ def results_compare(config: ResultsCompareConfig) -> None:
     comparisons = {place: Comparison(first[place], second[place]) for place in shared}
     for name, path, results in (("first", config.first, first), ("second", config.second, second)):
         settings = results[shared[0]][0].config
-        print(f"{name:<7} {settings.policy_id} ({settings.recipe}), {path}")  # too long for a column
+        say(f"{name:<7} {settings.policy_id} ({settings.recipe}), {path}")  # too long for a column
     _print_comparisons(comparisons)
     show_next("lerobot-bimanual", "results", "report", f"--results={config.first}")
 
@@ -100,7 +100,7 @@ def _print_comparisons(comparisons: dict[str, Comparison]) -> None:
     for place, comparison in comparisons.items():
         first, second = comparison.better
         equal = len(comparison.seeds) - first - second
-        print(
+        say(
             f"{place}: the first is better on {first} episodes, the second on {second}, equal on {equal}; "
             f"{comparison.test}: p = {comparison.p_value:.3g}"
         )

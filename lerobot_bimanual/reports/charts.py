@@ -27,6 +27,7 @@ DPI = 150
 styled = matplotlib.rc_context(
     {
         "font.size": 9,
+        "text.parse_math": False,  # names come from any file
         "text.color": INK,
         "axes.edgecolor": PALE,
         "axes.labelcolor": GREY,

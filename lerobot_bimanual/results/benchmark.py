@@ -24,11 +24,10 @@ from lerobot_bimanual.results.episode import (
     success_rate,
 )
 from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
-from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.record import Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
-Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]
 MAX_CHECKPOINTS = 10_000
@@ -141,7 +140,7 @@ class Machine(Record):
     """
 
     cpus: PositiveInt
-    gpu: Annotated[str, Field(pattern="^[^|\n]+$")] | None = None
+    gpu: Text | None = None
 
     @classmethod
     def this(cls) -> Self:

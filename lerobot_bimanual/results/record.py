@@ -2,14 +2,17 @@
 
 import json
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import read_file, write_file
+from lerobot_bimanual.foreign_text import plain, shown
 
-MAX_MESSAGE = 120
+Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=100)]
+Text = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", max_length=200)]
+"""What people are shown: one line."""
 
 
 class BadRecord(BimanualError):
@@ -101,9 +104,8 @@ def require(holds: object, rule: str) -> None:
 def _sentence(error: ValidationError, name: str) -> str:
     """First problem of a validation, with its field and value, and the number of further problems."""
     first, more = error.errors(include_url=False)[0], error.error_count() - 1
-    place = ".".join(map(str, first["loc"])) or name
-    got = repr(first["input"])
-    got = got if len(got) <= MAX_MESSAGE else f"{got[:MAX_MESSAGE]}..."
+    place = plain(".".join(map(str, first["loc"])) or name)
+    got = shown(first["input"])
     problem = first["msg"].removeprefix("Value error, ")
     if first["type"] == "missing":
         problem = "is missing"

@@ -12,7 +12,7 @@ from lerobot_bimanual.files import MAX_BYTES
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.episode import EpisodeCount, Episodes, Sha256, success_rate
 from lerobot_bimanual.results.evaluation import WorldVersion
-from lerobot_bimanual.results.record import Record, require
+from lerobot_bimanual.results.record import Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
 
 MIN_EXPERT_RATE = 0.97
@@ -33,9 +33,9 @@ class AxisRecord(Record):
         magnitudes: magnitudes of the levels 1, 2 and 3.
     """
 
-    name: str
-    group: str
-    unit: str
+    name: Name
+    group: Name
+    unit: Text
     magnitudes: tuple[float, float, float]
 
 
@@ -125,7 +125,7 @@ class _SweepConfig(Record):
         versions: package -> version.
     """
 
-    task: str
+    task: Name
     first_seed: NonNegativeInt = 0
     versions: dict[str, str]
 
@@ -141,7 +141,7 @@ class RobustnessConfig(_SweepConfig):
         batch_size: environments side by side.
     """
 
-    policy: str
+    policy: Name
     checkpoint_sha256: Sha256
     options: dict[str, str]
     episodes: EpisodeCount
@@ -167,7 +167,7 @@ class _Sweep[Config: _SweepConfig, Each: Condition](Record):
     schema_version: Literal[3]
     config: Config
     axes: tuple[AxisRecord, ...] = ()
-    not_applicable: tuple[str, ...] = ()
+    not_applicable: tuple[Name, ...] = ()
     conditions: tuple[Each, ...]
 
     @model_validator(mode="after")
@@ -206,7 +206,7 @@ class RobustnessResult(_Sweep[RobustnessConfig, PolicyCondition]):
     """
 
     checkpoint: str
-    date: str
+    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
 
     @model_validator(mode="after")
     def _same_episodes(self) -> Self:

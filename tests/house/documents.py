@@ -31,7 +31,7 @@ def parse(program: str, *flags: str) -> Any:
         return parse_flags(cli.config_type_of(cli.find_commands()[name].load()), rest)
     if any(flag.startswith("--policy.path=") for flag in flags):
         # LeRobot reads the policy's config from there and applies the other --policy flags to it.
-        flags = tuple(flag for flag in flags if not flag.startswith("--policy."))
+        flags = tuple(flag for flag in flags if not flag.startswith(("--policy.", "--trust_")))
     config_type = EvalPipelineConfig if program == "lerobot-eval" else TrainPipelineConfig
     return draccus.parse(config_type, args=flags, exit_on_error=False)
 

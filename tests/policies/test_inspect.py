@@ -145,9 +145,7 @@ def refusal(capsys: pytest.CaptureFixture[str], checkpoint: Path, dataset: Path,
 def test_a_checkpoint_that_is_none_is_refused(dataset, tmp_path, capsys):
     assert "pretrained_model" in refusal(capsys, tmp_path / "nowhere", dataset)
     (tmp_path / "config.json").write_text('{"type": "act"}')
-    message = refusal(capsys, tmp_path, dataset)
-    assert "the checkpoint is incomplete" in message
-    assert "peract2" in message
+    assert "the checkpoint is incomplete" in refusal(capsys, tmp_path, dataset)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
             "of the same episodes, or use --replay=keypose"
         )
     if difference := other_simulation(dataset.provenance):
-        print(f"warning: {difference}: trajectories may differ")
+        say(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
     play = partial(_replay, dataset.root, config.replay)
     with WorkerPool(config.workers) as pool:
@@ -60,7 +60,7 @@ def dataset_replay(config: DatasetReplayConfig) -> int:
     _print({index: result for index, result in played.items() if not isinstance(result, str)})
     for index, result in played.items():
         if isinstance(result, str):
-            print(f"episode {index}: not played: {result}")
+            say(f"episode {index}: not played: {result}")
     matches = all(not isinstance(result, str) and result[1].matches for result in played.values())
     show_next("lerobot-bimanual", "dataset", "verify", f"--root={config.root}")
     return 0 if matches else 1
@@ -114,7 +114,7 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
             if result.divergence is not None:
                 when = "at the start" if result.divergence < 0 else f"after tick {result.divergence}"
                 states = f"another state {when}"
-            print(f"episode {index} ({meta.task}, seed {meta.seed}): {states}, {end}")
+            say(f"episode {index} ({meta.task}, seed {meta.seed}): {states}, {end}")
 
 
 @lru_cache(maxsize=1)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import BimanualError, check_range
-from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.commands.dataset_replay import parse_episodes
 from lerobot_env_bimanual.workers import WorkerPool
 
@@ -195,11 +195,11 @@ class _ViewReport:
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["passed", "failed"])
         print_table(table.rename_axis("check").reset_index(), str(self.root))
         for text in filter(None, (self.remark, self.note)):
-            print(text)
+            say(text)
         for check, outcomes in self._faults.items():
             lines = [_line(episode, fault) for episode, faults in outcomes for fault in faults]
             for line in lines[:MAX_LINES_PER_CHECK]:
-                print(f"{check}: {line}")
+                say(f"{check}: {line}")
             if len(lines) > MAX_LINES_PER_CHECK:
                 print(f"{check}: {len(lines) - MAX_LINES_PER_CHECK} more")
         is_whole = [report.index for report in self._episodes] == [*range(self.n_episodes)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, write_file
-from lerobot_bimanual.terminal import print_table, show_next
+from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
             groups.setdefault(result.name, []).extend(found)
             source = {"file": str(result.path), "policy": result.policy_id, "perturb": result.record.perturb}
             content.setdefault(result.record.task, []).extend(source | asdict(one) for one in found)
-            print(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
+            say(f"{result.path}: {len(episodes)} episodes of {result.record.task}, {len(failed)} failed")
             _print_episodes(found)
     for title, kind in (
         ("Failures by class:", "failure_class"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lerobot_bimanual.errors import check_range
-from lerobot_bimanual.terminal import show_next
+from lerobot_bimanual.terminal import say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 
@@ -49,7 +49,7 @@ def results_verify(config: ResultsVerifyConfig) -> int:
             found = zip(episodes, verify_episodes(result.record, episodes, pool), strict=True)
             problems += [f"seed {episode.seed}: {text}" for episode, texts in found for text in texts]
             verdict = "NOT as claimed" if problems else "as claimed"
-            print("\n  ".join([f"{path}: {verdict}, {len(episodes)} episodes replayed", *problems]))
+            say(f"{path}: {verdict}, {len(episodes)} episodes replayed", *(f"  {text}" for text in problems))
             failed |= bool(problems)
     if not failed:
         show_next("lerobot-bimanual", "results", "diagnose", f"--results={config.results}")

@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from markupsafe import Markup, escape
+
+from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.pages import render
 from lerobot_bimanual.reports.success_figure import success_figure
@@ -58,7 +61,9 @@ class Section:
         facts = {"file": self.result.path.name, "world": record.world}
         if row is not None:
             settings = row.config.model_dump(exclude={"training"}) | row.config.training
-            made = f"{len(row.demonstrations.seeds)}, made with {_assignments(row.demonstrations.settings)}"
+            made = Markup(f"{len(row.demonstrations.seeds)}, made with {{}}").format(
+                _assignments(row.demonstrations.settings)
+            )
             facts |= {"configuration": _assignments(settings), "demonstrations": made, "evaluated": row.date}
             facts["checkpoint"] = f"{row.checkpoint_sha256} (SHA-256), after {row.checkpoint_step} steps"
         return facts | {
@@ -121,16 +126,19 @@ def results_page(sections: Sequence[Section]) -> str:
         "lerobot_env_bimanual.reports",
         "results.html",
         sections=sections,
-        figures=[(_inline("image/png", chart.png()), chart.description) for chart in charts],
+        figures=[
+            (_inline("image/png", chart.png()), escape(plain(chart.description, MAX_MESSAGE)))
+            for chart in charts
+        ],
         classes=[kind for kind in FailureClass if kind in shown],
         inline=_inline,
         control_hz=CONTROL_HZ,
     )
 
 
-def _inline(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{b64encode(content).decode()}"
+def _inline(kind: str, content: bytes) -> Markup:
+    return Markup(f"data:{kind};base64,{b64encode(content).decode()}")
 
 
-def _assignments(values: Mapping[str, object]) -> str:
-    return " ".join(f"{name}={value}" for name, value in values.items())
+def _assignments(values: Mapping[str, object]) -> Markup:
+    return Markup(" ").join(f"{plain(name)}={plain(value)}" for name, value in values.items())

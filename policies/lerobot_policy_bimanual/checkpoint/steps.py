@@ -28,7 +28,7 @@ class Feature(Record):
 
 class _Step(Record):
     registry_name: str
-    config: dict[str, Any] = {}
+    config: Annotated[dict[str, Any], Field(default={})]
     state_file: Annotated[str, Field(pattern=r"^\w[\w.-]{0,200}$")] | None = None
 
 
@@ -38,7 +38,7 @@ class _Processor(Record):
 
 
 class _Rename(Record):
-    rename_map: dict[str, str] = {}
+    rename_map: Annotated[dict[str, str], Field(default={})]
 
 
 class _Batch(Record):

@@ -27,7 +27,13 @@ def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> i
     try:
         with safe_open(file, framework="pt") as tensors:
             return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
-    except (SafetensorError, OSError, ValueError, AttributeError, RuntimeError) as error:  # of types of numbers, too
+    except (
+        SafetensorError,
+        OSError,
+        ValueError,
+        AttributeError,
+        RuntimeError,
+    ) as error:  # of types of numbers, too
         raise CheckpointError(
             f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
         ) from error
@@ -53,7 +59,9 @@ def check_tensors(
     if expected is not None and (differ := set(names) ^ expected.keys()):
         lacking = differ - set(names)
         word, which = ("lacks", lacking) if lacking else ("has unknown", differ)
-        raise CheckpointError(f"{source} {word} tensors for the network of its config, such as {plain(min(which))}")
+        raise CheckpointError(
+            f"{source} {word} tensors for the network of its config, such as {plain(min(which))}"
+        )
     elements = 0
     for name in sorted(names):
         tensor = get(name)
