@@ -43,7 +43,9 @@ def render(package: str, template: str, **values: object) -> str:
     environment.filters |= {
         "table": lambda *arguments, **options: Markup(markdown_table(*arguments, **options)),
         "upright": lambda *arguments: Markup(upright(*arguments)),
-        "fence": lambda text: Markup(plain(text, MAX_MESSAGE).replace("`", "'")),
+        "fence": lambda text: Markup(
+            plain(" ".join(map(plain, text.split(" "))), MAX_MESSAGE).replace("`", "'")
+        ),
     }
     if not is_html:
         environment.filters["join"] = lambda values, by: Markup(by.join(map(markdown, values)))

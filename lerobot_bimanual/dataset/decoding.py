@@ -11,9 +11,10 @@ from typing import Any
 
 import av
 import av.error
+import av.sidedata.sidedata
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 
 from lerobot_bimanual.dataset.reader import (
     IMAGE_TYPES,
@@ -32,6 +33,9 @@ MAX_SIDE = 2**13
 
 SPAN = ("from_timestamp", "to_timestamp")
 """Where an episode begins and ends in its video, in seconds."""
+
+ORIENTATION = ExifTags.Base.Orientation
+DISPLAY_MATRIX = av.sidedata.sidedata.Type.DISPLAYMATRIX
 
 FORMATS = ("PNG", "TIFF")
 """What LeRobot stores in tables; Pillow's readers of all other formats stay closed."""
@@ -95,11 +99,15 @@ class ImageReader:
             pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
             first, end = (round(entry[f"videos/{key}/{time}"] * self._fps) for time in SPAN)
             with av.open(str(path), format="mp4") as container:  # no playlist, which leads elsewhere
+                if len(container.streams) != 1:  # readers disagree about which is meant
+                    raise DatasetError(f"{path} holds {len(container.streams)} streams, but must hold one")
                 stream = container.streams.video[0]
                 _check_size(f"{key} in {path}", (stream.height, stream.width), self.shapes[key])
                 assert stream.time_base is not None
                 container.seek(int(first / self._fps / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
+                    if any(data.type == DISPLAY_MATRIX for data in frame.side_data):
+                        raise DatasetError(f"{path} turns its frames, which not every reader does")
                     number = round((frame.time or 0.0) * self._fps)
                     if number >= end:
                         return
@@ -110,14 +118,20 @@ class ImageReader:
             raise DatasetError(f"cannot decode {path}: {error}") from error
 
     def _from_table(self, episode: int, key: str) -> Iterator[NDArray]:
+        from datasets import Image as StoredImage
+
+        stored = StoredImage()  # as LeRobot's loader reads them in training
         path = data_file(self.root, self._episodes[episode])
         column = read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
         for row, cell in enumerate(column):
             place = f"row {row} of {key} in {path}"
             try:
-                image = Image.open(io.BytesIO(cell.as_py()["bytes"]), formats=FORMATS)
+                content = cell.as_py()["bytes"]
+                image = Image.open(io.BytesIO(content), formats=FORMATS)
                 _check_size(place, image.size[::-1], self.shapes[key])
-                pixels = np.asarray(image)
+                if image.getexif().get(ORIENTATION, 1) != 1:
+                    raise DatasetError(f"{place} is turned by its EXIF, which not every reader does")
+                pixels = np.asarray(stored.decode_example({"bytes": content, "path": None}))
             except DatasetError:
                 raise
             except Exception as error:  # Pillow's readers of damaged bytes raise nearly anything

@@ -1,9 +1,6 @@
 """Errors of the policies: each says what was got and what is allowed."""
 
-from collections.abc import Mapping
-
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.foreign_text import shown
 
 
 class BadConfig(BimanualError):
@@ -19,13 +16,12 @@ class NotSafeToSay(CheckpointError):
 
     Args:
         what: the part of the checkpoint that names it.
-        options: that part's options that may do so, by name.
+        named: that part's options that may do so, as text.
     """
 
     exit_code = 3
 
-    def __init__(self, what: str, options: Mapping[str, object]):
-        named = ", ".join(f"{key}={shown(value)}" for key, value in [*options.items()][:5])
+    def __init__(self, what: str, named: str):
         super().__init__(
             f"not safe to say: {what} loads {named or 'something'} by name and may run its code; where you trust its source, "
             "programs that load it take --trust_checkpoint=true"

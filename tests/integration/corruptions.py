@@ -19,7 +19,7 @@ import av
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from PIL import Image
+from PIL import ExifTags, Image
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -139,6 +139,56 @@ def encoded_again(change: Callable[[list[np.ndarray]], list[np.ndarray]]) -> Cha
     return rewrite
 
 
+def late_from_the_middle(frames: list[np.ndarray]) -> list[np.ndarray]:
+    """One frame stands still in the middle, and all behind it are a tick late."""
+    half = len(frames) // 2
+    return [*frames[:half], *frames[half - 1 : -1]]
+
+
+def repainted(frames: list[np.ndarray]) -> list[np.ndarray]:
+    """A thing of 3 x 3 pixels has another colour in every frame."""
+    for image in frames:
+        image[10:13, 14:17] = image[10:13, 14:17, ::-1] // 2 + np.array([127, 0, 60], np.uint8)
+    return frames
+
+
+def second_stream(root: Path) -> None:
+    """Copies the front video beside another one, larger, into the same file."""
+    source = io.BytesIO((root / VIDEO).read_bytes())
+    with av.open(source) as old, av.open(str(root / VIDEO), "w") as new:
+        stream, other = (
+            new.add_stream_from_template(old.streams.video[0]),
+            new.add_stream("libx264", rate=CONTROL_HZ),
+        )
+        other.width = other.height = 128
+        for packet in [
+            *other.encode(av.VideoFrame(128, 128, "yuv420p")),
+            *other.encode(),
+            *old.demux(video=0),
+        ]:
+            if packet.stream is old.streams.video[0]:
+                packet.stream = stream
+            if packet.dts is not None:
+                new.mux(packet)
+
+
+def upside_down(root: Path) -> None:
+    """Writes a display matrix of 180 degrees into the front video's header."""
+    content = (root / VIDEO).read_bytes()
+    plain, turned = (struct.pack(">9i", s << 16, 0, 0, 0, s << 16, 0, 0, 0, 1 << 30) for s in (1, -1))
+    start = content.index(plain, content.index(b"tkhd"))
+    (root / VIDEO).write_bytes(content[:start] + turned + content[start + len(turned) :])
+
+
+def turned(cell: dict) -> dict:
+    """Adds an orientation of 180 degrees to a PNG."""
+    stored = io.BytesIO()
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 3
+    Image.open(io.BytesIO(cell["bytes"])).save(stored, format="PNG", exif=exif)
+    return cell | {"bytes": stored.getvalue()}
+
+
 def png(width: int, height: int) -> bytes:
     """A PNG whose header claims a size, without pixels."""
 
@@ -195,6 +245,19 @@ CORRUPTIONS = (
         "video of another camera", "rendered RGB", video_replaced_by(VIDEO.replace(FRONT, WRIST)), FRAMES
     ),
     Corruption("video is a tick late", "rendered RGB", encoded_again(lambda f: [f[0], *f[:-1]]), FRAMES),
+    Corruption(
+        "video is late from its middle on", "rendered RGB", encoded_again(late_from_the_middle), FRAMES
+    ),
+    Corruption("a repainted thing", "rendered RGB", encoded_again(repainted), FRAMES),
+    Corruption(
+        "a brighter video",
+        "rendered RGB",
+        encoded_again(lambda frames: [np.clip(f, 0, 249) + np.uint8(6) for f in frames]),
+        FRAMES,
+    ),
+    Corruption("a video on its head", "images complete", upside_down, FRAMES),
+    Corruption("a second stream", "images complete", second_stream, FRAMES),
+    Corruption("an image on its head", "images complete", column(FRONT, turned, [1]), KEYFRAMES),
     Corruption("an image is missing", "images complete", column(FRONT, lambda _: None, [1]), KEYFRAMES),
     Corruption(
         "an image claims gigabytes",

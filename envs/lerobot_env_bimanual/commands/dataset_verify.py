@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import tempfile
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -39,9 +40,10 @@ class DatasetVerifyConfig:
     root: Path = field(kw_only=True)
     episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     # Rows of every episode whose images are rendered again and compared: a number, or `all`.
-    render: str = "2"
-    # Seed of the random choice of those rows, and of the episode that is read through LeRobot's loader.
-    sample_seed: int = 0
+    render: str = "4"
+    # Seed of the random choice of those rows, and of the episode that is read through LeRobot's loader; by default another
+    # one in every run, which is printed.
+    sample_seed: int | None = None
     workers: int = 0  # processes; 0 takes one per core
 
 
@@ -68,7 +70,8 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
     from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness
 
-    check_range("sample_seed", config.sample_seed, 0)
+    seed = secrets.randbelow(2**32) if config.sample_seed is None else config.sample_seed
+    check_range("sample_seed", seed, 0)
     if config.render != "all" and not config.render.isdecimal():
         raise BimanualError(
             f"render is {config.render!r}, but must be a number of rows per episode, such as 3, or 'all'"
@@ -79,13 +82,13 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     readable = [view for view in views if view.n_episodes]
     if readable:
         indices = parse_episodes(config.episode_indices, max(view.n_episodes for view in readable))
-        sampled = int(np.random.default_rng(config.sample_seed).choice(indices))
+        sampled = int(np.random.default_rng(seed).choice(indices))
         with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:
             plans = [
                 Thoroughness(
                     simulate=not view.remark,
                     rendered_rows=rows,
-                    seed=config.sample_seed,
+                    seed=seed,
                     sampled=sampled if view.is_loadable else None,
                     cache=Path(cache),
                 )
@@ -104,6 +107,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
                         view.add(report)
     for view in views:
         view.print()
+    print(f"rows were drawn by --sample_seed={seed}")
     if any(view.is_wrong for view in views):
         provenance = f"--provenance={views[0].root / PROVENANCE_FILE}"
         show_next("lerobot-bimanual", "dataset", "regenerate", provenance, f"--root={config.root}_again")

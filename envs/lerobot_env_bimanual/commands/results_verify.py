@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +18,9 @@ class ResultsVerifyConfig:
     # A file, or a folder of files: results of `policy benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
     sample: int = 0  # random episodes of each result; 0 takes all
-    sample_seed: int = 0  # seed of the random choice
+    sample_seed: int | None = (
+        None  # seed of the random choice; by default another one in every run, which is printed
+    )
     workers: int = 0  # processes; 0 takes one per core
 
 
@@ -39,12 +42,15 @@ def results_verify(config: ResultsVerifyConfig) -> int:
     from lerobot_env_bimanual.verification.result_files import ResultFile, sampled
 
     check_range("sample", config.sample, 0)
-    check_range("sample_seed", config.sample_seed, 0)
+    seed = secrets.randbelow(2**32) if config.sample_seed is None else config.sample_seed
+    check_range("sample_seed", seed, 0)
+    if config.sample:
+        print(f"episodes are drawn by --sample_seed={seed}")
     failed = False
     with WorkerPool(config.workers) as pool:
         for path in result_paths(config.results):
             result = ResultFile.read(path)
-            episodes = sampled(result.record.episodes, config.sample, config.sample_seed)
+            episodes = sampled(result.record.episodes, config.sample, seed)
             problems = [result.world_problem] if result.world_problem else []
             found = zip(episodes, verify_episodes(result.record, episodes, pool), strict=True)
             problems += [f"seed {episode.seed}: {text}" for episode, texts in found for text in texts]

@@ -112,7 +112,7 @@ class Verifier:
         rendered = None
         if played is not None and how.rendered_rows:
             is_video = self._dataset.view == "frames"
-            compared = draw_rows(episode, how.rendered_rows, how.seed, in_pairs=is_video)
+            compared = draw_rows(episode, how.rendered_rows, how.seed)
             rendered = RenderedRows(episode, played, compared, is_video)
         for key, row, image in _inspected_images(self._reader, episode.index, len(episode), faults):
             digest.add_image(key, image)

@@ -22,7 +22,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.files import read_json
 from lerobot_bimanual.foreign_text import plain, shown
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
-from lerobot_policy_bimanual.checkpoint.steps import Feature, check_classes, step_names
+from lerobot_policy_bimanual.checkpoint.steps import Feature, check_classes, options_text, step_names
 from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.weights import check_weights
@@ -91,7 +91,7 @@ def read_config(folder: Path) -> PreTrainedConfig:
     name = str(values.pop("type", None))
     kind = PreTrainedConfig.get_known_choices().get(name)
     if kind is None or not (name in SAFE_POLICIES or issubclass(kind, KeyposePolicyConfig)):
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", _looked_up(values))
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(_looked_up(values)))
     named = {key: values[key] for key, known in RESNETS.items() if not _is_absent_or(known, values.get(key))}
     if values.get("language_encoder", LEARNED_LANGUAGE) != LEARNED_LANGUAGE:
         named["language_encoder"] = values["language_encoder"]
@@ -106,7 +106,7 @@ def read_config(folder: Path) -> PreTrainedConfig:
     if config.use_peft:
         raise CheckpointError(f"{file}: use_peft is true, but adapters cannot be checked")
     if named:
-        raise NotSafeToSay(f"{file}: the policy {shown(name)}", named)
+        raise NotSafeToSay(f"{file}: the policy {shown(name)}", options_text(named))
     return config
 
 

@@ -1,12 +1,13 @@
 """Processor steps that load nothing by name, each with its options: all that a checkpoint may name and be called safe."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from lerobot_bimanual.foreign_text import shown
+from lerobot_bimanual.foreign_text import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.keypose.weights import check_weights
@@ -100,6 +101,11 @@ def step_names(file: Path, processor: object, inputs: set[str]) -> list[str]:
         raise CheckpointError(f"{file}: {error}") from error
 
 
+def options_text(options: Mapping[str, object]) -> str:
+    """The first few options with their values, for a message."""
+    return ", ".join(f"{plain(key)}={shown(value)}" for key, value in [*options.items()][:5])
+
+
 def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     """The name of a step.
 
@@ -115,7 +121,7 @@ def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     )
     unknown = {key: value for key, value in step.config.items() if key not in known}
     if kind is None or unknown:
-        raise NotSafeToSay(f"{file}: the step {shown(name)}", unknown)
+        raise NotSafeToSay(f"{file}: the step {shown(name)}", options_text(unknown))
     options = kind.from_json(json.dumps(step.config))
     if isinstance(options, _Rename):
         renamed = options.rename_map
