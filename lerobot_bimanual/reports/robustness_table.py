@@ -15,7 +15,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
 from lerobot_bimanual.results.statistics import holm, mcnemar_p_value, only_one_solved
-from lerobot_bimanual.terminal import print_table
+from lerobot_bimanual.terminal import print_table, say
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 SIGNIFICANT = 0.05
@@ -126,12 +126,12 @@ def print_robustness(result: RobustnessResult) -> None:
     print_table(shown, f"{result.policy} on {result.task}, the same {len(result.nominal.episodes)} episodes")
     sums = table[table.valid].groupby("level")[["solved", "n"]].sum()
     said = "; ".join(f"level {line.Index}: {line.solved} of {line.n}" for line in sums.itertuples())
-    print(f"valid conditions together: {said or 'none'}")
+    say(f"valid conditions together: {said or 'none'}")
     if not table.valid.all():
         invalid = ", ".join(table[~table.valid].condition)
-        print(f"not valid, since the expert solves too few, and in no sum: {invalid}")
+        say(f"not valid, since the expert solves too few, and in no sum: {invalid}")
     if result.not_applicable:
-        print(f"not applicable to {result.task}: {', '.join(result.not_applicable)}")
+        say(f"not applicable to {result.task}: {', '.join(result.not_applicable)}")
 
 
 def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
@@ -181,9 +181,9 @@ def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
     sums = table[table.valid].groupby("level")[["solved", "solved_second", "n"]].sum()
     for line in sums.itertuples():
         where = f"valid conditions of level {line.Index}" if line.Index else "nominal"
-        print(f"{where}: first {line.solved}, second {line.solved_second} of {line.n}")
+        say(f"{where}: first {line.solved}, second {line.solved_second} of {line.n}")
     if missing := sorted(first.by_key.keys() ^ second.by_key.keys()):
-        print(f"only one has played: {', '.join(condition_name(*key) for key in missing)}")
+        say(f"only one has played: {', '.join(condition_name(*key) for key in missing)}")
 
 
 def _corrected_text(line: Any) -> str:

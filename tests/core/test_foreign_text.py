@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from pydantic import BaseModel
 from sample_results import LIGHT, RESULT, outcomes, provenance, variant
@@ -20,7 +21,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.foreign_text import MAX_TEXT, markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
 from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
-from lerobot_bimanual.reports.robustness_text import print_robustness
+from lerobot_bimanual.reports.robustness_table import print_robustness
 from lerobot_bimanual.results.benchmark import Machine
 from lerobot_bimanual.results.expert_report import ExpertReport, VariationLoad
 from lerobot_bimanual.results.record import Record
@@ -146,7 +147,7 @@ def test_no_record_with_texts_is_left_out():
     }
     covered = {
         owner.removesuffix(" keys")
-        for record in (*RECORDS, RESULT.evaluation)
+        for record in (*RECORDS, RESULT.evaluation.model_copy(update={"policy": {"type": "a"}}))
         for owner, _ in texts(record, "")
     }
     missing = fields - covered
@@ -157,7 +158,7 @@ def test_no_record_with_texts_is_left_out():
 def test_a_table_and_a_line_on_the_terminal_hold_no_control_characters(columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     for text in HOSTILE:
-        print_table((text, "n"), [(text, text)], text[:1000])
+        print_table(pd.DataFrame({text: [text], "n": [text]}), text[:1000])
         say(*[text[:3000]])
     output = capsys.readouterr().out
     assert not {character for character in output if not character.isprintable()} - {"\n"}
