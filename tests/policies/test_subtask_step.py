@@ -1,12 +1,15 @@
 """Sentences that say the subtask of their row."""
 
+import json
+
 import pytest
 import torch
 from lerobot.processor import PolicyProcessorPipeline
 
 from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_bimanual.errors import DatasetError
-from lerobot_policy_bimanual.checkpoint.check import PROCESSOR_FILES, step_names
+from lerobot_policy_bimanual.checkpoint.check import PROCESSOR_FILES
+from lerobot_policy_bimanual.checkpoint.steps import check_classes, step_names
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.training.subtask_step import SubtaskStep
 
@@ -63,7 +66,9 @@ def test_a_saved_preprocessor_has_the_step_again(tmp_path):
 def test_a_checkpoint_may_name_the_step_by_its_class_and_without_options(tmp_path):
     PolicyProcessorPipeline([SubtaskStep()], name="policy_preprocessor").save_pretrained(tmp_path)
     file = tmp_path / PROCESSOR_FILES[0]
-    assert step_names(file) == ["SubtaskStep"]
-    file.write_text(file.read_text().replace('"config": {}', '"config": {"fget": "os.system"}'))
+    processor = json.loads(file.read_text())
+    check_classes(file, processor)
+    assert step_names(file, processor, set()) == ["SubtaskStep"]
+    processor["steps"][0]["config"] = {"fget": "os.system"}
     with pytest.raises(CheckpointError, match="names the class"):
-        step_names(file)
+        check_classes(file, processor)
