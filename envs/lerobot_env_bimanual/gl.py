@@ -14,6 +14,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 from lerobot_bimanual.errors import MissingGL
 
@@ -57,7 +58,7 @@ def device_chosen() -> Iterator[None]:
     Ranks of a job and their workers take one after the other, of those in CUDA_VISIBLE_DEVICES, and the next one where
     theirs cannot be used. Where the user has chosen a device, or MuJoCo has one, nothing changes.
     """
-    module = sys.modules.get("mujoco.egl")
+    module: Any = sys.modules.get("mujoco.egl")
     is_open = module is not None and module.EGL_DISPLAY is None and DEVICE not in os.environ
     devices = module.EGL.eglQueryDevicesEXT() if is_open else []
     gpus = [str(i) for i, device in enumerate(devices) if len(devices) > 1 and not _is_software(device)]
@@ -65,7 +66,7 @@ def device_chosen() -> Iterator[None]:
         yield
         return
     rank = os.environ.get("LOCAL_RANK") or os.environ.get("SLURM_LOCALID") or ""
-    numbers = [re.search("[0-9]*$", name)[0] for name in (rank, multiprocessing.current_process().name)]
+    numbers = [re.sub(".*?([0-9]*)$", r"\1", name) for name in (rank, multiprocessing.current_process().name)]
     visible = os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",")
     chosen = [gpu for gpu in gpus if gpu in visible] or gpus
     place = sum(map(int, filter(None, numbers))) % len(chosen)
@@ -82,7 +83,8 @@ def _is_software(device: object) -> bool:
     from OpenGL.EGL import EGL_EXTENSIONS
     from OpenGL.EGL.EXT.device_query import eglQueryDeviceStringEXT
 
-    return bool(eglQueryDeviceStringEXT) and b"software" in eglQueryDeviceStringEXT(device, EGL_EXTENSIONS)
+    query: Any = eglQueryDeviceStringEXT
+    return bool(query) and b"software" in query(device, EGL_EXTENSIONS)
 
 
 def _opens(library: str) -> bool:
