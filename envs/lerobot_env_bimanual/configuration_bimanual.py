@@ -46,7 +46,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         if shared := [task for task, count in counts.items() if count > 1]:
             raise InvalidChoice("task", self.task, f"suites and tasks that share no task, as these {shared}")
         action_dim = KEYPOSE_DIM if self.control_mode == "keypose" else JOINT_ACTION_DIM
-        space = dict(observation_space(self))
+        space: dict[str, Any] = dict(observation_space(self))
         images = {schema.image_key(camera): box for camera, box in dict(space.pop(PIXELS, {})).items()}
         self.features = {schema.ACTION: PolicyFeature(FeatureType.ACTION, (action_dim,))}
         for key, box in (space | images).items():
