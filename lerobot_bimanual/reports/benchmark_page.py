@@ -74,9 +74,9 @@ def read_results(place: Path) -> dict[Path, BenchmarkResult]:
     return results
 
 
-def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
-    """The policies, the expert and the open-loop baseline side by side, one line per task."""
-    table = pd.DataFrame(
+def results_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
+    """One line per result, sorted: `task`, `policy`, `seed`, and the success rates `rate`, `expert` and `open_loop`."""
+    return pd.DataFrame(
         {
             "task": each.config.eval_key,
             "policy": each.config.policy_id,
@@ -87,16 +87,20 @@ def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
         }
         for each in results
     ).sort_values(["task", "policy", "seed"])
-    table["share"] = [rate.rate for rate in table.rate]
-    by_task, by_cell = table.groupby("task"), table.groupby(["task", "policy"])
-    shown = by_cell.rate.apply(_success_cell).unstack().fillna(ABSENT).add_prefix("`").add_suffix("`")
-    baselines = by_task[["expert", "open_loop"]].first()
+
+
+def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
+    """The policies, the expert and the open-loop baseline side by side, one line per task."""
+    table = results_table(results)
+    shown = table.pivot_table("rate", "task", "policy", _success_cell, fill_value=ABSENT)
+    shown = shown.rename(index="`{}`".format, columns="`{}`".format)
+    baselines = table.groupby("task")[["expert", "open_loop"]].first()
     shown["expert"] = [str(rate.successes) for rate in baselines.expert]
     shown["open loop"] = [*map(_score, baselines.open_loop)]
-    shown.index = [f"`{task}`" for task in shown.index]
     if len(shown) > 1:
-        means = by_cell.share.mean().unstack().mean(skipna=False)  # of policies that were scored on all tasks
-        means = [*means, *(fmean(rate.rate for rate in baselines[name]) for name in baselines)]
+        shares = table.assign(share=[rate.rate for rate in table.rate]).pivot_table("share", "task", "policy")
+        means = [*shares.mean(skipna=False)]  # of policies that were scored on all tasks
+        means += [fmean(rate.rate for rate in baselines[name]) for name in baselines]
         shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
 

@@ -1,13 +1,13 @@
 """Chart of many results: success of every policy on every task, beside the expert and the open-loop baseline."""
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import cycle
+from statistics import fmean
 
 from matplotlib.axes import Axes
 
 from lerobot_bimanual.reports import charts
+from lerobot_bimanual.reports.benchmark_page import results_table
 from lerobot_bimanual.reports.charts import GREY, INK, Chart, new_figure, styled
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
@@ -26,33 +26,6 @@ MAX_COUNTS = 3
 """Trainings whose successes are written out beside their line."""
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A policy or baseline on one task: its success in each training."""
-
-    label: str
-    rates: tuple[SuccessRate, ...]
-    marker: str
-    color: str
-
-    @property
-    def mean(self) -> float:
-        return sum(rate.rate for rate in self.rates) / len(self.rates)
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson interval of the mean, as if one policy of this rate had played the episodes that trainings share."""
-        trials = min(rate.trials for rate in self.rates)
-        return wilson_interval(self.mean * trials, trials)
-
-    @property
-    def counts(self) -> str:
-        trials = self.rates[0].trials
-        if len(self.rates) > MAX_COUNTS:
-            return f"{self.mean:.0%} of {trials}, {len(self.rates)} times"
-        return f"{', '.join(str(rate.successes) for rate in self.rates)} of {trials}"
-
-
 @styled
 def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     """One group of lines per task: its policies, the expert and the open-loop baseline.
@@ -60,20 +33,24 @@ def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     Args:
         rows: comparable results.
     """
-    groups = dict(_groups(rows))
-    lines = [line for group in groups.values() for line in group]
-    note = TRAININGS if any(len(line.rates) > 1 for line in lines) else ONE_TRAINING
-    figure = new_figure(
-        LINE_IN * (len(lines) + 1.6 * len(groups) + 4), "Success on unseen episodes", EPISODES, note
-    )
+    table = results_table(rows)
+    trained, tasks = table.groupby(["task", "policy"]).ngroups, table.task.nunique()
+    height_in = LINE_IN * (trained + (len(BASELINES) + 1.6) * tasks + 4)
+    note = TRAININGS if len(table) > trained else ONE_TRAINING
+    figure = new_figure(height_in, "Success on unseen episodes", EPISODES, note)
     panel = figure.subplots()
-    y, labels = 0.0, {}
-    for task, group in groups.items():
+    styles = dict(zip(sorted(table.policy.unique()), cycle(STYLES), strict=False))
+    y, labels, said = 0.0, {}, ["Successes."]
+    for task, of_task in table.groupby("task"):
+        lines = {name: ([*rates], *styles[name]) for name, rates in of_task.groupby("policy").rate}
+        lines |= {label: ([of_task[key].iloc[0]], *style) for key, label, *style in BASELINES}
         labels[y] = (task, INK, "bold")
-        for line in group:
+        counts = []
+        for name, (rates, marker, color) in lines.items():
             y += 1
-            labels[y] = (line.label, line.color, "normal")
-            _draw(panel, y, line)
+            labels[y] = (name, color, "normal")
+            counts.append(f"{name} {_draw(panel, y, rates, marker, color)}")
+        said.append(f"{task}: {'; '.join(counts)}.")
         y += 1.6
     panel.set(xlim=(-0.02, 1.02), ylim=(y - 1, -0.6))
     panel.set_yticks([*labels], [text for text, *_ in labels.values()])
@@ -83,35 +60,23 @@ def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     panel.grid(axis="x")
     panel.spines[["left", "bottom"]].set_visible(False)
     panel.tick_params(length=0)
-    said = {
-        task: "; ".join(f"{line.label} {line.counts}" for line in group) for task, group in groups.items()
-    }
-    return Chart(figure, "Successes. " + " ".join(f"{task}: {text}." for task, text in said.items()))
+    return Chart(figure, " ".join(said))
 
 
-def _groups(rows: Sequence[BenchmarkResult]) -> Iterator[tuple[str, list[_Line]]]:
-    """Lines by task; trainings of a policy in the order of their seeds."""
-    policies = sorted({row.config.policy_id for row in rows})
-    styles = dict(zip(policies, cycle(STYLES), strict=False))
-    trained = defaultdict(list)
-    for row in sorted(rows, key=lambda row: row.config.seed):
-        trained[row.config.eval_key, row.config.policy_id].append(row.rates)
-    for task in sorted({row.config.eval_key for row in rows}):
-        found = {policy: trained[task, policy] for policy in policies if (task, policy) in trained}
-        lines = [
-            _Line(policy, tuple(rates["policy"] for rates in trainings), *styles[policy])
-            for policy, trainings in found.items()
-        ]
-        rates = next(iter(found.values()))[0]
-        yield task, lines + [_Line(label, (rates[key],), *style) for key, label, *style in BASELINES]
+def _draw(panel: Axes, y: float, rates: Sequence[SuccessRate], marker: str, color: str) -> str:
+    """Draw the success of each training of a policy, and say its counts.
 
-
-def _draw(panel: Axes, y: float, line: _Line) -> None:
-    low, high = line.interval
-    panel.hlines(y, low, high, line.color, linewidth=1.8)
-    panel.plot(line.mean, y, line.marker, color=line.color, markersize=5, clip_on=False)
-    if len(line.rates) > 1:
-        shares, above = [rate.rate for rate in line.rates], [y - 0.38] * len(line.rates)
+    The interval is that of the mean, as if one policy of this rate had played the episodes that trainings share.
+    """
+    shares, trials = [rate.rate for rate in rates], min(rate.trials for rate in rates)
+    mean = fmean(shares)
+    panel.hlines(y, *wilson_interval(mean * trials, trials), color, linewidth=1.8)
+    panel.plot(mean, y, marker, color=color, markersize=5, clip_on=False)
+    if len(rates) > 1:
         single = {"fillstyle": "none", "markersize": 3, "clip_on": False}
-        panel.plot(shares, above, line.marker, color=line.color, **single)
-    panel.text(1.04, y, line.counts, color=line.color, va="center", fontsize=8)
+        panel.plot(shares, [y - 0.38] * len(shares), marker, color=color, **single)
+    counts = f"{', '.join(str(rate.successes) for rate in rates)} of {rates[0].trials}"
+    if len(rates) > MAX_COUNTS:
+        counts = f"{mean:.0%} of {rates[0].trials}, {len(rates)} times"
+    panel.text(1.04, y, counts, color=color, va="center", fontsize=8)
+    return counts

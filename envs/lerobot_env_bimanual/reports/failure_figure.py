@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
@@ -29,7 +29,7 @@ def failure_figure(found: Mapping[str, Sequence[Attribution]]) -> Chart:
     Args:
         found: the attributed failures of each task; of a task that was evaluated in several ways, of each of these.
     """
-    shown = {task: failures for task, failures in found.items() if failures}
+    shown = {task: pd.DataFrame(failures) for task, failures in found.items() if failures}
     without = [task for task in found if task not in shown]
     rows = max(1, -(-len(shown) // COLUMNS))
     figure = new_figure(
@@ -45,30 +45,29 @@ def failure_figure(found: Mapping[str, Sequence[Attribution]]) -> Chart:
         panel.set_axis_off()
     if shown:
         panels[0].legend(fontsize=6)
-    return Chart(figure, " ".join(_sentence(task, failures) for task, failures in found.items()))
+    said = dict.fromkeys(found, "0 failed") | {
+        task: ", ".join(
+            [f"{len(failures)} failed"]
+            + [f"{count} by {name}" for name, count in failures.groupby("responsible").size().items()]
+        )
+        for task, failures in shown.items()
+    }
+    return Chart(figure, " ".join(f"{task}: {text}." for task, text in said.items()))
 
 
-def _draw(panel: Axes, task: str, failures: Sequence[Attribution]) -> None:
-    counts = Counter((failure.last_recoverable, failure.responsible) for failure in failures)
-    last = max((index for index, _ in counts if index is not None), default=0)
-    bottom = [0] * (last + 1)
-    style = {"edgecolor": INK, "linewidth": 0.6}
-    for responsible, color in COLORS.items():
-        heights = [counts[index, responsible] for index in range(last + 1)]
-        panel.bar(range(last + 1), heights, bottom=bottom, color=color, label=responsible, **style)
-        bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
-    unattributed = len(failures) - sum(bottom)
+def _draw(panel: Axes, task: str, failures: pd.DataFrame) -> None:
+    counts = pd.crosstab(failures.last_recoverable, failures.responsible)
+    last = int(max(counts.index, default=0))
+    counts = counts.reindex(index=range(last + 1), columns=[*COLORS], fill_value=0)
+    style = {"edgecolor": INK, "linewidth": 0.6, "width": 0.8, "legend": False, "rot": 0}
+    counts.plot.bar(ax=panel, stacked=True, color=COLORS, **style)
+    unattributed = len(failures) - int(counts.to_numpy().sum())
     note = f", {unattributed} not attributed" if unattributed else ""
     panel.set_title(f"{task}\n{len(failures)} failed{note}", fontsize=8)
-    panel.set(xlim=(-0.6, max(last, 4) + 0.6), ylim=(0, max(1, *bottom)))
+    panel.set(xlim=(-0.6, max(last, 4) + 0.6), ylim=(0, max(1, counts.sum(axis=1).max())), xlabel="")
     panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    panel.xaxis.set_major_formatter("{x:.0f}")
     panel.yaxis.set_major_locator(MaxNLocator(nbins=3, integer=True))
     panel.grid(axis="y")
     panel.set_axisbelow(True)
     panel.tick_params(length=0)
-
-
-def _sentence(task: str, failures: Sequence[Attribution]) -> str:
-    counts = Counter(failure.responsible for failure in failures)
-    parts = [f", {count} by {responsible}" for responsible, count in sorted(counts.items())]
-    return f"{task}: {len(failures)} failed{''.join(parts)}."
