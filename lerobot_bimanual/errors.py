@@ -32,35 +32,6 @@ def did_you_mean(name: object, valid: Iterable[str]) -> str:
     return f" Did you mean {close[0]!r}?" if close else ""
 
 
-class UnknownTask(BimanualError):
-    """A task name that the registry does not hold."""
-
-    def __init__(self, name: str, valid: Iterable[str]):
-        names = list(valid)
-        super().__init__(
-            f"unknown task {shown(name)}.{did_you_mean(name, names)} Tasks and suites: {', '.join(names)}"
-        )
-
-
-class UnknownCamera(BimanualError):
-    """A camera name that the scene does not have."""
-
-    def __init__(self, name: str, valid: Iterable[str]):
-        names = list(valid)
-        super().__init__(
-            f"unknown camera {shown(name)}.{did_you_mean(name, names)} Cameras: {', '.join(names)}"
-        )
-
-
-class UnknownVariation(BimanualError):
-    """A variation index that the task does not have."""
-
-    def __init__(self, task: str, variation: object, count: int):
-        super().__init__(
-            f"task {task!r} has no variation {shown(variation)}. Use 'any' or an integer from 0 to {count - 1}"
-        )
-
-
 class InvalidChoice(BimanualError):
     """An option set to a value that it cannot have.
 
@@ -113,12 +84,8 @@ class PlacementFailure(BimanualError):
     """No placement of the props was found that both arms can serve."""
 
 
-class SchemaMismatch(BimanualError):
-    """A dataset whose features or schema version are not the ones this package writes."""
-
-
 class DatasetError(BimanualError):
-    """A dataset that cannot be written, resumed, merged or read."""
+    """A dataset that cannot be written, resumed, merged or read, or that is not of the schema of this package."""
 
 
 class MissingGL(BimanualError):

@@ -177,7 +177,7 @@ class BimanualEnv(gym.Env):
 
         Raises:
             InvalidChoice: a seed or options that are none.
-            UnknownVariation: the task has no such variation.
+            InvalidChoice: the task has no such variation.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         seed, chosen = checked_seed(seed), checked_reset_options(options)

@@ -16,7 +16,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.errors import InvalidChoice, UnknownCamera
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.registry import checked_perturbation
 
 ANY_VARIATION = "any"
@@ -42,7 +42,7 @@ class EnvOptions:
     `image_size` as `(height, width)` and folders as paths.
 
     Raises:
-        UnknownCamera: the scene has no such camera.
+        InvalidChoice: the scene has no such camera.
         InvalidChoice: another option is outside its choices.
     """
 
@@ -164,7 +164,7 @@ def _camera_names(cameras: Any) -> tuple[str, ...]:
         raise InvalidChoice("cameras", cameras, f"a non-empty list of {', '.join(CAMERA_NAMES)}, none twice")
     for name in chosen:
         if name not in CAMERA_NAMES:
-            raise UnknownCamera(name, CAMERA_NAMES)
+            raise InvalidChoice("cameras", name, CAMERA_NAMES)
     return chosen
 
 

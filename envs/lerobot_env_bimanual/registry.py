@@ -10,8 +10,7 @@ import importlib
 import logging
 import signal
 import tomllib
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +29,10 @@ class Registry[T]:
         kind: what an entry is called in error messages, such as "task".
         group: entry-point group of other distributions, with `name = "module.that.registers_it"`.
         own: name -> module of this distribution's entries; they win over announced ones of the same name.
-        unknown: makes the error for a name that does not exist, given the name and all that do.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        group: str,
-        own: Mapping[str, str],
-        unknown: Callable[[str, tuple[str, ...]], BimanualError],
-    ):
-        self._kind, self._group, self._own, self._unknown = kind, group, own, unknown
+    def __init__(self, kind: str, group: str, own: Mapping[str, str]):
+        self._kind, self._group, self._own = kind, group, own
         self._entries: dict[str, T] = {}
 
     @functools.cached_property
@@ -79,7 +71,7 @@ class Registry[T]:
             BimanualError: no such entry, or its module cannot be imported or does not register it.
         """
         if name not in self.names:
-            raise self._unknown(name, self.names)
+            raise InvalidChoice(self._kind, name, self.names)
         if name not in self._entries:
             module = self.modules[name]
             try:
@@ -136,7 +128,6 @@ AXES: Registry[Any] = Registry(
     kind="axis",
     group="lerobot_bimanual.perturbations",
     own={name: f"{__package__}.perturbations.{row['module']}" for name, row in AXES_DATA.items()},
-    unknown=partial(InvalidChoice, "axis"),
 )
 """The axes of perturbation, each a `lerobot_env_bimanual.perturbations.axis.Axis`."""
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lerobot_bimanual.errors import UnknownVariation
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.conditions import Condition
 from lerobot_env_bimanual.options import ANY_VARIATION
@@ -113,16 +113,20 @@ class TaskSpec:
             variation: index, also as a text, or "any".
 
         Raises:
-            UnknownVariation: the task has no such variation.
+            InvalidChoice: the task has no such variation.
         """
         if isinstance(variation, str):
             if variation == ANY_VARIATION:
                 return None
             variation = int(variation) if re.fullmatch("[0-9]{1,4}", variation) else variation
-        if not isinstance(variation, int | np.integer) or isinstance(variation, bool):
-            raise UnknownVariation(self.name, variation, len(self.variations))
-        if not 0 <= variation < len(self.variations):
-            raise UnknownVariation(self.name, variation, len(self.variations))
+        count = len(self.variations)
+        if (
+            not isinstance(variation, int | np.integer)
+            or isinstance(variation, bool)
+            or not 0 <= variation < count
+        ):
+            valid = f"'any' or an integer from 0 to {count - 1}"
+            raise InvalidChoice(f"variation of {self.name}", variation, valid)
         return int(variation)
 
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:

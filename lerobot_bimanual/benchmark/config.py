@@ -19,15 +19,11 @@ OWN_FLAGS = {
     ),
     "eval_flags": (
         *("policy.path", "policy.device", "eval.n_episodes", "seed", "output_dir", "config_path"),
-        *(
-            f"env.{name}"
-            for name in ("type", "task", "variation", "split", "perturb", "image_size", "results_dir")
-        ),
+        *("env.type", "env.task", "env.variation", "env.split", "env.perturb", "env.image_size"),
+        *("env.results_dir", "env.video_dir"),
     ),
 }
 """Flags that the benchmark sets from its own, which these flags therefore cannot hold."""
-OUTPUT_FLAGS = ("env.video_dir",)
-"""Flags of an evaluation that only add files."""
 INCIDENTAL = ("num_workers", "wandb.enable")
 """Training options that decide nothing about what is learned."""
 NUMBERS = ("demos", "image_size", "steps", "batch_size", "save_freq", "val_episodes", "test_episodes")
@@ -61,6 +57,7 @@ class BenchmarkConfig:
     # Further flags of the training, in one text; they win over the recipe's.
     train_flags: str = ""
     eval_flags: str = ""  # further flags of lerobot-eval, in one text
+    video_dir: Path | None = None  # folder for a video of every evaluated episode; by default none is made
     device: str | None = None  # cpu, cuda, ...; by default LeRobot chooses
     workers: int = 0  # processes for generation and for expert and baseline; 0 takes one per core
     output: Path = Path("outputs/benchmark")  # policies of a task share its dataset and baselines here
@@ -110,9 +107,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         demos_perturb=levels_text(parse_levels(config.demos_perturb)),
         device=config.device or usual_device,
         training=training | own | _options(config, "train_flags"),
-        evaluation={
-            name: v for name, v in _options(config, "eval_flags").items() if name not in OUTPUT_FLAGS
-        },
+        evaluation=_options(config, "eval_flags"),
     )
     steps = settings.checkpoint_steps
     if not settings.val_episodes and len(steps) > 1 and not trained_on:
@@ -121,11 +116,6 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
             f"steps; leave one with --save_freq={settings.steps}"
         )
     return settings
-
-
-def output_options(config: BenchmarkConfig) -> dict[str, Any]:
-    """Options of the evaluations that only add files."""
-    return {name: value for name, value in _options(config, "eval_flags").items() if name in OUTPUT_FLAGS}
 
 
 def shortest_config(settings: BenchmarkSettings) -> BenchmarkConfig:

@@ -116,8 +116,8 @@ class Pipeline:
         An interrupted training goes on from its last checkpoint; other commands begin anew.
 
         Raises:
-            BimanualError: the command failed or left no output, an input cannot be read, its folder holds checkpoints
-                from which it cannot be resumed, or its marker is damaged.
+            BimanualError: the command failed or left no output, an input is missing, its folder holds checkpoints of
+                another training, or its marker is damaged.
         """
         marker = self._marker(command)
         if marker.done and (command.output is None or command.output.exists()):
@@ -160,7 +160,13 @@ class Pipeline:
 
     def _marker(self, command: Command) -> Marker:
         """The marker of this command with these inputs; a new one if it was never begun with them."""
-        inputs = {str(path): made_before(path) for path in command.inputs}
+        for path in command.inputs:
+            if not path.is_file():
+                raise BimanualError(
+                    f"{path} is missing, but was made by an earlier command; put it back, or choose another --output to "
+                    "make it again"
+                )
+        inputs = {str(path): sha256(path) for path in command.inputs}
         new = Marker(command=str(command), inputs=inputs, done=False, seconds=0.0)
         found = Marker.read(path) if (path := self._path(command)).is_file() else new
         return found if (found.command, found.inputs) == (new.command, inputs) else new
@@ -170,16 +176,9 @@ class Pipeline:
 
     def _resume(self, command: Command, folder: Path) -> list[str] | None:
         """The command that resumes a training from its last checkpoint; None if there is no checkpoint."""
-        config = Path("pretrained_model", "train_config.json")
-        link = folder / "checkpoints" / "last"
-        last = link / config
-        if not last.is_file():
-            if kept := sorted(folder.glob(f"checkpoints/*/{config}")):
-                newest = kept[-1].parents[1].name
-                raise BimanualError(
-                    f"{folder} holds checkpoints, but {link} is not a link to one. To go on from the newest: "
-                    f"{shlex.join(['ln', '-sfn', newest, str(link)])}; to train anew, remove the folder"
-                )
+        # LeRobot's link `last` comes after the numbers of steps; where it leads nowhere, the newest one is taken.
+        checkpoints = sorted(folder.glob("checkpoints/*/pretrained_model/train_config.json"))
+        if not checkpoints:
             # lerobot-train refuses an existing folder, and this one holds nothing to keep.
             shutil.rmtree(folder, ignore_errors=True)
             return None
@@ -190,22 +189,8 @@ class Pipeline:
                 f"remove the folder to train anew with: {command}"
             )
         # The checkpoint is its own; only of a few policies can be said that they load nothing by name.
-        return [command.words[0], f"--config_path={last}", "--trust_checkpoint=true", "--resume=true"]
-
-
-def made_before(path: Path) -> str:
-    """SHA-256 of a file that an earlier command has made.
-
-    Raises:
-        BimanualError: it cannot be read; the message names it.
-    """
-    try:
-        return sha256(path)
-    except OSError as error:
-        raise BimanualError(
-            f"{path} cannot be read ({error.strerror}), but was made by an earlier command; put it back, or choose another "
-            "--output to make it again"
-        ) from error
+        words = [command.words[0], f"--config_path={checkpoints[-1]}"]
+        return [*words, "--trust_checkpoint=true", "--resume=true"]
 
 
 def show_command(console: Console, prompt: str, words: Iterable[str]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, output_options, resolve
+from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resolve
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
@@ -25,14 +25,14 @@ class Plan:
         recipe: how the policy is trained.
         output: folder of all benchmarks.
         workers: processes for generation and for expert and baseline; 0 takes one per core.
-        outputs: options of the evaluations that only add files.
+        video_dir: folder for a video of every evaluated episode; None makes none.
     """
 
     settings: BenchmarkSettings
     recipe: Recipe
     output: Path
     workers: int
-    outputs: Mapping[str, Any]
+    video_dir: Path | None
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Self:
@@ -46,7 +46,7 @@ class Plan:
             recipe=Recipe.find(config.policy, config.recipe),
             output=config.output.resolve(),
             workers=config.workers,
-            outputs=output_options(config),
+            video_dir=config.video_dir and config.video_dir.resolve(),
         )
 
     @property
@@ -184,12 +184,13 @@ class Plan:
             "env.cameras": ",".join(self.recipe.cameras),
             "env.obs": None if self.recipe.depth else "rgb",
             "env.results_dir": str(folder),
+            "env.video_dir": self.video_dir and str(self.video_dir),
             "eval.n_episodes": len(seeds),
             "eval.batch_size": 2,
             "seed": seeds.start,
             "output_dir": str(folder),
         }
-        words = ["lerobot-eval", *flag_words(_given(options) | settings.evaluation | {**self.outputs})]
+        words = ["lerobot-eval", *flag_words(_given(options) | settings.evaluation)]
         return Command(folder.name, words, folder / "eval_info.json", inputs=(self.weights(step),))
 
     def commands(self, step: int) -> Iterator[Command]:

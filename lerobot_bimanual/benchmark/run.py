@@ -3,17 +3,18 @@
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Container
 from datetime import date
 from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.pipeline import Pipeline, made_before, show_command
+from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
 from lerobot_bimanual.benchmark.plan import BASELINES, Plan
+from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.errors import BimanualError, UnknownVariation
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
 from lerobot_bimanual.results.benchmark import (
     BenchmarkResult,
     BenchmarkSettings,
@@ -41,8 +42,9 @@ def check_task(settings: BenchmarkSettings) -> None:
         raise BimanualError(
             f"task is {settings.task!r}, a suite, but a benchmark is of one task; run one for each of: {', '.join(tasks)}"
         )
-    if settings.variation != "any" and int(settings.variation) >= tasks[settings.task]:
-        raise UnknownVariation(settings.task, settings.variation, tasks[settings.task])
+    if settings.variation != "any" and int(settings.variation) >= (count := tasks[settings.task]):
+        valid = f"'any' or an integer from 0 to {count - 1}"
+        raise InvalidChoice(f"variation of {settings.task}", settings.variation, valid)
     if settings.trained_on and settings.task not in (learned := _variations(settings.trained_on)):
         raise BimanualError(
             f"trained_on is {settings.trained_on!r}, which does not contain {settings.task!r}; score one of: "
@@ -63,14 +65,15 @@ def show(plan: Plan, console: Console) -> None:
 
 
 def run(plan: Plan, console: Console) -> BenchmarkResult:
-    """Run what is not done yet, and write the result.
+    """Run what is not done yet, and write the result; a result that is there already is returned as it is.
 
     Raises:
         BimanualError: a command failed, results of different times do not belong together, or the result of another
             measurement would be replaced.
     """
     settings = plan.settings
-    cached = _cached(plan)
+    if (made := _made_before(plan)) is not None:
+        return made
     Pipeline(plan.source, console).run(plan.generation())
     provenance = _provenance(plan)
     shared = Pipeline(plan.folder, console)
@@ -78,7 +81,7 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     for player in BASELINES:
         shared.run(plan.baseline(player))
         path = plan.report(player)
-        worlds[path], reports[player] = _read_report(path, player, settings.task, plan.seeds("test"))
+        worlds[path], reports[player] = _read_report(path, settings.task)
     if settings.demos_perturb == settings.perturb:  # otherwise the worlds differ by intention
         worlds[plan.dataset] = provenance.worlds.get(settings.task, "none")
     _check_one_world(worlds, settings.task)
@@ -98,10 +101,6 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
     tested = _read_record(plan.record_file("test", step), plan.seeds("test"))
     _check_one_world(worlds | {plan.record_file("test", step): tested.world}, settings.task)
 
-    weights = made_before(plan.weights(step))
-    # A finished benchmark that is run again was neither trained nor tested where and when that happens.
-    trained = cached if cached is not None and cached.checkpoint_sha256 == weights else None
-    played = trained if trained is not None and trained.episodes == tested.episodes else None
     try:
         result = BenchmarkResult.of(
             schema_version=4,
@@ -113,13 +112,13 @@ def run(plan: Plan, console: Console) -> BenchmarkResult:
                 versions=dict(provenance.versions),
             ),
             checkpoint_step=step,
-            checkpoint_sha256=weights,
+            checkpoint_sha256=sha256(plan.weights(step)),
             training_seconds=round(training.seconds(plan.training()), 1),
-            machine=Machine.this() if trained is None else trained.machine,
+            machine=Machine.this(),
             options=tested.options,
             batch_size=tested.batch_size,
             versions=tested.versions,
-            date=date.today().isoformat() if played is None else played.date,
+            date=date.today().isoformat(),
             validation=tuple(validation),
             episodes=tested.episodes,
             expert=reports["expert"],
@@ -164,7 +163,7 @@ def _variations(tasks: str) -> dict[str, int]:
     return {task["name"]: len(task["variations"]) for task in json.loads(answer.stdout)}
 
 
-def _cached(plan: Plan) -> BenchmarkResult | None:
+def _made_before(plan: Plan) -> BenchmarkResult | None:
     """The result of the same measurement if it is there already.
 
     Raises:
@@ -174,50 +173,28 @@ def _cached(plan: Plan) -> BenchmarkResult | None:
     if not plan.result.exists():
         return None
     try:
-        cached = BenchmarkResult.read(plan.result)
+        made = BenchmarkResult.read(plan.result)
     except BadRecord as error:
         raise BadRecord(f"{error}; {advice}") from error
     for name in BenchmarkSettings.model_fields:
-        got, asked = getattr(cached.config, name), getattr(plan.settings, name)
+        got, asked = getattr(made.config, name), getattr(plan.settings, name)
         if got != asked:
             raise BimanualError(
                 f"{plan.result} would be replaced: its {name} is {got!r}, not {asked!r}; {advice}"
             )
-    return cached
+    return made
 
 
-def _read_record(path: Path, seeds: Sequence[int]) -> EvaluationRecord:
-    """The record of an evaluation, without the episodes that filled up its last batch.
-
-    Args:
-        path: the file.
-        seeds: seeds of the evaluation's episodes, increasing.
-
-    Raises:
-        BadRecord: the file is not such a record, or an episode is missing.
-    """
+def _read_record(path: Path, seeds: Container[int]) -> EvaluationRecord:
+    """The record of an evaluation on these seeds, without the episodes that filled up its last batch."""
     record = EvaluationRecord.read(path)
     episodes = tuple(episode for episode in record.episodes if episode.seed in seeds)
-    if [episode.seed for episode in episodes] != list(seeds):
-        raise BadRecord(
-            f"{path} does not hold the seeds {seeds[0]} to {seeds[-1]}; remove it to evaluate again"
-        )
     return record.model_copy(update={"episodes": episodes})
 
 
-def _read_report(path: Path, player: str, task: str, seeds: Sequence[int]) -> tuple[str, tuple[Episode, ...]]:
-    """World and episodes, sorted by variation and seed, of the report of the expert or a baseline on one task.
-
-    Raises:
-        BadRecord: the file is not such a report, or of another player, split, task or other seeds.
-    """
+def _read_report(path: Path, task: str) -> tuple[str, tuple[Episode, ...]]:
+    """World and episodes, sorted by variation and seed, of the report of the expert or a baseline on one task."""
     report = ExpertReport.read(path)
-    found = (report.player, report.discretise, report.split, report.tasks, [*report.seeds])
-    if found != (player, 0, "test", [task], [*seeds]):
-        raise BadRecord(
-            f"{path} is not of {player} on the seeds {seeds[0]} to {seeds[-1]} of {task} in the split test; remove the file "
-            "to measure again"
-        )
     episodes = sorted(report.episodes, key=lambda episode: (episode.variation, episode.seed))
     kept = {"seed", "variation", "success", "failure", "state_hash"}
     return report.worlds[task], tuple(Episode(**episode.model_dump(include=kept)) for episode in episodes)

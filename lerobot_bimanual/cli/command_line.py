@@ -1,7 +1,6 @@
 """From the words of a command line to a command that an installed distribution adds, its help or a message."""
 
 import ast
-import difflib
 import inspect
 import io
 import os
@@ -15,7 +14,7 @@ from types import FrameType
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
 from lerobot_bimanual.distributions import entries, location, require_extras
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, did_you_mean
 from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
 from lerobot_bimanual.interrupts import signal_handled
 
@@ -88,10 +87,9 @@ def find_command(words: Sequence[str]) -> tuple[str, list[str]]:
     members = find_commands(words[0])
     typed = words[:2] if members else words[:1]
     valid = [*members] or [*dict.fromkeys(name.split()[0] for name in names)]
-    meant = {name.split()[-1]: name for name in [*(members or names), *valid]}
-    close = difflib.get_close_matches(typed[-1], meant, n=1)
-    guess = f" Did you mean {meant[close[0]]!r}?" if close else ""
-    raise BadCommandLine(f"unknown command {' '.join(typed)!r}.{guess} Commands: {', '.join(valid)}.")
+    name = " ".join(typed)
+    guess = did_you_mean(name, [*names, *valid])
+    raise BadCommandLine(f"unknown command {name!r}.{guess} Commands: {', '.join(valid)}.")
 
 
 def config_type_of(command: Callable[..., int | None]) -> type:

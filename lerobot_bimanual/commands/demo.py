@@ -1,6 +1,5 @@
 """The command `demo`."""
 
-import shlex
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,10 +38,10 @@ class DemoConfig:
             val_episodes=0,
             test_episodes=20,
             first_seed=1000,
-            eval_flags=f"--env.video_dir={shlex.quote(str(self.video_folder))}" if self.video else "",
             device="cpu",
             workers=self.workers,
             output=self.output,
+            video_dir=self.video_folder if self.video else None,
         )
 
 

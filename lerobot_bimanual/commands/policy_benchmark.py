@@ -16,7 +16,8 @@ def policy_benchmark(config: BenchmarkConfig) -> None:
     of them (of equals the latest) on the test split. The result is one JSON file in OUTPUT/results, read by
     `lerobot-bimanual results compare`.
 
-    An interrupted benchmark continues where it stopped, a training from its last checkpoint.
+    An interrupted benchmark continues where it stopped, a training from its last checkpoint. Of a finished one the result
+    is shown again.
 
     Examples:
         lerobot-bimanual policy benchmark --policy=peract2 --task=lift_ball

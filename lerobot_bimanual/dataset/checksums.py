@@ -42,7 +42,7 @@ def write_checksums(root: Path) -> None:
         DatasetError: something in it is not a plain file, or cannot be read.
         UnwritableOutput: its folder cannot be written.
     """
-    files, problems = _plain_files(root)
+    files, problems = plain_files(root)
     if problems:
         raise DatasetError(f"{root}: {problems[0]}")
     files.pop(CHECKSUMS_FILE.as_posix(), None)
@@ -63,7 +63,7 @@ def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[
         root: folder of the dataset, one view.
         rewritten: files that may differ, be missing or be new, because the caller is about to write them; but no links.
     """
-    found, problems = _plain_files(root)
+    found, problems = plain_files(root)
     yield from problems
     manifest = found.pop(CHECKSUMS_FILE.as_posix(), None)
     if manifest is None:
@@ -87,11 +87,6 @@ def checksum_problems(root: Path, rewritten: Collection[Path] = ()) -> Iterator[
                 yield f"{_shown(name)} cannot be read ({error.strerror})"
 
 
-def what_is_no_file(root: Path) -> list[str]:
-    """A sentence for everything in a dataset through which a reader would leave it or never return: links and pipes."""
-    return _plain_files(root)[1]
-
-
 def _read(path: Path) -> dict[str, str]:
     """File -> hash.
 
@@ -108,8 +103,11 @@ def _read(path: Path) -> dict[str, str]:
     return sums
 
 
-def _plain_files(root: Path) -> tuple[dict[str, Path], list[str]]:
-    """Every file below a folder by its path there, and a sentence for everything that is neither file nor folder."""
+def plain_files(root: Path) -> tuple[dict[str, Path], list[str]]:
+    """Every file below a folder by its path there, and a sentence for everything that is neither file nor folder.
+
+    Through links and pipes a reader would leave the folder, or never return.
+    """
     files: dict[str, Path] = {}
     problems: list[str] = []
     unreadable: list[OSError] = []

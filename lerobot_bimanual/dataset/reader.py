@@ -20,7 +20,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
-from lerobot_bimanual.errors import BimanualError, DatasetError, SchemaMismatch
+from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import read_json
 from lerobot_bimanual.results.record import Record, require
 
@@ -33,8 +33,6 @@ MAX_TABLE_BYTES = 2**31
 """Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
 
 IMAGE_TYPES = ("video", "image")
-MAX_HINTS = 3
-"""Datasets that an error message names."""
 
 TIMESTAMP, FRAME_INDEX, EPISODE_INDEX = "timestamp", "frame_index", "episode_index"
 INDEX, TASK_INDEX = "index", "task_index"
@@ -93,9 +91,9 @@ class RecordedDataset:
         provenance: where the dataset comes from, if it still says so.
 
     Raises:
-        DatasetError: there is no dataset at `root`, or its table of episodes is damaged.
+        DatasetError: there is no dataset at `root`, its table of episodes is damaged, or it is not ours, or of another
+            schema version; the message then lists what differs.
         BadRecord: its provenance is damaged.
-        SchemaMismatch: the dataset is not ours, or of another schema version; the message lists what differs.
     """
 
     def __init__(self, root: str | Path):
@@ -242,21 +240,16 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     for candidate in (Path(root), *(Path(root, view) for view in preferred)):
         if (candidate / INFO_FILE).is_file():
             return candidate
-    below = datasets_below(Path(root))
-    hint = f". Did you mean --root={' or --root='.join(map(str, below[:MAX_HINTS]))}?" if below else ""
+    below = [path for depth in ("*", "*/*") for path in sorted(Path(root).glob(f"{depth}/{INFO_FILE}"))]
+    hint = f". Did you mean --root={below[0].parents[1]}?" if below else ""
     raise DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")
-
-
-def datasets_below(root: Path) -> list[Path]:
-    """Folders of datasets one or two levels below a folder."""
-    return [path.parents[1] for depth in ("*", "*/*") for path in sorted(root.glob(f"{depth}/{INFO_FILE}"))]
 
 
 def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
     """Compare the feature table of a dataset with the schema.
 
     Raises:
-        SchemaMismatch: a vector or scalar is missing or different, or the version is another one.
+        DatasetError: a vector or scalar is missing or different, or the version is another one.
     """
     expected = json.loads(json.dumps(schema.features((), 0, 0, "frames")))
     differences = [f"{key} is missing" for key in expected if key not in features]
@@ -269,7 +262,7 @@ def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
     if found_version not in (None, SCHEMA_VERSION):
         differences.insert(0, f"its schema version is {found_version}, not {SCHEMA_VERSION}")
     if differences:
-        raise SchemaMismatch(
+        raise DatasetError(
             f"{origin} is not a dataset that this version of lerobot_bimanual reads: {'; '.join(differences)}. "
             "Generate it again, or install the version that wrote it."
         )

@@ -4,19 +4,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
-import av
 from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
 from lerobot.datasets.dataset_writer import DatasetWriter
 from lerobot.datasets.image_writer import AsyncImageWriter, image_array_to_pil_image, save_kwargs_for_path
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.reader import read_info
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration
-from lerobot_bimanual.errors import DatasetError
 
 PNG_LEVEL = 5
 """Of zlib. LeRobot compresses at level 6, which takes 15.6 ms for a view of 256x256 where level 5 takes 8.7, for 5 % more
@@ -99,14 +96,9 @@ class ViewWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Write what makes the folder a dataset, unless the block failed.
-
-        Raises:
-            DatasetError: a video lost a frame.
-        """
+        """Write what makes the folder a dataset, unless the block failed."""
         if kind is None:
             self._writer.finalize()
-            check_videos(self.root)
         else:
             self._writer.cancel_pending_videos()
 
@@ -135,22 +127,3 @@ def write_episode(episode: Demonstration, writers: Sequence[ViewWriter]) -> None
             writer.add_row(episode, row, images)
     for writer in writers:
         writer.end_episode()
-
-
-def check_videos(root: Path) -> None:
-    """Count the frames in the videos of a dataset; none is decoded.
-
-    Raises:
-        DatasetError: those of a camera do not hold one frame for every row.
-    """
-    info = read_info(root)
-    for key in (key for key, feature in info["features"].items() if feature["dtype"] == "video"):
-        frames = 0
-        for path in root.glob(f"videos/{key}/*/*.mp4"):
-            with av.open(str(path)) as container:
-                frames += sum(1 for packet in container.demux(video=0) if packet.size)
-        if frames != info["total_frames"]:
-            raise DatasetError(
-                f"the videos of {key} in {root} hold {frames} frames, but its episodes have {info['total_frames']} rows. "
-                "Delete the dataset and generate it again; if it happens twice, the encoder loses frames"
-            )

@@ -24,6 +24,7 @@ from lerobot_bimanual.results.robustness import (
     ExpertCondition,
     ExpertRobustnessReport,
     RobustnessResult,
+    is_valid,
 )
 
 type Results = Mapping[str, RobustnessResult]
@@ -128,7 +129,7 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
             "task": task,
             "axis": each.axis,
             "level": each.level,
-            "valid": report.is_valid(each),
+            "valid": is_valid(report.rates(each)["expert"]),
             "text": _counts(report, each),
         }
         for task, report in reports.items()
@@ -169,7 +170,7 @@ def _counts(report: ExpertRobustnessReport, condition: ExpertCondition) -> str:
     """Expert and open-loop baseline, each of how many episodes; in brackets where the expert solves too few."""
     rates = report.rates(condition)
     text = ", ".join(f"{rates[name].successes}/{rates[name].trials}" for name in ("expert", "open_loop"))
-    return text if report.is_valid(condition) else f"({text})"
+    return text if is_valid(rates["expert"]) else f"({text})"
 
 
 def magnitudes_text(axis: AxisRecord) -> str:

@@ -14,7 +14,7 @@ import pandas as pd
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
-from lerobot_bimanual.results.statistics import holm, mcnemar_p_value, only_one_solved
+from lerobot_bimanual.results.statistics import holm, sign_flip_p_value
 from lerobot_bimanual.terminal import print_table, say
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
@@ -44,7 +44,7 @@ def conditions_table(results: Mapping[str, RobustnessResult]) -> pd.DataFrame:
         label = name.removeprefix(f"{result.task}_")
         for each in result.conditions:
             rates, axis = each.rates, axes.get(each.axis)
-            lost, won = only_one_solved(result.nominal.solved, each.solved)
+            changes = each.changes_from(result.nominal)
             low, high = rates["policy"].interval
             lines.append(
                 {
@@ -67,9 +67,9 @@ def conditions_table(results: Mapping[str, RobustnessResult]) -> pd.DataFrame:
                     "expert": rates["expert"].successes,
                     "open_loop": rates["open_loop"].successes,
                     "valid": each.is_valid,
-                    "lost": lost,
-                    "won": won,
-                    "p": mcnemar_p_value(lost, won) if axis else None,
+                    "lost": changes.count(-1),
+                    "won": changes.count(1),
+                    "p": sign_flip_p_value(changes) if axis else None,
                 }
             )
     table = pd.DataFrame(lines)
@@ -159,18 +159,15 @@ def print_comparison(first: RobustnessResult, second: RobustnessResult) -> None:
         conditions_table({"second": second}), on="condition", suffixes=("", "_second")
     )
     keys = [*zip(table.axis, table.level, strict=True)]
-    table["pair"] = [only_one_solved(first.by_key[key].solved, second.by_key[key].solved) for key in keys]
-    table["p"], table["valid"] = (
-        [mcnemar_p_value(*pair) for pair in table.pair],
-        table.valid & table.valid_second,
-    )
+    table["changes"] = [second.by_key[key].changes_from(first.by_key[key]) for key in keys]
+    table["p"], table["valid"] = table.changes.map(sign_flip_p_value), table.valid & table.valid_second
     table["p_holm"] = corrected(table[table.valid], "level")
     shown = pd.DataFrame(
         {
             "condition": line.condition,
             "first": line.solved,
             "second": line.solved_second,
-            "only one solved": "{}, {}".format(*line.pair),
+            "only one solved": f"{line.changes.count(-1)}, {line.changes.count(1)}",
             "p": f"{line.p:.3g}",
             "p (Holm)": _corrected_text(line),
         }

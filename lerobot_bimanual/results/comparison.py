@@ -1,6 +1,6 @@
 """Paired comparison of two policies on the same episodes, and what results must share to be compared."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
@@ -38,8 +38,7 @@ class Comparison:
 
     def __post_init__(self) -> None:
         results = (*self.first, *self.second)
-        for result in results:
-            _check_same_episodes(results[0], result)
+        _check_equal(((result.config.file_name, result) for result in results), _facts_of_episodes)
         if not self.seeds:
             raise BimanualError("the results share no seed; evaluate both on the same --first_seed")
 
@@ -121,7 +120,7 @@ def check_comparable(results: Results) -> None:
     Raises:
         BimanualError: they do not, or trainings of one policy differ; the message names both files.
     """
-    _check_equal(results, _facts_of_table)
+    _check_equal(results.items(), _facts_of_table)
     check_trainings(results)
 
 
@@ -131,7 +130,7 @@ def check_trainings(results: Results) -> None:
     Raises:
         BimanualError: they differ in something else, or have the same weights; the message names both files.
     """
-    _check_equal(results, _facts_of_training)
+    _check_equal(results.items(), _facts_of_training)
     first: dict[tuple[str, str, str], Path] = {}
     for path, result in results.items():
         key = (result.config.eval_key, result.config.policy_id, result.checkpoint_sha256)
@@ -141,23 +140,32 @@ def check_trainings(results: Results) -> None:
             )
 
 
-def _check_equal(results: Results, facts: Callable[[BenchmarkResult], Mapping[str, object]]) -> None:
-    first: dict[str, tuple[Path, object]] = {}
-    for path, result in results.items():
+def _check_equal(
+    results: Iterable[tuple[object, BenchmarkResult]],
+    facts: Callable[[BenchmarkResult], Mapping[str, object]],
+) -> None:
+    """Refuse results, each with its name or file, of which facts of equal names differ."""
+    first: dict[str, tuple[object, object]] = {}
+    for place, result in results:
         for name, value in facts(result).items():
-            elsewhere, other = first.setdefault(name, (path, value))
+            elsewhere, other = first.setdefault(name, (place, value))
             if value != other:
                 raise BimanualError(
-                    f"{path}: {name} is {value!r:.200}, but {other!r:.200} in {elsewhere}; results are not comparable; "
+                    f"{place}: {name} is {value!r:.200}, but {other!r:.200} in {elsewhere}; results are not comparable; "
                     "remove one of the files"
                 )
+
+
+def _facts_of_episodes(result: BenchmarkResult) -> dict[str, object]:
+    versions = {package: result.versions[package] for package in SIMULATION_PACKAGES}
+    return {"what is played": result.config.eval_key, "world": result.world, "versions": versions}
 
 
 def _facts_of_table(result: BenchmarkResult) -> dict[str, object]:
     key = result.config.eval_key
     return {
         "recipe": result.config.recipe,
-        "versions": {package: result.versions[package] for package in SIMULATION_PACKAGES},
+        "versions": _facts_of_episodes(result)["versions"],
         f"world of {result.task}, {key}": result.world,
         f"expert on {key}": _outcomes(result.expert),
         f"open-loop baseline on {key}": _outcomes(result.open_loop),
@@ -180,17 +188,3 @@ def _facts_of_training(result: BenchmarkResult) -> dict[str, object]:
 def _outcomes(episodes: Sequence[Episode]) -> list[tuple[int, int | None, bool]]:
     """What does not depend on the processor."""
     return [(episode.seed, episode.variation, episode.success) for episode in episodes]
-
-
-def _check_same_episodes(first: BenchmarkResult, second: BenchmarkResult) -> None:
-    one, other = (
-        {"task": result.task, "variation": result.config.variation, f"world of {result.task}": result.world}
-        | {f"version of {package}": result.versions[package] for package in SIMULATION_PACKAGES}
-        for result in (first, second)
-    )
-    for name in one:
-        if one[name] != other.get(name):
-            raise BimanualError(
-                f"the results differ in {name}: {one[name]!r} and {other.get(name)!r}, so a seed may mean two episodes; "
-                "evaluate both on the same task with the same versions"
-            )

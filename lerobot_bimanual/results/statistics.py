@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb, sqrt
+from math import sqrt
 from statistics import NormalDist
 
 import numpy as np
@@ -65,26 +65,11 @@ def wilson_interval(successes: float, trials: int) -> tuple[float, float]:
     return lower, upper
 
 
-def mcnemar_p_value(only_first: int, only_second: int) -> float:
-    """Two-sided exact test of McNemar (1947) on paired outcomes.
-
-    If both were equally good, an episode that only one of them solves would be either's with probability one half; this is
-    the probability of a split at least as uneven as the one seen.
-
-    Args:
-        only_first: episodes that only the first solved.
-        only_second: episodes that only the second solved.
-    """
-    differing = only_first + only_second
-    tail = sum(comb(differing, k) for k in range(min(only_first, only_second) + 1))
-    return min(1.0, 2 * tail / 2**differing)
-
-
 def sign_flip_p_value(differences: Sequence[int]) -> float:
     """Two-sided exact permutation test of paired differences, by their signs (Fisher 1935, Pitman 1937).
 
     If both were equally good, each difference could as well have the other sign; this is the probability of a sum at least as
-    far from zero as the one seen, over all signs. Of differences of 1, 0 and -1 it is McNemar's.
+    far from zero as the one seen, over all signs. Of differences of 1, 0 and -1 it is the exact test of McNemar (1947).
 
     Args:
         differences: one per episode, first less second, in a unit that makes them integers.
@@ -108,9 +93,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
         largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
         corrected[index] = largest
     return corrected
-
-
-def only_one_solved(first: Sequence[bool], second: Sequence[bool]) -> tuple[int, int]:
-    """Number of episodes that only the first solved, and that only the second solved, from success by episode."""
-    outcomes = list(zip(first, second, strict=True))
-    return outcomes.count((True, False)), outcomes.count((False, True))

@@ -15,7 +15,7 @@ class BimanualSimConfig(RobotConfig):
     """Two simulated arms in front of one task.
 
     Raises:
-        UnknownTask: there is no such task; the message lists all.
+        InvalidChoice: there is no such task; the message lists all.
         BimanualError: another option is outside its choices.
     """
 

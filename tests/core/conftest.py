@@ -25,18 +25,24 @@ def make_episode() -> Callable[[int], Demonstration]:
 
 
 @pytest.fixture(scope="session")
-def datasets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folder per view of a dataset that holds the episodes of seeds 0 and 1."""
+def write_view() -> Callable[..., Path]:
+    """Writes the episodes of some seeds into a new folder, as one view, and gives the folder."""
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 
+    def write(root: Path, view: schema.View, *seeds: int, cameras: tuple[str, ...] = CAMERAS) -> Path:
+        with ViewWriter(root, "local/part", view, cameras, *SIZE, (0.5,)) as writer:
+            for seed in seeds:
+                write_episode(_make_episode(seed), [writer])
+        return root
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def datasets(write_view, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folder per view of a dataset that holds the episodes of seeds 0 and 1."""
     root = tmp_path_factory.mktemp("datasets")
-    with (
-        ViewWriter(root / "frames", "local/frames", "frames", CAMERAS, *SIZE) as frames,
-        ViewWriter(root / "keyframes", "local/keyframes", "keyframes", CAMERAS, *SIZE, (0.5,)) as keyframes,
-    ):
-        for seed in (0, 1):
-            write_episode(_make_episode(seed), [frames, keyframes])
-    return {view: root / view for view in schema.VIEWS}
+    return {view: write_view(root / view, view, 0, 1) for view in schema.VIEWS}
 
 
 RECIPE = """

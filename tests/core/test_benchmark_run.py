@@ -16,7 +16,7 @@ from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.benchmark import BenchmarkResult, Machine
+from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.evaluation import EvaluationRecord, perturbed
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
 from lerobot_bimanual.versions import installed_versions
@@ -187,14 +187,17 @@ def test_demonstrations_of_other_versions_are_refused_before_a_policy_learns_fro
 
 def test_an_evaluation_that_lacks_an_episode_is_refused(programs, config):
     programs.tested = "xx"
-    with pytest.raises(BimanualError, match=r"test_record\.json does not hold the seeds 0 to 3"):
+    with pytest.raises(
+        BimanualError, match=r"do not belong together: .*episodes must be on the 4 seeds from 0 on"
+    ):
         run(config)
 
 
-def test_a_finished_benchmark_that_is_run_again_leaves_its_result_as_it_was(programs, config):
-    before = run(config).model_copy(update={"machine": Machine(cpus=99, gpu="another"), "date": "2026-01-31"})
-    before.write(Plan.of(config).result)
-    assert run(config) == before
+def test_a_finished_benchmark_is_not_run_again(programs, config):
+    before = run(config)
+    programs.ran.clear()
+    assert run(replace(config, video_dir=Path("videos"))) == before
+    assert not programs.ran
 
 
 @pytest.mark.parametrize(
@@ -218,7 +221,6 @@ def test_the_result_of_another_measurement_is_not_replaced(changes, message, pro
         run(replace(config, **changes))
     assert not programs.ran
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
-    run(replace(config, eval_flags="--env.video_dir=videos"))  # which changes nothing in the result
     Plan.of(config).result.write_text("{")
     with pytest.raises(BimanualError, match=r"Invalid JSON.*choose another --output, or move the file"):
         run(config)

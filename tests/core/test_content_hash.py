@@ -12,10 +12,6 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.content_hash import EpisodeHash, combined_hash
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import TASK_INDEX, RecordedDataset
-from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
-
-CAMERAS = ("front", "left_wrist")
-SIZE = (24, 32)
 
 
 def episode_hash(episode, images, units) -> str:
@@ -37,12 +33,9 @@ def content_hash(root: Path) -> str:
 @pytest.mark.parametrize("view", schema.VIEWS)
 @pytest.mark.parametrize("concatenate", [True, False])
 def test_the_hash_does_not_depend_on_shards_and_files(
-    datasets, make_episode, tmp_path, view: schema.View, concatenate: bool
+    datasets, write_view, tmp_path, view: schema.View, concatenate: bool
 ) -> None:
-    parts = [tmp_path / "first", tmp_path / "second"]
-    for seed, part in enumerate(parts):
-        with ViewWriter(part, "local/part", view, CAMERAS, *SIZE, (0.5,)) as writer:
-            write_episode(make_episode(seed), [writer])
+    parts = [write_view(tmp_path / str(seed), view, seed) for seed in (0, 1)]
     aggregate_datasets(
         ["local/part"] * 2,
         "local/whole",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, UnknownCamera, check_range
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, check_range
 
 PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "lerobot_policy_bimanual", "lerobot_robot_bimanual")
 SAMPLES = {"valid": ["this", "that"], "count": 3, "folder": Path("shards/000001")}
@@ -45,7 +45,6 @@ def test_every_error_survives_the_way_between_processes() -> None:
         ),
         (InvalidChoice("axes", "q", ["mass", "size"]), "axes is 'q', but must be one of: mass, size"),
         (InvalidChoice("size", 3, "8 to 4096"), "size is 3, but must be 8 to 4096"),
-        (UnknownCamera("frnt", ["front", "left_wrist"]), "unknown camera 'frnt'. Did you mean 'front'?"),
     ],
 )
 def test_a_message_names_what_is_valid_and_the_nearest_name(error: BimanualError, message: str) -> None:

@@ -9,23 +9,14 @@ from lerobot.datasets.aggregate import aggregate_datasets
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.merging import merge_datasets
-from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.errors import DatasetError
-
-CAMERAS = ("front", "left_wrist")
-SIZE = (24, 32)
 
 
 @pytest.fixture(params=schema.VIEWS)
-def sources(request, make_episode, tmp_path) -> list[Path]:
-    """Three datasets of one, two and one episodes, with two sentences."""
-    folders = []
-    for name, seeds in (("a", (0,)), ("b", (1, 2)), ("c", (3,))):
-        folders.append(tmp_path / name)
-        with ViewWriter(folders[-1], "local/part", request.param, CAMERAS, *SIZE, (0.5,)) as writer:
-            for seed in seeds:
-                write_episode(make_episode(seed), [writer])
-    return folders
+def sources(request, write_view, tmp_path) -> list[Path]:
+    """Three datasets of one, two and one episodes."""
+    seeds = {"a": (0,), "b": (1, 2), "c": (3,)}
+    return [write_view(tmp_path / name, request.param, *of_source) for name, of_source in seeds.items()]
 
 
 def contents(root: Path) -> dict[str, object]:
@@ -83,10 +74,9 @@ def test_what_is_merged_can_be_merged_again(sources, tmp_path) -> None:
     assert again == at_once
 
 
-def test_datasets_of_different_features_are_refused(sources, make_episode, tmp_path) -> None:
-    view = "frames" if any(sources[0].rglob("*.mp4")) else "keyframes"
-    with ViewWriter(tmp_path / "d", "local/part", view, CAMERAS[:1], *SIZE) as writer:
-        write_episode(make_episode(4), [writer])
+@pytest.mark.parametrize("view", schema.VIEWS)
+def test_datasets_of_different_features_are_refused(datasets, write_view, tmp_path, view) -> None:
+    other = write_view(tmp_path / "other", view, 4, cameras=("front",))
     with pytest.raises(DatasetError, match="differ in features"):
-        merge_datasets([*sources, tmp_path / "d"], tmp_path / "whole")
+        merge_datasets([datasets[view], other], tmp_path / "whole")
     assert not (tmp_path / "whole").exists()

@@ -2,17 +2,15 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from lerobot_bimanual.benchmark.pipeline import Command, Marker, Pipeline
+from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.errors import BimanualError
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
@@ -71,7 +69,7 @@ def test_an_input_that_is_gone_and_a_damaged_marker_are_named(tmp_path, pipeline
     with pytest.raises(BimanualError, match=r"count\.command\.json: .*Invalid JSON"):
         pipeline.run(command)
     (tmp_path / "weights").unlink()
-    with pytest.raises(BimanualError, match=r"weights cannot be read \(No such file.*put it back, or choose"):
+    with pytest.raises(BimanualError, match=r"weights is missing, but was made .*put it back, or choose"):
         pipeline.run(command)
 
 
@@ -171,7 +169,7 @@ def test_a_training_without_a_checkpoint_starts_anew_in_an_empty_place(tmp_path,
 
 
 @pytest.mark.parametrize("dangles", [False, True])
-def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
+def test_without_a_link_to_the_last_checkpoint_the_newest_one_is_resumed(
     dangles, tmp_path, trainings, training
 ):
     training.code = 1
@@ -181,15 +179,10 @@ def test_checkpoints_without_a_last_one_are_kept_and_it_is_said_how_to_go_on(
     last.rename(last.with_name("000002"))
     if dangles:
         last.symlink_to("000004")
-    with pytest.raises(
-        BimanualError, match=r"train holds checkpoints, but .*last is not a link to one"
-    ) as caught:
-        trainings.run(training_command(tmp_path))
-    (advice,) = re.findall(r"ln -sfn [^;]*", str(caught.value))
-    subprocess.run(advice.split(), check=True)
-    training.code = 0
+    training.code, training.saves = 0, False
     trainings.run(training_command(tmp_path))
-    assert training.calls[1:] == [["lerobot-train", f"--config_path={training.last}", *RESUMED]]
+    newest = last.with_name("000002") / "pretrained_model/train_config.json"
+    assert training.calls[1:] == [["lerobot-train", f"--config_path={newest}", *RESUMED]]
 
 
 @pytest.mark.parametrize("by_chain", [True, False])
@@ -202,45 +195,6 @@ def test_checkpoints_of_another_training_are_kept(by_chain, tmp_path, trainings,
         trainings.run(training_command(tmp_path, "--seed=1"))
     assert training.last.exists()
     assert len(training.calls) == 1
-
-
-KILLED = """
-import sys
-from pathlib import Path
-from rich.console import Console
-from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
-folder = Path(sys.argv[1])
-print("ready", flush=True)
-for name in "abcde":
-    program = f"import time; time.sleep(0.2); open({str(folder / 'log')!r}, 'a').write({name!r})"
-    Pipeline(folder, Console(quiet=True)).run(Command(name, ["python", "-c", program]))
-"""
-
-
-def test_a_chain_that_is_killed_again_and_again_loses_nothing_that_is_finished(tmp_path):
-    finished, log = "", tmp_path / "log"
-    log.touch()
-    for delay_s in (0.1, 0.4, 0.7, 1.0, 60.0):
-        before = log.read_text()
-        chain = subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(tmp_path)],
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        assert chain.stdout is not None
-        chain.stdout.readline()
-        with suppress(subprocess.TimeoutExpired):
-            chain.wait(delay_s)
-        with suppress(ProcessLookupError):
-            os.killpg(chain.pid, signal.SIGKILL)
-        chain.wait()
-        done = [path.name[0] for path in sorted(tmp_path.glob("?.command.json")) if Marker.read(path).done]
-        assert done[: len(finished)] == list(finished)
-        assert all(log.read_text().count(name) == before.count(name) for name in finished)  # run no more
-        finished = "".join(done)
-    assert finished == "abcde"
-    assert set(log.read_text()) == set("abcde")
 
 
 INTERRUPTED = """

@@ -1,6 +1,5 @@
-"""What LeRobot reads is what was written, and a lost frame or a broken-off dataset is noticed."""
+"""What LeRobot reads is what was written, and a broken-off dataset is noticed."""
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
-from lerobot_bimanual.dataset.writer import ViewWriter, check_videos, write_episode
+from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.errors import DatasetError
 
 CAMERAS = ("front", "left_wrist")
@@ -58,18 +57,6 @@ def test_each_row_is_rendered_once_however_many_views_store_it(tmp_path, make_ep
         with ViewWriter(tmp_path / "frames", "local/x", "frames", CAMERAS, *SIZE) as frames:
             write_episode(counted, [frames, keyframes])
     assert asked == list(range(TICKS + 1))
-
-
-def test_a_lost_frame_is_noticed(datasets, tmp_path, make_episode) -> None:
-    broken = tmp_path / "broken"
-    shutil.copytree(datasets["frames"], broken)
-    check_videos(broken)
-    video = next(broken.glob("videos/*front/chunk-000/*.mp4"))
-    with ViewWriter(tmp_path / "short", "local/x", "frames", CAMERAS, *SIZE) as short:
-        write_episode(make_episode(0), [short])
-    shutil.copy(next((tmp_path / "short").glob("videos/*front/chunk-000/*.mp4")), video)
-    with pytest.raises(DatasetError, match=f"hold {TICKS} frames, but its episodes have {2 * TICKS} rows"):
-        check_videos(broken)
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)

@@ -12,7 +12,7 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import InvalidChoice, UnknownTask
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.registry import get_task, list_suites
@@ -87,7 +87,7 @@ def test_environments_are_grouped_by_suite_and_a_task_alone_is_a_group():
 
 
 def test_bad_options_are_refused_with_the_valid_ones():
-    with pytest.raises(UnknownTask, match="symmetric"):
+    with pytest.raises(InvalidChoice, match="symmetric"):
         BimanualEnvConfig(task="symetric")
     with pytest.raises(InvalidChoice, match=r"share no task, .*push_box"):
         BimanualEnvConfig(task="push_box,all")

@@ -3,7 +3,7 @@
 import pytest
 from sample_results import outcome, outcomes
 
-from lerobot_bimanual.errors import BimanualError, PlacementFailure, UnknownTask, UnknownVariation
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
 from lerobot_bimanual.results.expert_report import ExpertReport
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.episode.reset import EpisodeReset
@@ -16,8 +16,8 @@ FIRST, SECOND = (EpisodeSpec("lift_ball", "0", "val", seed, "expert") for seed i
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"task": "lift_bal"}, UnknownTask, "lift_ball"),
-        ({"variation": "7"}, UnknownVariation, "'lift_ball' has no variation 7"),
+        ({"task": "lift_bal"}, InvalidChoice, "lift_ball"),
+        ({"variation": "7"}, InvalidChoice, "variation of lift_ball is 7"),
         ({"episodes": 0}, BimanualError, "episodes is 0"),
         ({"first_seed": -1}, BimanualError, "first_seed is -1"),
         ({"axes": ("all",)}, BimanualError, "output with --axes"),

@@ -9,7 +9,7 @@ import time
 import pytest
 import worker_jobs as jobs
 
-from lerobot_bimanual.errors import UnknownTask
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.workers import WorkerPool, WorkFailed
 
@@ -56,7 +56,7 @@ def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(wor
 
 def test_an_error_comes_home_as_it_was_raised_and_whatever_else_goes_wrong_in_words():
     for function, error, complaint in (
-        (get_task, UnknownTask, "unknown task '7'"),
+        (get_task, InvalidChoice, "task is '7'"),
         (jobs.raise_unportable, WorkFailed, r"7: unexpected Unportable: two numbers \(worker_jobs.py, line"),
         (jobs.result_without_a_pickle, WorkFailed, "7: unexpected .*pickle"),
     ):

@@ -69,8 +69,8 @@ def test_a_dry_run_prints_and_runs_nothing(tmp_path: Path, capsys):
     ("flags", "message"),
     [
         ({"task": "symmetric"}, "'symmetric', a suite.*run one for each of: dual_push"),
-        ({"task": "lift_bal"}, "unknown task 'lift_bal'. Did you mean 'lift_ball'[?]"),
-        ({"variation": "7"}, "task 'lift_ball' has no variation '7'"),
+        ({"task": "lift_bal"}, "task is 'lift_bal', but must be .* Did you mean 'lift_ball'[?]"),
+        ({"variation": "7"}, "variation of lift_ball is '7'"),
         ({"trained_on": "push_box,lift_tray"}, "not contain 'lift_ball'; score one of: push_box, lift_tray"),
     ],
 )

@@ -54,10 +54,8 @@ def uv_calls(checkout: Path) -> list[str]:
     return [line.split()[0] for line in lines if line != "--version"]
 
 
-def test_a_uv_that_does_not_work_is_passed_over_and_a_python_without_venv_explained(checkout: Path) -> None:
-    working = checkout.parent / "home/.local/bin/uv"
-    assert run(checkout, "find_uv.sh").stdout.strip() == str(working)
-    working.unlink()
+def test_a_python_without_venv_is_explained(checkout: Path) -> None:
+    (checkout.parent / "home/.local/bin/uv").unlink()
     write_script(checkout.parent / "bin/python3", "#!/bin/sh\nmkdir -p .uv\nexit 1\n")
     found = run(checkout, "find_uv.sh")
     assert found.returncode == 1

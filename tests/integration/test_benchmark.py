@@ -55,6 +55,7 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert BenchmarkResult.read(plan.result).episodes == row.episodes
     assert BenchmarkResult.read(plan.result).training_seconds == row.training_seconds
 
+    plan.result.unlink()
     marker = plan.run_folder / "train.command.json"
     marker.write_text(json.dumps(json.loads(marker.read_text()) | {"done": False}))
     (resumed, *_) = begun_by(plan)

@@ -94,7 +94,7 @@ def test_the_command_of_a_provenance_is_never_obeyed(provenance, tmp_path, recor
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tasks": ["no_such_task"]}, "unknown task 'no_such_task'"),
+        ({"tasks": ["no_such_task"]}, "task is 'no_such_task'"),
         ({"episodes": -1}, "episodes: .* but is -1"),
         ({"command": "ls"}, "command: Extra inputs"),
         ({"intermediate": ["half"]}, "intermediate.0: "),

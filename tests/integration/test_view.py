@@ -80,7 +80,7 @@ def test_a_window_needs_a_display_that_opens(monkeypatch, capsys) -> None:
     ("flag", "message"),
     [
         ("--task=lift_bal", "Did you mean 'lift_ball'?"),
-        ("--variation=7", "has no variation 7"),
+        ("--variation=7", "variation of lift_ball is 7"),
         ("--first_seed=-1", "first_seed is -1"),
         ("--checkpoint=nowhere", "no checkpoint at nowhere"),
         ("--perturb=fog:1", "fog"),

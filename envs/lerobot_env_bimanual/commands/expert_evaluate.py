@@ -156,7 +156,7 @@ def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Ite
 
 
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
-    from lerobot_bimanual.results.robustness import ExpertRobustnessConfig
+    from lerobot_bimanual.results.robustness import ExpertRobustnessConfig, is_valid
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.conditions import conditions_of, sweep_expert
 
@@ -174,7 +174,7 @@ def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
             versions=simulation_versions(),
         )
         report = sweep_expert(conditions, measured, config.output / f"{task}.json", config.workers)
-        invalid = [condition for condition in report.conditions if not report.is_valid(condition)]
+        invalid = [each for each in report.conditions if not is_valid(report.rates(each)["expert"])]
         print(
             f"{task}: {len(report.conditions) - len(invalid)} of {len(report.conditions)} conditions are valid"
         )

@@ -65,7 +65,7 @@ def world_version(task: str, perturb: str = "") -> str:
         perturb: perturbations of the world, `AXIS:LEVEL,...`. Of an axis that is only seen, the magnitude counts.
 
     Raises:
-        UnknownTask: there is no such task.
+        InvalidChoice: there is no such task.
         InvalidChoice: there is no such axis or level.
     """
     _say_if_uncertified()

@@ -89,7 +89,7 @@ def conditions_of(task: str, axes: Sequence[str] = (), levels: Sequence[int] = L
         levels: 1 to 3.
 
     Raises:
-        UnknownTask: no such task.
+        InvalidChoice: no such task.
         InvalidChoice: no such axis or level.
         BimanualError: no axis applies to the task.
     """

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
-from lerobot_bimanual.errors import UnknownTask
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.registry import Registry
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ TASKS: Registry[type[Task]] = Registry(
     kind="task",
     group="lerobot_bimanual.tasks",
     own={name: f"{__package__}.{name}" for name in _FILES if not name.startswith("_") and name != "registry"},
-    unknown=UnknownTask,
 )
 
 
@@ -57,7 +56,7 @@ def get_task(name: str) -> Task:
     """A fresh instance of the task called `name`.
 
     Raises:
-        UnknownTask: no such task; the message lists those that exist.
+        InvalidChoice: no such task; the message lists those that exist.
         BimanualError: it belongs to another distribution, and cannot be loaded.
     """
     return TASKS.get(name)()
@@ -80,7 +79,7 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
         selection: task and suite names, comma separated or as a sequence, e.g. `"push_box,lift_ball"`, `"all"`.
 
     Raises:
-        UnknownTask: a name is neither a task nor a suite, or the selection is empty.
+        InvalidChoice: a name is neither a task nor a suite, or the selection is empty.
     """
     names = selection.split(",") if isinstance(selection, str) else selection
     names = [name.strip() for name in names]
@@ -88,7 +87,7 @@ def resolve_tasks(selection: str | Sequence[str]) -> tuple[str, ...]:
     for name in names:  # only a suite needs all tasks to be loaded
         suites = {} if name in tasks else list_suites()
         if name not in tasks and name not in suites:
-            raise UnknownTask(name, (*tasks, *suites))
+            raise InvalidChoice("task", name, (*tasks, *suites))
         chosen.update(dict.fromkeys(suites.get(name, (name,))))
     return tuple(chosen)
 

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.checksums import checksum_problems, what_is_no_file
+from lerobot_bimanual.dataset.checksums import checksum_problems, plain_files
 from lerobot_bimanual.dataset.provenance import Provenance, other_lerobot
 from lerobot_bimanual.dataset.reader import (
     BOOKKEEPING,
@@ -41,7 +41,7 @@ def verify_metadata(root: Path) -> Findings:
 
     Where it holds links or pipes that is all that is said, as every other check would follow them.
     """
-    if odd := what_is_no_file(root):
+    if odd := plain_files(root)[1]:
         return Findings({READABLE: [Fault(text) for text in odd]})
     findings = Findings()
     for name, check in METADATA_CHECKS.items():

@@ -58,7 +58,7 @@ def open_dataset(dataset: Path) -> LeRobotDataset:
 
     Raises:
         DatasetError: there is no dataset.
-        SchemaMismatch: the dataset lacks the label.
+        DatasetError: the dataset lacks the label.
     """
     root = find_view(dataset, ("keyframes", "frames"))
     check_features(read_info(root)["features"], root)

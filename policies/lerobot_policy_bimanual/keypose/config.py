@@ -18,7 +18,7 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
-from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch, UnknownCamera
+from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
 from lerobot_bimanual.keypose_grid import divides_circle
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
@@ -124,7 +124,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
         Raises:
             BadConfig: a value is of another type or out of its range, or values do not fit together.
             InvalidChoice: a word is not among the choices.
-            UnknownCamera: a camera does not exist.
+            InvalidChoice: a camera does not exist.
         """
         super().__post_init__()
         check_fields(self)
@@ -134,7 +134,7 @@ class KeyposePolicyConfig(PreTrainedConfig):
             raise InvalidChoice("language_encoder", encoder, allowed)
         for camera in self.cameras:
             if camera not in CAMERA_NAMES:
-                raise UnknownCamera(camera, CAMERA_NAMES)
+                raise InvalidChoice("cameras", camera, CAMERA_NAMES)
         if not self.cameras or len(set(self.cameras)) < len(self.cameras):
             raise BadConfig(f"cameras={list(self.cameras)} must name at least one camera, and none twice")
         if not np.less(self.workspace_lower, self.workspace_upper).all():
@@ -180,14 +180,14 @@ class KeyposePolicyConfig(PreTrainedConfig):
         puts there.
 
         Raises:
-            SchemaMismatch: if inputs are listed but some are missing.
+            DatasetError: if inputs are listed but some are missing.
         """
         self.output_features = {ACTION: PolicyFeature(FeatureType.ACTION, (KEYPOSE_DIM,))}
         if not self.input_features:
             return
         missing = [key for key in self.observation_keys if key not in self.input_features]
         if missing:
-            raise SchemaMismatch(
+            raise DatasetError(
                 f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
                 "`lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
             )

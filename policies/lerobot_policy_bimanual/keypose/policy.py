@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
-from lerobot_bimanual.errors import InvalidChoice, SchemaMismatch
+from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.resources import shared_memory_problem
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE
 from lerobot_policy_bimanual.errors import BadConfig
@@ -134,13 +134,13 @@ class KeyposePolicy(PreTrainedPolicy):
 
         Raises:
             InvalidChoice: another reduction.
-            SchemaMismatch: the label is missing.
+            DatasetError: the label is missing.
             BadObservation: as in `observe`.
         """
         if reduction not in REDUCTIONS:
             raise InvalidChoice("reduction", reduction, REDUCTIONS)
         if NEXT_KEYPOSE not in batch:
-            raise SchemaMismatch(
+            raise DatasetError(
                 f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual dataset generate` records"
             )
         keyposes = batch[NEXT_KEYPOSE].float()

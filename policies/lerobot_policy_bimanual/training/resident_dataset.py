@@ -69,7 +69,7 @@ class ResidentDataset(Dataset):
         self._first, self._last = (torch.from_numpy(bound).to(device) for bound in bounds)
         read = set(dataset.meta.camera_keys if images is None else images)
         episodes = zip(starts.tolist(), lengths.tolist(), strict=True)
-        rows = stored_rows(dataset, read, episodes, video_backend)
+        rows = self._stored_rows(read, episodes, video_backend)
         progress = tqdm(rows, desc="decoding the dataset", unit="row", total=len(dataset))
         for index, row in enumerate(progress):
             tensors = {
@@ -128,6 +128,48 @@ class ResidentDataset(Dataset):
             single = len(offsets) == 1 and key in self._dataset.meta.video_keys
             yield key, found[:, 0] if single else found
 
+    def _stored_rows(
+        self, images: set[str], episodes: Iterable[tuple[int, int]], video_backend: str | None
+    ) -> Iterator[Row]:
+        """Yield the rows in order, with those of their images that are read, each decoded once; depth is in millimetres.
+
+        LeRobot seeks to the key frame before every row of a video. Here a video is decoded from the start of an episode to
+        its end, by the same decoder, so that the frames are bit-identical.
+
+        Args:
+            images: keys of the images that are read.
+            episodes: first row and number of rows of each.
+            video_backend: LeRobot's name of the decoder of videos; None for its own choice.
+        """
+        dataset = self._dataset
+        meta: Any = dataset.meta
+        table = dataset.hf_dataset
+        left_out = set(meta.camera_keys) - images
+        video_keys = [key for key in meta.video_keys if key in images]
+        notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
+        # Depth in metres is stored as floating-point numbers, which are left to LeRobot.
+        in_metres = {
+            key for key in meta.image_keys if notes.get(key, {}).get("depth_unit") == DEPTH_METER_UNIT
+        }
+        # OpenCV decodes images in tables three times as fast as LeRobot does.
+        for key in set(meta.image_keys) - in_metres:
+            table = table.cast_column(key, datasets.Image(decode=False))
+        times_s = dataset.hf_dataset.data.column("timestamp").to_numpy()
+        for start, length in episodes:
+            frames = {}
+            for offset in range(length):
+                row: Any = table[start + offset]
+                if offset == 0 and video_keys:
+                    times = times_s[start : start + length].tolist()
+                    frames = _frames(dataset, int(row["episode_index"]), video_keys, times, video_backend)
+                row["task"] = meta.tasks.iloc[int(row["task_index"])].name
+                row |= {key: row[key] * MM_PER_METRE for key in in_metres}
+                yield {
+                    key: _decoded(value) if isinstance(value, dict) else value
+                    for key, value in row.items()
+                    if key not in left_out
+                } | {key: pictures[offset] for key, pictures in frames.items()}
+
     def _packed(self, key: str, value: Tensor) -> Tensor:
         if key in self._depth_keys:
             # Whole millimetres, as signed numbers: PyTorch cannot look up unsigned ones on every device.
@@ -157,56 +199,6 @@ def _room_for(rows: int, row: dict[str, Tensor], device: torch.device) -> dict[s
     return {
         key: torch.empty((rows, *value.shape), dtype=value.dtype, device=device) for key, value in row.items()
     }
-
-
-def stored_rows(
-    dataset: LeRobotDataset,
-    images: set[str],
-    episodes: Iterable[tuple[int, int]],
-    video_backend: str | None = None,
-) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a `LeRobotDataset` in order, each without rows before and after it, each image decoded once.
-
-    LeRobot seeks to the key frame before every row of a video. Here a video is decoded from the start of an episode to its
-    end, by the same decoder, so that the frames are bit-identical.
-
-    Args:
-        dataset: the dataset.
-        images: keys of the images that are read; the others are left out of the rows.
-        episodes: first row and number of rows of each.
-        video_backend: LeRobot's name of the decoder of videos; by default its own choice.
-
-    Yields:
-        Tensors, texts, and images as tensors (channels, height, width), by their key; depth in millimetres.
-
-    Raises:
-        DatasetError: an image cannot be decoded.
-    """
-    meta: Any = dataset.meta
-    table = dataset.hf_dataset
-    left_out = set(meta.camera_keys) - images
-    video_keys = [key for key in meta.video_keys if key in images]
-    notes = {key: meta.features[key].get("info") or {} for key in meta.depth_keys}
-    # Depth in metres is stored as floating-point numbers, which are left to LeRobot.
-    in_metres = {key for key in meta.image_keys if notes.get(key, {}).get("depth_unit") == DEPTH_METER_UNIT}
-    # OpenCV decodes images in tables three times as fast as LeRobot does.
-    for key in set(meta.image_keys) - in_metres:
-        table = table.cast_column(key, datasets.Image(decode=False))
-    times_s = dataset.hf_dataset.data.column("timestamp").to_numpy()
-    for start, length in episodes:
-        frames = {}
-        for offset in range(length):
-            row: Any = table[start + offset]
-            if offset == 0 and video_keys:
-                times = times_s[start : start + length].tolist()
-                frames = _frames(dataset, int(row["episode_index"]), video_keys, times, video_backend)
-            row["task"] = meta.tasks.iloc[int(row["task_index"])].name
-            row |= {key: row[key] * MM_PER_METRE for key in in_metres}
-            yield {
-                key: _decoded(value) if isinstance(value, dict) else value
-                for key, value in row.items()
-                if key not in left_out
-            } | {key: pictures[offset] for key, pictures in frames.items()}
 
 
 def _frames(
