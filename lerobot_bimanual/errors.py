@@ -27,8 +27,8 @@ def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualE
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:
     """A sentence with the valid name that is nearest to a wrong one, after a space; "" if none is near."""
-    is_word = isinstance(name, str) and len(name) <= MAX_TEXT
-    close = difflib.get_close_matches(name, list(valid), n=1) if is_word else []
+    word = name if isinstance(name, str) and len(name) <= MAX_TEXT else ""
+    close = difflib.get_close_matches(word, list(valid), n=1)
     return f" Did you mean {close[0]!r}?" if close else ""
 
 

@@ -39,7 +39,7 @@ def _tasks() -> str:
     specs = sorted((get_task(name).spec for name in list_tasks()), key=lambda spec: spec.id)
     rows = {
         "task": [f"`{spec.name}`" for spec in specs],
-        "instruction": [spec.instructions[0] for spec in specs],
+        "instruction": [f"`{spec.instructions[0]}`" for spec in specs],
         "variations": [str(len(spec.variations)) for spec in specs],
         "suites": [", ".join(spec.taxonomy.suites) for spec in specs],
     }

@@ -24,7 +24,7 @@ python-*)
     "$uv" pip install --quiet --requirements requirements.lock
     "$uv" pip install --quiet --no-deps --no-build-isolation "${ours[@]}"
     ;;
-*) echo "$kind is none of lowest, newest, lerobot-main and python-3.13" >&2 && exit 2 ;;
+*) echo "$kind must be one of lowest, newest, lerobot-main and python-3.13" >&2 && exit 2 ;;
 esac
 "$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(lerobot|mujoco|torch|numpy|datasets|gymnasium|pandas) ' || true
 "$venv/bin/lerobot-bimanual" expert evaluate --episodes=1

@@ -59,7 +59,7 @@ def device_chosen() -> Iterator[None]:
     theirs cannot be used. Where the user has chosen a device, or MuJoCo has one, nothing changes.
     """
     module: Any = sys.modules.get("mujoco.egl")
-    is_open = module is not None and module.EGL_DISPLAY is None and DEVICE not in os.environ
+    is_open = bool(module) and module.EGL_DISPLAY is None and DEVICE not in os.environ
     devices = module.EGL.eglQueryDevicesEXT() if is_open else []
     gpus = [str(i) for i, device in enumerate(devices) if len(devices) > 1 and not _is_software(device)]
     if len(gpus) < 2:

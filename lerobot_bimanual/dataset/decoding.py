@@ -106,7 +106,7 @@ class ImageReader:
                 assert stream.time_base is not None
                 container.seek(int(first / self._fps / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    if any(data.type == DISPLAY_MATRIX for data in frame.side_data):
+                    if any(getattr(data, "type", None) == DISPLAY_MATRIX for data in frame.side_data):
                         raise DatasetError(f"{path} turns its frames, which not every reader does")
                     number = round((frame.time or 0.0) * self._fps)
                     if number >= end:

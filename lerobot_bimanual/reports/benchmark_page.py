@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import fmean, stdev
+from typing import Any
 
 import pandas as pd
 
@@ -91,7 +92,7 @@ def results_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
 
 def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
     """The policies, the expert and the open-loop baseline side by side, one line per task."""
-    table = results_table(results)
+    table: Any = results_table(results)
     shown = table.pivot_table("rate", "task", "policy", _success_cell, fill_value=ABSENT)
     shown = shown.rename(index="`{}`".format, columns="`{}`".format)
     baselines = table.groupby("task")[["expert", "open_loop"]].first()
@@ -100,7 +101,7 @@ def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
     if len(shown) > 1:
         shares = table.assign(share=[rate.rate for rate in table.rate]).pivot_table("share", "task", "policy")
         means = [*shares.mean(skipna=False)]  # of policies that were scored on all tasks
-        means += [fmean(rate.rate for rate in baselines[name]) for name in baselines]
+        means += [fmean(rate.rate for rate in baselines[name].tolist()) for name in baselines]
         shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
 

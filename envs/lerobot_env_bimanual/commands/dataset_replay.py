@@ -105,8 +105,8 @@ def _print(played: Mapping[int, tuple[EpisodeMeta, ReplayResult]]) -> None:
         for meta, result in played.values()
     ]
     if rows:
-        table = pd.DataFrame(rows).groupby(["task", "variation"], as_index=False).sum()
-        print_table(table)
+        table = pd.DataFrame(rows).groupby(["task", "variation"]).sum()
+        print_table(table.reset_index())
     for index, (meta, result) in played.items():
         if not result.matches:
             end = "solved" if result.success else f"not solved ({result.failure or 'conditions unmet'})"

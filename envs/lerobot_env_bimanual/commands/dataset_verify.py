@@ -193,10 +193,10 @@ class _ViewReport:
         from lerobot_bimanual.dataset.content_hash import combined_hash
 
         rows = {
-            check: (sum(not faults for _, faults in outcomes), sum(bool(faults) for _, faults in outcomes))
+            check: [sum(not faults for _, faults in outcomes), sum(bool(faults) for _, faults in outcomes)]
             for check, outcomes in self._faults.items()
         }
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=["passed", "failed"])
+        table = pd.DataFrame(rows, index=pd.Index(["passed", "failed"])).T
         print_table(table.rename_axis("check").reset_index(), str(self.root))
         for text in filter(None, (self.remark, self.note)):
             say(text)

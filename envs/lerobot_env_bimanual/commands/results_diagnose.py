@@ -93,7 +93,7 @@ def _print_episodes(attributions: Sequence[Attribution]) -> None:
 
     if attributions:
         columns = ["seed", "failure_class", "last_recoverable", "responsible", "event"]
-        table = pd.DataFrame(attributions, dtype=object)[columns].fillna("")
+        table = pd.DataFrame(attributions, columns=pd.Index(columns), dtype=object).fillna("")
         headings = {"failure_class": "class", "last_recoverable": "last recoverable keypose"}
         print_table(table.rename(columns=headings))
 
@@ -104,7 +104,8 @@ def _print_counts(groups: Mapping[str, Sequence[Attribution]], kind: str, title:
 
     names = [name for name, group in groups.items() for _ in group]
     kinds = [getattr(one, kind) for group in groups.values() for one in group]
-    order = [each for each in type(kinds[0]) if each in kinds] if kinds else []
+    classes: Any = type(kinds[0]) if kinds else ()
+    order = [each for each in classes if each in kinds]
     table = pd.crosstab(pd.Series(names, dtype=str), pd.Series(kinds, dtype=str))
     table = table.reindex(index=[*groups], columns=order, fill_value=0).assign(
         failed=lambda table: table.sum(axis=1)

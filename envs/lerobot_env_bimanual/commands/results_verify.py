@@ -18,9 +18,8 @@ class ResultsVerifyConfig:
     # A file, or a folder of files: results of `policy benchmark`, or records that `lerobot-eval --env.results_dir` has left.
     results: Path = field(kw_only=True)
     sample: int = 0  # random episodes of each result; 0 takes all
-    sample_seed: int | None = (
-        None  # seed of the random choice; by default another one in every run, which is printed
-    )
+    # seed of the random choice; by default another one in every run, which is printed
+    sample_seed: int | None = None
     workers: int = 0  # processes; 0 takes one per core
 
 

@@ -80,11 +80,11 @@ def world_version(task: str, perturb: str = "") -> str:
 
 @functools.cache
 def _say_if_uncertified() -> None:
-    """Warn, once and not again in worker processes, where MuJoCo has another version than the certified one."""
+    """Warn, once and not again in worker processes, where MuJoCo has another version than that of the published expert reports."""
     installed = mujoco.mj_versionString()
     if installed != CERTIFIED_MUJOCO and multiprocessing.parent_process() is None:
         logging.getLogger(__name__).warning(
-            "MuJoCo %s is not the certified version: its worlds are others than those of the published expert reports "
+            "MuJoCo %s is not that of the published expert reports: its worlds are others than those of the reports "
             "and results, which hold for MuJoCo %s. `lerobot-bimanual expert evaluate` measures the experts here",
             installed,
             CERTIFIED_MUJOCO,

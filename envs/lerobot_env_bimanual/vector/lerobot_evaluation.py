@@ -30,7 +30,7 @@ def evaluation_of_program() -> Evaluation:
     """
     if Path(sys.argv[0]).stem.replace("_", "-") != PROGRAM:
         return Evaluation()
-    config = _command_line()
+    config = _command_line()  # pyright: ignore[reportCallIssue]  LeRobot's parser gives it
     if config.eval.recording:
         raise BimanualError(
             "--eval.recording=true does not store what this environment shows: leave it out, evaluate with "

@@ -1,4 +1,4 @@
-"""What a dataset decides of a policy: one comparison of checkpoint, config and dataset, whoever makes the policy.
+"""What a dataset decides of a policy: one comparison of checkpoint, config and dataset for every program.
 
 docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` and `forward`: until then LeRobot may rename keys.
 """

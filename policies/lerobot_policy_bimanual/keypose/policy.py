@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import torch
+from huggingface_hub.constants import CONFIG_NAME
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
@@ -16,7 +17,6 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.resources import shared_memory_problem
-from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
@@ -79,7 +79,7 @@ class KeyposePolicy(PreTrainedPolicy):
             BadConfig: as in `compare_with_checkpoint`.
             CheckpointError: as in `load_state_dict`.
         """
-        if config is not None and (Path(pretrained_name_or_path) / CONFIG_FILE).is_file():
+        if config is not None and (Path(pretrained_name_or_path) / CONFIG_NAME).is_file():
             trained = PreTrainedConfig.from_pretrained(pretrained_name_or_path)
             compare_with_checkpoint(config, trained, pretrained_name_or_path)
         return super().from_pretrained(pretrained_name_or_path, config=config, **kwargs)
