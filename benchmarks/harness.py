@@ -55,7 +55,8 @@ def interleaved_cpu_s(works: Sequence[Callable[[], object]], rounds: int) -> lis
 def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> float:
     """CPU seconds of a program of this environment and of all processes that it starts."""
     program = Path(sys.executable).with_name(str(words[0]))
-    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become our children, whose time is counted
+    prctl = ctypes.CDLL(None).prctl
+    prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become our children, whose time is counted
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = subprocess.Popen(
         [program, *map(str, words[1:])],
@@ -72,6 +73,7 @@ def command_cpu_s(words: Sequence[str | Path], folder: Path | None = None) -> fl
     with contextlib.suppress(ChildProcessError):
         while True:  # a server of worker processes ends after its parent
             os.waitpid(-started.pid, 0)
+    prctl(PR_SET_CHILD_SUBREAPER, 0)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 

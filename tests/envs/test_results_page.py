@@ -98,7 +98,7 @@ def test_no_word_of_a_file_becomes_markup():
 @pytest.mark.sim
 def test_the_command_writes_a_page_with_a_video_of_a_failure_beside_the_expert(tmp_path, capsys):
     failed = played(TASK, shifted(slice(None), 0, -0.15)(expert_keyposes(TASK)))
-    episodes = (failed, played(TASK, expert_keyposes(TASK, SEED + 1), SEED + 1))
+    episodes = (failed, played(TASK, expert_keyposes(TASK, seed=SEED + 1), SEED + 1))
     assert [episode.success for episode in episodes] == [False, True]
     record = evaluation(TASK, OPTIONS, *episodes)
     record.write(tmp_path / "record.json")

@@ -73,8 +73,9 @@ def _page(task: str, pictures: str, policies: str, tables: dict[str, pd.DataFram
     module = importlib.import_module(type(definition).__module__)
     summary, _, about = (inspect.getdoc(module) or "").partition("\n\n")
     sentences = [
-        {"variation": each.index, "sentences": "; ".join(spec.instructions_for(each))}
+        {"variation": each.index, "sentence": sentence}
         for each in spec.variations
+        for sentence in spec.instructions_for(each)
     ]
     conditions = [
         {"condition": f"`{each.name}`", "holds if": (inspect.getdoc(type(each)) or "").partition("\n")[0]}

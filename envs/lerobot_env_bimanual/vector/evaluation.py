@@ -113,11 +113,12 @@ class KeptEpisodes:
             record = EvaluationRecord.read(self._path)
             self._refuse(self._path, head.difference(record))
             self.known = {episode.seed: episode for episode in record.episodes}
-        if journal.header and head.policy:
+        self._interrupted = journal.entries()
+        if journal.header and head.policy and self._interrupted:
             self._refuse(self._partial, head.difference(EvaluationHead.from_json(journal.header)))
         else:
+            self._interrupted = []
             journal.restart(head.model_dump_json())
-        self._interrupted = journal.entries()
         self.known |= {entry.episode.seed: entry.episode for entry in self._interrupted}
         self._head, self._journal, self._is_own = head, journal, True
 
