@@ -146,9 +146,9 @@ def late_from_the_middle(frames: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def repainted(frames: list[np.ndarray]) -> list[np.ndarray]:
-    """A thing of 3 x 3 pixels has another colour in every frame."""
+    """A thing of 5 x 5 pixels has another colour in every frame."""
     for image in frames:
-        image[10:13, 14:17] = image[10:13, 14:17, ::-1] // 2 + np.array([127, 0, 60], np.uint8)
+        image[10:15, 14:19] = image[10:15, 14:19, ::-1] // 2 + np.array([127, 0, 60], np.uint8)
     return frames
 
 
