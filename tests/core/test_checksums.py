@@ -90,7 +90,7 @@ def line(name: str) -> str:
 )
 def test_a_list_that_is_damaged_or_leads_elsewhere_is_named(published, change, problem) -> None:
     secret = published.parent / "secret"
-    os.mkfifo(secret)  # whoever opens it never comes back
+    os.mkfifo(secret)  # opening it waits for ever
     (published / CHECKSUMS).write_bytes(change((published / CHECKSUMS).read_bytes()))
     problems = list(checksum_problems(published))
     assert any(re.search(problem, text) for text in problems), problems

@@ -41,7 +41,7 @@ def test_parts_are_counted_as_workers_tell_them() -> None:
         done = pool.map(jobs.in_parts, [2, 0, 3], "", "", part=lambda: told.append("part"))
         assert [*done] == [2, 0, 3]
     assert len(told) == 5
-    assert jobs.in_parts(4) == 4  # in no worker nobody is told
+    assert jobs.in_parts(4) == 4  # outside a worker nothing is told
 
 
 @pytest.mark.parametrize("workers", [1, 3])

@@ -167,7 +167,7 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
     exceptions = {("dataset generate", "split"): "train", ("demo", "output"): Path("outputs/demo")}
     exceptions |= {
         (f"{what} verify", "sample_seed"): None for what in ("dataset", "results")
-    }  # which nobody may foresee
+    }  # drawn anew in every run
     kinds = {"root": Path, "checkpoint": Path, "output": Path, "results": Path, "expert_reports": Path}
     kinds |= {"task": str, "episodes": int, "first_seed": int, "seed": int, "device": str, "video": bool}
     forbidden = {"dataset", "seeds", "size", "films", "film", "videos", "certificates", "control", "figure"}
