@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,11 @@ from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
-from lerobot_env_bimanual.episode.observations import ObservationRenderer, observation_space
+from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
-from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
-from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.episode.reset import MAX_DRAWS
+from lerobot_env_bimanual.episode.worlds import World, Worlds
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
@@ -33,14 +32,6 @@ from lerobot_env_bimanual.world.video import VideoWriter
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 
 type TickObserver = Callable[[BimanualEnv, NDArray[np.float32]], None]
-
-
-@dataclass(frozen=True, eq=False)
-class _World:
-    scene: Scene
-    planner: KeyposePlanner
-    reset: EpisodeReset
-    renderer: ObservationRenderer
 
 
 @one_thread_at_a_time("reset", "step", "fail", "observe", "images", "render", "restore_state", "close")
@@ -57,8 +48,8 @@ class BimanualEnv(gym.Env):
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
     joint-space motions because an arm could not follow them), and the episode's `seed` and `instruction`.
 
-    An episode is determined by task, split, seed, variation and perturbations, bit for bit. Construction is cheap: the
-    world is compiled at the first reset, OpenGL starts at the first image, and both come back after `close`.
+    An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
+    each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
     A copy or a pickle is another environment in the same state, without observers and videos. Two threads at once are refused.
 
     Args:
@@ -103,26 +94,17 @@ class BimanualEnv(gym.Env):
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
         self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
-        self._compiled: _World | None = None
+        self._worlds = Worlds(self.task_definition, self.options, self.perturbations)
         self._progress: EpisodeProgress | None = None
         self._video: VideoWriter | None = None
 
     @property
-    def _world(self) -> _World:
-        if self._compiled is None:
-            changes = self.perturbations
-            scene = Scene(self.task_definition.spec.props, patch=changes.build)
-            self._compiled = _World(
-                scene,
-                KeyposePlanner(scene),
-                EpisodeReset(self.task_definition, scene, changes.begin, changes.changes_model),
-                ObservationRenderer(scene, self.options, changes.see),
-            )
-        return self._compiled
+    def _world(self) -> World:
+        return self._worlds[0 if self._progress is None else self._progress.prop_set]
 
     @property
     def scene(self) -> Scene:
-        """The world; compiled on first use.
+        """The world of the episode; compiled on first use. The next episode may have another one, with other things.
 
         Raises:
             InvalidChoice: an axis of perturbation finds nothing to change in the task.
@@ -186,9 +168,10 @@ class BimanualEnv(gym.Env):
             variation = self.task_definition.spec.variation_index(chosen["variation"])
         super().reset(seed=seed)
         self._finish_video()
-        world = self._world
         seed = int(self.np_random.integers(2**31)) if seed is None else seed
-        progress = draw_episode(self.task_definition.spec, self.options.split, seed, variation)
+        split, setting = self.options.split, self.options.setting
+        progress = draw_episode(self.task_definition.spec, split, seed, variation, setting)
+        world = self._worlds[progress.prop_set]
         self._progress = progress
         try:
             progress.draws = world.reset.start(progress)
@@ -322,8 +305,8 @@ class BimanualEnv(gym.Env):
 
     def restore_state(self, state: tuple[Any, EpisodeProgress]) -> None:
         """Go back to a saved state of an environment with the same options; the state may be used again."""
-        self.scene.restore_state(state[0])
         self._progress = copy.deepcopy(state[1])
+        self.scene.restore_state(state[0])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How copies and pickles are made: a new environment goes on from a saved state."""
@@ -337,9 +320,8 @@ class BimanualEnv(gym.Env):
     def close(self) -> None:
         """Finish the video and free the world; a later reset builds it anew."""
         self._finish_video()
-        if self._compiled is not None:
-            self._compiled.renderer.close()
-        self._compiled = self._progress = None
+        self._worlds.close()
+        self._progress = None
 
 
 def _restored(kind: type[BimanualEnv], task: str, saved: tuple | None, keywords: dict) -> BimanualEnv:

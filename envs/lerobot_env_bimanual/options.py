@@ -24,6 +24,10 @@ ANY_VARIATION = "any"
 SPLITS = {"train": 0, "val": 1, "test": 2}
 """Number of each split in an episode's seed sequence, so that one integer means three different episodes."""
 
+SETTINGS = {"standard": 0, "varied": 1}
+"""Number of each setting in an episode's seed sequence."""
+STANDARD, VARIED = SETTINGS
+
 ObservationMode = Literal["rgbd", "rgb", "state"]
 ControlMode = Literal["auto", "joint", "keypose"]
 RenderQuality = Literal["observation", "high"]
@@ -51,6 +55,8 @@ class EnvOptions:
     # `train`, `val` or `test`: the same seed means different episodes in each. Datasets are generated from `train`, so
     # an evaluation with the default never sees a demonstrated episode.
     split: str = "test"
+    # `standard` has the paper's things; in `varied` their sizes, heights and places differ from episode to episode, too.
+    setting: str = STANDARD
     # Cameras of the observation, separated by commas.
     cameras: str = ",".join(CAMERA_NAMES)
     # Side of the images in pixels, or height and width as in `480x640`.
@@ -88,6 +94,7 @@ class EnvOptions:
                 setattr(self, name, _writable_folder(name, folder))
         for option, choices in (
             ("split", tuple(SPLITS)),
+            ("setting", tuple(SETTINGS)),
             ("obs", get_args(ObservationMode)),
             ("control_mode", get_args(ControlMode)),
             ("render_quality", get_args(RenderQuality)),

@@ -85,9 +85,9 @@ def replay(
 
 
 @lru_cache(maxsize=1)
-def _environment(task: str, split: str, mode: ReplayMode, perturb: str) -> BimanualEnv:
+def _environment(task: str, split: str, mode: ReplayMode, **world: str) -> BimanualEnv:
     """The environment of the last recorded episode of this process, kept for the next one of its kind."""
-    return BimanualEnv(task, split=split, obs="state", control_mode=mode, perturb=perturb)
+    return BimanualEnv(task, split=split, obs="state", control_mode=mode, **world)
 
 
 def replay_recorded(
@@ -102,8 +102,10 @@ def replay_recorded(
         index: of the episode.
     """
     episode, view, provenance = dataset.episode(index), dataset.view, dataset.provenance
-    meta, perturb = episode.meta, "" if provenance is None else provenance.perturb
-    env = _environment(meta.task, meta.split, mode, perturb)
+    meta, world = episode.meta, {}
+    if provenance is not None:
+        world = {"perturb": provenance.perturb, "setting": provenance.setting}
+    env = _environment(meta.task, meta.split, mode, **world)
     actions = episode.columns[schema.ACTION] if mode == "joint" else keyposes_of(episode, view)
     return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
 

@@ -15,7 +15,7 @@ import numpy as np
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.conditions import Condition
-from lerobot_env_bimanual.options import ANY_VARIATION
+from lerobot_env_bimanual.options import ANY_VARIATION, VARIED
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.world.scene import Scene
@@ -84,10 +84,12 @@ class TaskSpec:
         id: position in the PerAct2 paper's list of tasks; part of every episode's seed, never reused.
         instructions: sentence templates over `Variation.words`; the first one is canonical.
         taxonomy: how the two arms depend on each other.
-        props: the things of the scene besides robots and table.
+        props: the things of the scene besides robots and table, in the setting `standard`.
         success: conditions that all have to hold; see `Task.conditions` for those of one variation.
         horizon_ticks: control ticks (50 ms) until an episode is truncated, about 1.5 times the expert's longest.
         variations: one row per variation, in order of their index.
+        varied: sets of props of the setting `varied`, of which each episode has one; they have the same names in the same
+            order. Without any, things are those of `standard`.
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
@@ -102,9 +104,14 @@ class TaskSpec:
     success: tuple[Condition, ...]
     horizon_ticks: int
     variations: tuple[Variation, ...] = (Variation(),)
+    varied: tuple[tuple[Prop, ...], ...] = ()
     needs_both_arms: bool = False
     load_bounds: Mapping[str, float] = field(default_factory=dict)
     random_rate: float = 0.0
+
+    def prop_sets(self, setting: str) -> tuple[tuple[Prop, ...], ...]:
+        """The sets of props among which the episodes of a setting draw."""
+        return self.varied if setting == VARIED and self.varied else (self.props,)
 
     def variation_index(self, variation: object) -> int | None:
         """Index that an option `variation` means; `None` to draw one per episode.

@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe, RecipeName, option_text, option_value
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
@@ -19,7 +19,15 @@ OWN_FLAGS = {
     ),
     "eval_flags": (
         *("policy.path", "policy.device", "eval.n_episodes", "seed", "output_dir", "config_path"),
-        *("env.type", "env.task", "env.variation", "env.split", "env.perturb", "env.image_size"),
+        *(
+            "env.type",
+            "env.task",
+            "env.variation",
+            "env.split",
+            "env.setting",
+            "env.perturb",
+            "env.image_size",
+        ),
         *("env.results_dir", "env.video_dir"),
     ),
 }
@@ -52,6 +60,7 @@ class BenchmarkConfig:
     seed: int = 1000  # of the training
     # Perturbations of the test and its baselines, and of nothing else: AXIS:LEVEL, several separated by commas.
     perturb: str = ""
+    setting: Literal["standard", "varied"] = "standard"  # of demonstrations, evaluations and baselines
     demos_perturb: str = ""  # perturbations of the demonstrations, likewise
     first_seed: int = 0  # of the episodes; the splits give other episodes for the same seeds
     # Further flags of the training, in one text; they win over the recipe's.
@@ -103,6 +112,7 @@ def resolve(config: BenchmarkConfig) -> BenchmarkSettings:
         **numbers,
         seed=config.seed,
         first_seed=config.first_seed,
+        setting=config.setting,
         perturb=levels_text(parse_levels(config.perturb)),
         demos_perturb=levels_text(parse_levels(config.demos_perturb)),
         device=config.device or usual_device,

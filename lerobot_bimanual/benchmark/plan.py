@@ -9,7 +9,7 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, flag_words, resol
 from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.recipes import PROTOCOLS, Recipe
 from lerobot_bimanual.results.benchmark import BenchmarkSettings
-from lerobot_bimanual.results.evaluation import eval_key, perturbed
+from lerobot_bimanual.results.evaluation import STANDARD, eval_key, perturbed
 
 ScoredSplit = Literal["val", "test"]
 BASELINES = ("expert", "open_loop")
@@ -52,13 +52,13 @@ class Plan:
     @property
     def folder(self) -> Path:
         """What the policies of a task share."""
-        return self.output / eval_key(self.settings.task, self.settings.variation, perturb="")
+        return self.output / eval_key(self.settings.task, self.settings.variation, "", self.settings.setting)
 
     @property
     def source(self) -> Path:
         """Folder of the demonstrations; policies that learn from those of several tasks are trained there, too."""
         several = self.settings.trained_on.replace(",", ".")
-        return self.output / several if several else self.folder
+        return self.output / eval_key(several, "any", "", self.settings.setting) if several else self.folder
 
     @property
     def dataset(self) -> Path:
@@ -104,7 +104,8 @@ class Plan:
 
     def record_file(self, split: ScoredSplit, step: int) -> Path:
         """The environment's record of that evaluation, with every action."""
-        key = eval_key(self.settings.task, self.settings.variation, self._perturb(split))
+        settings = self.settings
+        key = eval_key(settings.task, settings.variation, self._perturb(split), settings.setting)
         return self.evaluation_folder(split, step) / f"{key}_{split}_record.json"
 
     def seeds(self, split: ScoredSplit) -> range:
@@ -130,6 +131,7 @@ class Plan:
             "root": str(self.dataset),
             "repo_id": self._repo_id,
             "perturb": settings.demos_perturb,
+            "setting": self._setting,
             "workers": self.workers,
         }
         words = ["lerobot-bimanual", "dataset", "generate", *flag_words(_given(options))]
@@ -146,6 +148,7 @@ class Plan:
             "episodes": len(seeds),
             "player": player,
             "perturb": settings.perturb,
+            "setting": self._setting,
             "workers": self.workers,
             "output": str(report),
         }
@@ -180,6 +183,7 @@ class Plan:
             "env.variation": settings.variation,
             "env.split": split,
             "env.perturb": self._perturb(split),
+            "env.setting": self._setting,
             "env.image_size": settings.image_size,
             "env.cameras": ",".join(self.recipe.cameras),
             "env.obs": None if self.recipe.depth else "rgb",
@@ -204,6 +208,11 @@ class Plan:
 
     def _perturb(self, split: ScoredSplit) -> str:
         return self.settings.perturb if split == "test" else ""
+
+    @property
+    def _setting(self) -> str:
+        """The setting as a flag; empty where it is the default."""
+        return "" if self.settings.setting == STANDARD else self.settings.setting
 
     @property
     def _repo_id(self) -> str:

@@ -83,6 +83,11 @@ class Provenance(Record):
         """What was perturbed, `AXIS:LEVEL,...`; empty for nominal episodes."""
         return str(self.settings.get("perturb", ""))
 
+    @property
+    def setting(self) -> str:
+        """Setting of the episodes."""
+        return str(self.settings.get("setting", "standard"))
+
     def other_versions(self) -> dict[str, tuple[str, str]]:
         """Packages that decide what a seed means and differ here: package -> (recorded, installed) version."""
         installed = installed_versions()

@@ -56,6 +56,7 @@ class BenchmarkSettings(Record):
         first_seed: seed of the first validation and test episode.
         perturb: perturbations of the test, `AXIS:LEVEL,...`.
         demos_perturb: perturbations of the demonstrations.
+        setting: of demonstrations and evaluations.
         device: torch device; None if LeRobot chose it.
         training: further options of `lerobot-train` by name: those of the recipe, and those that were given beside it.
         evaluation: further options of `lerobot-eval` by name.
@@ -77,6 +78,7 @@ class BenchmarkSettings(Record):
     first_seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     perturb: str = ""
     demos_perturb: str = ""
+    setting: Literal["standard", "varied"] = "standard"
     device: str | None = None
     training: dict[str, JsonValue]
     evaluation: dict[str, JsonValue] = Field(default={})
@@ -90,7 +92,7 @@ class BenchmarkSettings(Record):
     @property
     def eval_key(self) -> str:
         """Name of what is scored: the task, or one variation of it, with its perturbations."""
-        return eval_key(self.task, self.variation, self.perturb)
+        return eval_key(self.task, self.variation, self.perturb, self.setting)
 
     @property
     def policy_id(self) -> str:

@@ -11,6 +11,9 @@ from lerobot_bimanual.versions import STAMPED_PACKAGES, installed_versions
 
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 
+STANDARD = "standard"
+"""The setting with the paper's things; only others are part of names."""
+
 WorldVersion = Annotated[str, Field(pattern="^[0-9a-f]{12}$")]
 """Version of what a task's world does, as its expert reports have it."""
 
@@ -65,15 +68,21 @@ class EvaluationRecord(EvaluationHead):
         """Perturbations of the world, `AXIS:LEVEL,...`; empty for the nominal world."""
         return str(self.options.get("perturb", ""))
 
+    @property
+    def setting(self) -> str:
+        """Setting of the episodes."""
+        return str(self.options.get("setting", STANDARD))
+
 
 def perturbed(name: str, perturb: str) -> str:
     """A name with the perturbations of its world, `AXIS:LEVEL,...`; the name itself in the nominal world."""
     return f"{name}_{perturb.replace(':', '')}" if perturb else name
 
 
-def eval_key(task: str, variation: str | int, perturb: str) -> str:
-    """Name of what a policy is scored on: a task, or one variation of it, with its perturbations."""
-    return perturbed(task if variation == "any" else f"{task}_{variation}", perturb)
+def eval_key(task: str, variation: str | int, perturb: str, setting: str = STANDARD) -> str:
+    """Name of what a policy is scored on: a task, or one variation of it, with its setting and perturbations."""
+    name = task if setting == STANDARD else f"{task}_{setting}"
+    return perturbed(name if variation == "any" else f"{name}_{variation}", perturb)
 
 
 def result_versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ from lerobot_bimanual.results.episode import Episode, EpisodeCount, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require
 
-PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "language_ablated"]
+PlayerName = Literal["expert", "replanning", "noop", "random", "open_loop", "nearest", "language_ablated"]
 PLAYERS: tuple[PlayerName, ...] = get_args(PlayerName)
 EXPERTS: tuple[PlayerName, ...] = ("expert", "replanning")
 """Players that must succeed, and whose episodes are measured; all others are baselines."""
@@ -108,6 +108,7 @@ class ExpertReport(Record):
         first_seed: first seed of each task, or of each of its variations.
         n_seeds: number of consecutive seeds.
         perturb: perturbations of the world, `AXIS:LEVEL,...`.
+        setting: of the episodes.
         versions: package -> version.
         worlds: task -> version of its world.
         violations: criteria that the player does not meet, one sentence each.
@@ -123,6 +124,7 @@ class ExpertReport(Record):
     first_seed: NonNegativeInt
     n_seeds: EpisodeCount
     perturb: str = ""
+    setting: Literal["standard", "varied"] = "standard"
     versions: dict[str, str]
     worlds: dict[str, WorldVersion]
     violations: tuple[str, ...] = ()

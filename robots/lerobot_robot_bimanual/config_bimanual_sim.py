@@ -26,6 +26,8 @@ class BimanualSimConfig(RobotConfig):
     # `train`, `val` or `test`: the same seed means different episodes in each. The default keeps recorded episodes apart
     # from those of evaluations, which are on `test`.
     split: str = "train"
+    # `standard`, or `varied`, where sizes, heights and places of things differ more.
+    setting: str = EnvOptions.setting
     # Seed of the first episode; every further one has the next.
     seed: int = 0
     # Perturbations of the nominal world, as `AXIS:LEVEL`, several separated by commas.
@@ -57,6 +59,7 @@ class BimanualSimConfig(RobotConfig):
         return EnvOptions(
             variation=self.variation,
             split=self.split,
+            setting=self.setting,
             perturb=self.perturb,
             cameras=self.cameras,
             image_size=self.image_size,

@@ -12,6 +12,7 @@ from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
+from lerobot_env_bimanual.experts.nearest import Layout, demonstrations
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
@@ -102,6 +103,23 @@ def test_the_open_loop_baseline_plays_the_given_keyposes_and_skips_what_it_canno
     assert outcome.failure == "no move left"
     assert outcome.commands[1][:3] == pytest.approx(keyposes[0][:3])
     assert outcome.commands[1][9:12] == pytest.approx(keyposes[1][9:12])
+
+
+def test_the_nearest_baseline_plays_the_demonstration_of_the_scene_that_is_most_alike(env_of, monkeypatch):
+    monkeypatch.setattr("lerobot_env_bimanual.experts.nearest.DEMONSTRATIONS", 3)
+    demonstrations.cache_clear()
+    known = BimanualEnv("lift_ball", split="train", obs="state")
+    assert run_episode(known, 1, make_player("nearest", 0)).success
+    assert (
+        run_episode(known, 1, make_player("nearest", 0)).commands == run_episode(known, 1, expert()).commands
+    )
+
+    here, found = Layout.of(known), [layout for layout, _ in demonstrations("lift_ball", 0, "standard")]
+    assert [here.distance_m(layout) == 0 for layout in found] == [False, True, False]
+    unknown = run_episode(env_of("lift_ball"), SEED, make_player("nearest", 0)).commands
+    nearest = min(found, key=Layout.of(env_of("lift_ball")).distance_m)
+    assert unknown[0] == tuple(demonstrations("lift_ball", 0, "standard")[found.index(nearest)][1][0].tolist())
+    demonstrations.cache_clear()
 
 
 def test_mean_keyposes_average_positions_rotations_and_flags_of_episodes_of_the_usual_length():

@@ -54,6 +54,9 @@ class DatasetGenerateConfig:
     discretise: int = 0
     # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
     perturb: str = ""
+    setting: Literal["standard", "varied"] = (
+        "standard"  # in `varied` sizes, heights and places of things differ more
+    )
     # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
     # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
     executor: Literal["processes", "ray"] = "processes"
@@ -121,6 +124,7 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
             "height": options.size[0],
             "width": options.size[1],
             "perturb": options.perturb,
+            "setting": config.setting,
             "repo_id": config.repo_id or f"local/{re.sub(r'[^\w.-]', '_', config.root.absolute().name)}",
         }
     )

@@ -33,11 +33,15 @@ class ExpertEvaluateConfig:
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
     # `expert`; `replanning`, an expert that starts again after something other than a hand has moved a thing; `noop` holds
     # still; `random` plays keyposes from the whole workspace; `open_loop` repeats the mean keyposes of training episodes;
-    # `language_ablated` follows one of the instructions that the scene allows, at random.
+    # `nearest` repeats those of the one training episode, of 100, whose scene is most alike; `language_ablated` follows one
+    # of the instructions that the scene allows, at random.
     player: PlayerName = "expert"
     discretise: int = 0  # voxels per axis to which the keyposes of an expert are rounded; 0 leaves them exact
     # Play each solved episode of an expert again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
+    setting: Literal["standard", "varied"] = (
+        "standard"  # in `varied` sizes, heights and places of things differ more
+    )
     perturb: str = ""  # perturbations of the world, AXIS:LEVEL, several separated by commas
     # Axes of a sweep over conditions, or `all` that apply to a task; by default there is no sweep.
     axes: tuple[str, ...] = ()
@@ -98,7 +102,7 @@ def _check(config: ExpertEvaluateConfig) -> None:
     if config.axes:
         if config.output is None:
             raise InvalidChoice("output with --axes", None, ["a folder for one report per task"])
-        for name in ("player", "variation", "perturb", "discretise", "replay"):
+        for name in ("player", "variation", "setting", "perturb", "discretise", "replay"):
             if (value := getattr(config, name)) != (usual := getattr(ExpertEvaluateConfig, name)):
                 raise InvalidChoice(f"{name} with --axes", value, [repr(usual)])
 
@@ -123,6 +127,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
         first_seed=config.first_seed,
         n_seeds=config.episodes,
         perturb=config.perturb,
+        setting=config.setting,
     )
     if config.output is not None and log is not None:
         report.write(config.output)
@@ -147,9 +152,10 @@ def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Ite
             0,
             config.player,
             config.discretise,
-            evaluator.mean_keyposes(task, variation) if is_open_loop else (),
+            evaluator.mean_keyposes(task, variation, config.setting) if is_open_loop else (),
             config.replay,
             config.perturb,
+            config.setting,
         )
         seeds = range(config.first_seed, config.first_seed + config.episodes)
         yield from (replace(spec, seed=seed) for seed in seeds)

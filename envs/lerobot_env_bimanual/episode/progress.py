@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lerobot_env_bimanual.options import SPLITS
+from lerobot_env_bimanual.options import SETTINGS, SPLITS, STANDARD
 from lerobot_env_bimanual.task import TaskSpec, Variation
 
 SUCCESS_TICKS = 10
@@ -23,6 +23,7 @@ class EpisodeProgress:
         variation: what was drawn or asked for.
         instruction: the sentence that a policy is given.
         rng: the episode's only source of randomness.
+        prop_set: index of its set of props, of those of the task in the setting.
         draws: placements that the reset drew until one could be rehearsed.
         conditions: each condition's name and whether it is met now; between the ticks of a step those after the first
             that is not met are left out.
@@ -39,6 +40,7 @@ class EpisodeProgress:
     variation: Variation
     instruction: str
     rng: np.random.Generator
+    prop_set: int = 0
     draws: int = 0
     conditions: dict[str, bool] = field(default_factory=dict)
     ticks: int = 0
@@ -79,18 +81,23 @@ class EpisodeProgress:
         }
 
 
-def draw_episode(spec: TaskSpec, split: str, seed: int, fixed: int | None) -> EpisodeProgress:
-    """An episode that has not begun: its variation, instruction and generator.
+def draw_episode(
+    spec: TaskSpec, split: str, seed: int, fixed: int | None, setting: str = STANDARD
+) -> EpisodeProgress:
+    """An episode that has not begun: its variation, instruction, set of props and generator.
 
-    Both are always drawn, so that fixing a variation changes nothing else.
+    All are always drawn, so that fixing a variation changes nothing else.
 
     Args:
         spec: of the task.
         split: "train", "val" or "test".
         seed: of the episode.
         fixed: index of the variation; None leaves it to the seed.
+        setting: "standard" or "varied".
     """
-    rng = np.random.default_rng(np.random.SeedSequence([SPLITS[split], spec.id, seed]))
+    entropy = [SPLITS[split], spec.id, seed, SETTINGS[setting]]
+    rng = np.random.default_rng(np.random.SeedSequence(entropy))
     drawn, sentence = int(rng.integers(len(spec.variations))), int(rng.integers(len(spec.instructions)))
     variation = spec.variations[drawn if fixed is None else fixed]
-    return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng)
+    prop_set = int(rng.integers(len(spec.prop_sets(setting))))
+    return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng, prop_set)

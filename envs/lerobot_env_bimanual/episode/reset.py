@@ -39,7 +39,7 @@ class EpisodeReset:
         self._scene = scene
         self._perturb = perturb
         self._rehearsal = Rehearsal(scene, CODECS)
-        self._drawn_in = Scene(task.spec.props) if is_patched else scene
+        self._drawn_in = Scene(scene.props, setting=scene.setting) if is_patched else scene
         self._first_rehearsal = Rehearsal(self._drawn_in, CODECS) if is_patched else self._rehearsal
 
     def start(self, progress: EpisodeProgress) -> int:

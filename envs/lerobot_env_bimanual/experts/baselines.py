@@ -1,4 +1,4 @@
-"""Baselines: players that hold still, move at random, repeat mean keyposes or ignore the words.
+"""Baselines: players that hold still, move at random, repeat mean keyposes or the nearest ones, or ignore the words.
 
 Each is played through the same environment as the experts and the policies, and leniently: an arm whose keypose cannot
 be reached stays where it is, and the rest goes on.
@@ -22,6 +22,7 @@ from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, QUATERNION
 from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.nearest import nearest_keyposes
 from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose, replanning
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
 from lerobot_env_bimanual.task import Script
@@ -46,6 +47,7 @@ def make_player(
         "noop": noop,
         "random": random(np.random.default_rng(seed)),
         "open_loop": open_loop(mean_keyposes),
+        "nearest": nearest,
         "language_ablated": language_ablated(np.random.default_rng(seed)),
     }
     return players[name]
@@ -76,6 +78,11 @@ def open_loop(keyposes: Sequence[ArrayLike]) -> Player:
     """The same keyposes (18,) in every episode, whatever the scene."""
     targets = [BimanualKeypose.from_vector(keypose) for keypose in keyposes]
     return lambda env: _leniently(env, _numbered(targets), np.random.default_rng(0))
+
+
+def nearest(env: BimanualEnv) -> Iterator[Move]:
+    """The keyposes of the training demonstration whose scene is most like this one, unchanged."""
+    return open_loop(nearest_keyposes(env))(env)
 
 
 def language_ablated(rng: np.random.Generator) -> Player:

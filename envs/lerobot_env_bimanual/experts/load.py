@@ -219,20 +219,22 @@ def run_measured(
         replay_mode: whether a solved episode is played again, by its joint actions or its keyposes; every state is
             compared. The replay starts another episode in the same environment.
     """
-    meter, hashes = LoadMeter(env.scene), list[int]()
+    meters, hashes = list[LoadMeter](), list[int]()
     actions, keyposes = list[NDArray[np.float32]](), list[NDArray[np.float32]]()
 
     def note(env: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
-        meter.observe_tick(joint_action)
+        if not meters:  # which scene it is shows at the reset
+            meters.append(LoadMeter(env.scene))
+        meters[0].observe_tick(joint_action)
         actions.append(joint_action.copy())
         hashes.append(state_hash_column(env.state_hash()))
 
-    with env.observed_by(note, meter.observe_step):
+    with env.observed_by(note, lambda: meters[0].observe_step()):
         outcome = run_episode(env, seed, player, lambda move: keyposes.append(move.action))
     if not outcome.success:
         return outcome
     found: dict[str, Any] = {
-        "load": meter.result(),
+        "load": meters[0].result(),
         "keyframes_found": keyframes_found(np.array(actions), [move.ticks for move in outcome.moves]),
     }
     if replay_mode != "none":

@@ -115,16 +115,23 @@ class Recorder:
 
 
 def recording_options(
-    split: str, cameras: Iterable[str], image_size: tuple[int, int], perturb: str
+    split: str, cameras: Iterable[str], image_size: tuple[int, int], **world: str
 ) -> EnvOptions:
-    """Options of an environment in which episodes are recorded; sizes are height and width in pixels."""
+    """Options of an environment in which episodes are recorded.
+
+    Args:
+        split: of the seeds.
+        cameras: whose images are asked for.
+        image_size: height and width in pixels.
+        world: `perturb` and `setting`.
+    """
     return EnvOptions(
         split=split,
         cameras=",".join(cameras),
         image_size="{}x{}".format(*image_size),
         obs="state",
         control_mode="keypose",
-        perturb=perturb,
+        **world,
     )
 
 

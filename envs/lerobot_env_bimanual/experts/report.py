@@ -22,14 +22,15 @@ from lerobot_bimanual.results.expert_report import (
 )
 from lerobot_bimanual.terminal import print_table
 from lerobot_env_bimanual.experts.load import excesses
-from lerobot_env_bimanual.experts.world_version import simulation_versions, world_version
+from lerobot_env_bimanual.experts.world_version import simulation_versions, world_versions
+from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
 
 type Split = Literal["train", "val", "test"]
 
 MIN_EXPERT_RATE = 0.99
 MIN_DISCRETISED_RATE = 0.97
-MAX_RATES: dict[PlayerName, float] = {"noop": 0.0, "open_loop": 0.20, "language_ablated": 1.0}
+MAX_RATES: dict[PlayerName, float] = {"noop": 0.0, "open_loop": 0.20, "nearest": 1.0, "language_ablated": 1.0}
 """Highest success rate of a baseline; with 1 it is measured and not limited. That of `random` is `TaskSpec.random_rate`."""
 MIN_KEYFRAMES_FOUND = 0.95
 STATE_HASH_DIGITS = 16
@@ -45,7 +46,8 @@ def make_report(
         outcomes: all episodes.
         player: name of the player.
         split: split of the seeds.
-        head: further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds` and `perturb`.
+        head: further fields of `ExpertReport`: `discretise`, `replay`, `first_seed`, `n_seeds`, `perturb` and
+            `setting`.
     """
     loads = {
         key: [episode.load for episode in episodes if episode.load is not None]
@@ -59,7 +61,7 @@ def make_report(
         split=split,
         **head,
         versions=simulation_versions(),
-        worlds={task: world_version(task, head.get("perturb", "")) for task in tasks},
+        worlds=world_versions(tasks, head.get("perturb", ""), head.get("setting", STANDARD)),
         violations=tuple(violations(player, split, bool(head.get("discretise")), outcomes)),
         loads=tuple(
             VariationLoad(task=task, variation=variation, load=peak_load(found))
@@ -140,7 +142,8 @@ def print_report(report: ExpertReport) -> None:
     title = f"{report.player} on {report.split} seeds {report.seeds.start} to {report.seeds.stop - 1}"
     if report.discretise:
         title += f", keyposes rounded to {report.discretise} voxels per axis"
-    print_table(table, f"{title}, {report.perturb}" if report.perturb else title)
+    others = [name for name in (report.setting, report.perturb) if name not in ("", STANDARD)]
+    print_table(table, ", ".join([title, *others]))
     console = Console(highlight=False, soft_wrap=True)
     for outcome in report.episodes:
         if is_expert and not outcome.success:

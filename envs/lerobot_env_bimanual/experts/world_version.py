@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import logging
 import multiprocessing
 import platform
@@ -27,8 +28,10 @@ from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.runner import Move, expert, run_episode
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.registry import checked_perturbation
 from lerobot_env_bimanual.robots.panda_pair import FINGERS
 from lerobot_env_bimanual.task import Task
@@ -57,22 +60,26 @@ OPTIONS = ("timestep", "integrator", "cone", "impratio", "gravity", "density", "
 
 
 @functools.cache
-def world_version(task: str, perturb: str = "") -> str:
-    """Version of a task's world; plays one episode of its expert, half a second or two.
+def world_version(task: str, perturb: str = "", setting: str = STANDARD) -> str:
+    """Version of a task's world; plays one episode of its expert with each set of props, half a second or two.
 
     Args:
         task: its name.
         perturb: perturbations of the world, `AXIS:LEVEL,...`. Of an axis that is only seen, the magnitude counts.
+        setting: "standard" or "varied".
 
     Raises:
         InvalidChoice: there is no such task.
         InvalidChoice: there is no such axis or level.
     """
     _say_if_uncertified()
-    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb)
+    env = BimanualEnv(task, split=PROBE_SPLIT, obs="state", perturb=perturb, setting=setting)
     digest = hashlib.sha256()
     perturbed = (f"{axis} {magnitude}" for axis, magnitude in env.perturbations.magnitudes.items())
-    for fact in (*_task_facts(env.task_definition), *_model_facts(env), *_episode_facts(env), *perturbed):
+    of_sets = (
+        fact for seed in _probe_seeds(env) for fact in (*_episode_facts(env, seed), *_model_facts(env))
+    )
+    for fact in (*_task_facts(env.task_definition), *of_sets, *perturbed):
         digest.update(fact.encode() + b"\n")
     env.close()
     return digest.hexdigest()[:VERSION_DIGITS]
@@ -102,14 +109,14 @@ def joint_version(worlds: Mapping[str, str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:VERSION_DIGITS]
 
 
-def world_versions(tasks: Iterable[str], perturb: str = "") -> dict[str, str]:
+def world_versions(tasks: Iterable[str], perturb: str = "", setting: str = STANDARD) -> dict[str, str]:
     """The version of each task's world, see `world_version`; "none" of a task or a perturbation that is not here."""
     try:
         checked_perturbation(perturb)
     except InvalidChoice:
         return dict.fromkeys(tasks, "none")
     bar = tqdm([*tasks], "worlds", unit="task", leave=False, delay=SILENT_S)
-    return {task: world_version(task, perturb) if task in list_tasks() else "none" for task in bar}
+    return {task: world_version(task, perturb, setting) if task in list_tasks() else "none" for task in bar}
 
 
 def other_simulation(provenance: Provenance | None) -> str:
@@ -123,7 +130,7 @@ def other_simulation(provenance: Provenance | None) -> str:
     if others := provenance.other_versions():
         packages = (f"{name} {recorded} (installed: {here})" for name, (recorded, here) in others.items())
         return f"generated with {', '.join(packages)}"
-    here = world_versions(provenance.worlds, provenance.perturb)
+    here = world_versions(provenance.worlds, provenance.perturb, provenance.setting)
     other = [
         f"{task} in world {version} (here: {here[task]})"
         for task, version in provenance.worlds.items()
@@ -156,7 +163,19 @@ def _model_facts(env: BimanualEnv) -> Iterator[str]:
     yield f"mujoco {mujoco.mj_versionString()}"
 
 
-def _episode_facts(env: BimanualEnv) -> Iterator[str]:
+def _probe_seeds(env: BimanualEnv) -> Iterator[int]:
+    """The first seed of each set of props of the environment's setting."""
+    spec, options, seen = env.task_definition.spec, env.options, set[int]()
+    for seed in itertools.count(PROBE_SEED):
+        prop_set = draw_episode(spec, options.split, seed, None, options.setting).prop_set
+        if prop_set not in seen:
+            seen.add(prop_set)
+            yield seed
+        if len(seen) == len(spec.prop_sets(options.setting)):
+            return
+
+
+def _episode_facts(env: BimanualEnv, seed: int) -> Iterator[str]:
     """What is drawn in one episode of the expert, where its first motion ends, and how long each takes."""
     stood: list[NDArray[np.float64]] = []
 
@@ -165,7 +184,7 @@ def _episode_facts(env: BimanualEnv) -> Iterator[str]:
             stood.append(np.append(env.scene.data.time, env.scene.data.qpos))
 
     try:
-        outcome = run_episode(env, PROBE_SEED, expert(), note)
+        outcome = run_episode(env, seed, expert(), note)
     except PlacementFailure as failure:
         yield str(failure)
         return

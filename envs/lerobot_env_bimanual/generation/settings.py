@@ -41,6 +41,7 @@ class GenerationSettings(Record):
         episodes_per_shard: episodes per file of the dataset.
         repo_id: LeRobot's name of the dataset.
         perturb: what is perturbed, `AXIS:LEVEL,...`; empty for nominal episodes.
+        setting: of the episodes.
 
     Raises:
         BimanualError: a task, variation, camera or perturbation does not exist; the message lists the choices.
@@ -61,6 +62,7 @@ class GenerationSettings(Record):
     episodes_per_shard: Annotated[int, Field(ge=1, le=10_000)]
     repo_id: Annotated[str, Field(pattern=r"^\w[\w. -]*(/\w[\w. -]*)?$")]
     perturb: str = ""
+    setting: Literal["standard", "varied"] = "standard"
 
     @model_validator(mode="after")
     def _exist(self) -> Self:
@@ -104,6 +106,7 @@ class GenerationSettings(Record):
             "intermediate": ",".join(map(str, self.intermediate)),
             "discretise": self.discretise,
             "perturb": self.perturb,
+            "setting": self.setting,
             "episodes_per_shard": self.episodes_per_shard,
             "root": root,
             "repo_id": self.repo_id,
@@ -114,7 +117,8 @@ class GenerationSettings(Record):
     @property
     def options(self) -> EnvOptions:
         """Options of the environments in which the episodes are recorded."""
-        return recording_options(self.split, self.cameras, (self.height, self.width), self.perturb)
+        size, world = (self.height, self.width), {"perturb": self.perturb, "setting": self.setting}
+        return recording_options(self.split, self.cameras, size, **world)
 
     @property
     def total_episodes(self) -> int:
@@ -147,7 +151,7 @@ class Origin(Record):
         return cls(
             settings=settings.model_dump(mode="json"),
             versions=installed_versions(),
-            worlds=world_versions(settings.tasks, settings.perturb),
+            worlds=world_versions(settings.tasks, settings.perturb, settings.setting),
         )
 
     def refuse_at(self, place: Path, found: Origin | Provenance) -> None:

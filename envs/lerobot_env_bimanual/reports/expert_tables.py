@@ -33,6 +33,7 @@ COLUMNS = {
     EXACT: "expert",
     ROUNDED: "rounded",
     "open_loop": "open loop",
+    "nearest": "nearest",
     "random": "random",
     "noop": "no-op",
     LANGUAGE_ABLATED: "words ignored (chance)",
@@ -102,7 +103,12 @@ class ExpertReports:
         reports = {name: ExpertReport.read(path) for name, path in paths.items() if path.is_file()}
         experts = reports[EXACT]
         for name, report in reports.items():
-            shared = {"perturb": "", "split": experts.split, "first_seed": experts.first_seed}
+            shared = {
+                "perturb": "",
+                "setting": experts.setting,
+                "split": experts.split,
+                "first_seed": experts.first_seed,
+            }
             shared["player"] = EXACT if name == ROUNDED else name
             shared["worlds"] = {task: experts.worlds.get(task) for task in report.worlds}
             for field, expected in shared.items():

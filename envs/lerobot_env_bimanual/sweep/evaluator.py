@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice
@@ -26,6 +26,7 @@ from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.load import run_measured
 from lerobot_env_bimanual.experts.runner import outcome_of, run_episode
 from lerobot_env_bimanual.experts.world_version import simulation_versions
+from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.replay import ReplayMode
 from lerobot_env_bimanual.tasks.registry import TASKS
@@ -54,6 +55,7 @@ class EpisodeSpec:
         mean_keyposes: keyposes of the player `open_loop`.
         replay: how a solved episode of an expert is replayed afterwards.
         perturb: perturbations of the world, `AXIS:LEVEL,...`.
+        setting: of the episode.
     """
 
     task: str
@@ -65,6 +67,7 @@ class EpisodeSpec:
     mean_keyposes: Keyposes = ()
     replay: ReplayMode | Literal["none"] = "none"
     perturb: str = ""
+    setting: str = STANDARD
 
     def __str__(self) -> str:
         place = f"{self.task} at {self.perturb}" if self.perturb else self.task
@@ -72,14 +75,15 @@ class EpisodeSpec:
 
 
 @lru_cache(maxsize=1)
-def _environment(task: str, variation: str, split: str, perturb: str) -> BimanualEnv:
+def _environment(task: str, **options: str) -> BimanualEnv:
     """The environment of the last episode of this process, kept for the next one of its kind."""
-    return BimanualEnv(task, variation=variation, split=split, obs="state", perturb=perturb)
+    return BimanualEnv(task, obs="state", **options)
 
 
 def play(spec: EpisodeSpec) -> EpisodeOutcome:
     """Play one episode in this process."""
-    env = _environment(spec.task, spec.variation, spec.split, spec.perturb)
+    options = {name: getattr(spec, name) for name in ("variation", "split", "perturb", "setting")}
+    env = _environment(spec.task, **options)
     codec = KeyposeCodec(voxels=spec.discretise) if spec.discretise else None
     player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes)
     try:
@@ -178,7 +182,7 @@ class Evaluator(WorkerPool):
     def __init__(self, workers: int, log: EpisodeLog | None = None):
         super().__init__(workers)
         self._log = log
-        self._mean_keyposes: dict[tuple[str, str], Keyposes] = {}
+        self._mean_keyposes: dict[tuple[str, str, str], Keyposes] = {}
 
     def play(self, specs: Sequence[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
         """Outcomes of episodes, in their order, with a progress bar called `label`.
@@ -210,17 +214,19 @@ class Evaluator(WorkerPool):
             )
         return [known[spec] for spec in specs]
 
-    def mean_keyposes(self, task: str, variation: str) -> Keyposes:
+    def mean_keyposes(self, task: str, variation: str, setting: str = STANDARD) -> Keyposes:
         """Mean keyposes of the expert's training episodes of one variation, which are played once.
 
         Raises:
             BimanualError: the expert solved none of them.
         """
-        if (task, variation) not in self._mean_keyposes:
-            specs = [EpisodeSpec(task, variation, "train", seed, "expert") for seed in range(MEAN_EPISODES)]
+        if (task, variation, setting) not in self._mean_keyposes:
+            spec = EpisodeSpec(task, variation, "train", 0, "expert", setting=setting)
+            specs = [replace(spec, seed=seed) for seed in range(MEAN_EPISODES)]
             outcomes = self.play(specs, f"{task}: training episodes")
             episodes = [outcome.commands for outcome in outcomes if outcome.success]
             if not episodes:
                 raise BimanualError(f"the expert of {task!r} solves no training episode: there is no mean")
-            self._mean_keyposes[task, variation] = tuple(map(tuple, mean_of_episodes(episodes).tolist()))
-        return self._mean_keyposes[task, variation]
+            mean = mean_of_episodes(episodes).tolist()
+            self._mean_keyposes[task, variation, setting] = tuple(map(tuple, mean))
+        return self._mean_keyposes[task, variation, setting]

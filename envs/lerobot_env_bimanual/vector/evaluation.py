@@ -23,6 +23,7 @@ RECORDED_OPTIONS = (
     "control_mode",
     "max_keyposes",
     "perturb",
+    "setting",
 )
 """Options that decide what is played and seen."""
 
@@ -173,7 +174,7 @@ class KeptEpisodes:
         return EvaluationHead(
             schema_version=2,
             task=self._task,
-            world=world_version(self._task, self._options.perturb),
+            world=world_version(self._task, self._options.perturb, self._options.setting),
             options={name: value if isinstance(value, int) else str(value) for name, value in options},
             batch_size=self._environments,
             versions=result_versions(),
@@ -189,4 +190,5 @@ class KeptEpisodes:
 
 def record_name(task: str, options: EnvOptions) -> str:
     """File name of the record of an evaluation."""
-    return f"{eval_key(task, options.variation, options.perturb)}_{options.split}_record.json"
+    key = eval_key(task, options.variation, options.perturb, options.setting)
+    return f"{key}_{options.split}_record.json"

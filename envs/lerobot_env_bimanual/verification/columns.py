@@ -22,7 +22,7 @@ from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
-from lerobot_env_bimanual.options import SPLITS
+from lerobot_env_bimanual.options import SPLITS, STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.verification.fault import Fault, first_of
 
@@ -95,8 +95,9 @@ class Player:
         Raises:
             BimanualError: it cannot be played, or is not solved.
         """
-        voxels, perturb = setting(dataset, "discretise", 0), setting(dataset, "perturb", "")
-        options = recording_options(meta.split, dataset.cameras, image_size, perturb)
+        world = {"perturb": setting(dataset, "perturb", ""), "setting": setting(dataset, "setting", STANDARD)}
+        options = recording_options(meta.split, dataset.cameras, image_size, **world)
+        voxels = setting(dataset, "discretise", 0)
         which = meta.task, options, meta.seed, meta.variation, voxels
         if self._last is None or self._last[0] != which:
             self._last = None  # its images are lost now

@@ -62,13 +62,13 @@ class ResultFile:
     def place(self) -> str:
         """Task, or one of its variations, with its perturbations."""
         record = self.record
-        return eval_key(record.task, record.options.get("variation", "any"), record.perturb)
+        return eval_key(record.task, record.options.get("variation", "any"), record.perturb, record.setting)
 
     @property
     def world_problem(self) -> str:
         """How the result's world differs from the installed one; "" if it does not."""
         record = self.record
-        if record.world == (installed := world_version(record.task, record.perturb)):
+        if record.world == (installed := world_version(record.task, record.perturb, record.setting)):
             return ""
         difference = f"world of {record.task} is {record.world}, but {installed} here"
         return f"{difference}: replay it with the versions {record.versions}"

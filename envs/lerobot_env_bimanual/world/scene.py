@@ -13,6 +13,7 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import GRIPPERS, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR, ArmPair
 from lerobot_env_bimanual.world.alterations import Alterations
@@ -83,6 +84,8 @@ class Scene(SceneView):
         props: the things besides robots and room, in the order in which they are compiled.
         arm_pair: the robots.
         patch: changes the model before it is compiled.
+        setting: of its episodes.
+        prop_set: index of `props` among the sets of the setting.
 
     Attributes:
         ticks: control ticks since the episode started (settling not counted).
@@ -93,12 +96,15 @@ class Scene(SceneView):
         props: Sequence[Prop] = (),
         arm_pair: ArmPair = PANDA_PAIR,
         patch: Callable[[mujoco.MjSpec], None] | None = None,
+        setting: str = STANDARD,
+        prop_set: int = 0,
     ):
         self._home_action = np.array([*arm_pair.home_joints, 1.0] * len(ARMS), dtype=np.float32)
         spec = build_spec(props, arm_pair)
         if patch is not None:
             patch(spec)
-        super().__init__(spec.compile(), arm_pair, self._home_action)
+        super().__init__(spec.compile(), arm_pair, self._home_action, props, setting)
+        self._identity = f"{setting} {prop_set}".encode() if setting != STANDARD else b""
         self.ticks = 0
         self._pristine = tuple(getattr(self.model, field).copy() for field in RESETTABLE_FIELDS)
         self._alterations = Alterations(self.model)
@@ -264,7 +270,7 @@ class Scene(SceneView):
 
         Not of what perturbations change in images only, so that episodes of a seed have the same hashes under them.
         """
-        digest = hashlib.sha256(self._physics_state().tobytes())
+        digest = hashlib.sha256(self._identity + self._physics_state().tobytes())
         digest.update(self.data.tree_asleep.tobytes())
         digest.update(self._commanded.tobytes())
         digest.update(self._servos.change.tobytes())

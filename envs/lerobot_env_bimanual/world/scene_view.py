@@ -1,5 +1,7 @@
 """A read-only view of a world: poses of arms and props, and contacts."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,8 @@ from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import matrix_to_quat_wxyz
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.options import STANDARD, VARIED
+from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
 from lerobot_env_bimanual.world.appearance import NOMINAL
 
@@ -26,16 +30,27 @@ class SceneView:
         model: compiled MuJoCo model.
         arm_pair: the robots in it.
         commanded: (16,) the joint action that the arms hold.
+        props: the things besides robots and room.
+        setting: of the episode.
 
     Attributes:
         model: as given.
+        props: as given.
+        setting: as given.
         data: its state; read it freely, change it only through the methods of a subclass.
         arm_pair: as given.
         appearance: how it looks where that differs from the model, and where its cameras are.
     """
 
-    def __init__(self, model: mujoco.MjModel, arm_pair: ArmPair, commanded: NDArray[np.float32]):
-        self.model = model
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        arm_pair: ArmPair,
+        commanded: NDArray[np.float32],
+        props: Sequence[Prop] = (),
+        setting: str = STANDARD,
+    ):
+        self.model, self.props, self.setting = model, tuple(props), setting
         self.data = mujoco.MjData(model)
         self.arm_pair = arm_pair
         self.appearance = NOMINAL
@@ -74,6 +89,22 @@ class SceneView:
         return float(np.clip(self.finger_positions(arm).mean() / self.arm_pair.finger_travel_m, 0.0, 1.0))
 
     # -- props --------------------------------------------------------------------------------------------
+
+    @property
+    def is_varied(self) -> bool:
+        """Whether the setting is `varied`."""
+        return self.setting == VARIED
+
+    def prop[P: Prop](self, kind: type[P], name: str) -> P:
+        """A thing of the scene with its sizes, by its class and name.
+
+        Raises:
+            KeyError: the scene has no such thing.
+        """
+        for prop in self.props:
+            if prop.name == name and isinstance(prop, kind):
+                return prop
+        raise KeyError(f"the scene has no {kind.__name__} called {name!r}")
 
     def pose(self, body: str) -> Pose:
         """World pose of a body."""
