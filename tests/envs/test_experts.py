@@ -118,7 +118,9 @@ def test_the_nearest_baseline_plays_the_demonstration_of_the_scene_that_is_most_
     assert [here.distance_m(layout) == 0 for layout in found] == [False, True, False]
     unknown = run_episode(env_of("lift_ball"), SEED, make_player("nearest", 0)).commands
     nearest = min(found, key=Layout.of(env_of("lift_ball")).distance_m)
-    assert unknown[0] == tuple(demonstrations("lift_ball", 0, "standard")[found.index(nearest)][1][0].tolist())
+    assert unknown[0] == tuple(
+        demonstrations("lift_ball", 0, "standard")[found.index(nearest)][1][0].tolist()
+    )
     demonstrations.cache_clear()
 
 
