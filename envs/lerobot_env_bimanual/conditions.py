@@ -85,16 +85,25 @@ class WhollyAbove(Condition):
 
 @dataclass(frozen=True)
 class CentredOn(Condition):
-    """The prop's origin lies over the square of this half side at the target's centre, in the target's axes."""
+    """The prop's origin lies over the square of this half side at the target's centre, in the target's axes.
+
+    Attributes:
+        prop: body whose origin counts.
+        target: body over whose origin it is to lie.
+        tolerance_m: half side of the square.
+        varied_m: the same in the setting `varied`; None for no other one.
+    """
 
     prop: str
     target: str
     tolerance_m: float = field(repr=False)
+    varied_m: float | None = field(default=None, repr=False)
 
     def __call__(self, view: SceneView) -> bool:
         """Compare x and y of the prop's origin in the target's frame."""
         offset = view.pose(self.target).inverse().apply(view.pose(self.prop).position)
-        return bool(np.abs(offset[:2]).max() <= self.tolerance_m)
+        is_other = view.is_varied and self.varied_m is not None
+        return bool(np.abs(offset[:2]).max() <= (self.varied_m if is_other else self.tolerance_m))
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,15 @@ Departures from the original: the ball must be held between both hands while its
 where the original asks for the height alone. The hands are closed and pinch at the equator instead of scooping
 with open fingers, friction is 0.3 instead of 0.5 and placements spread over 34 x 34 cm, for otherwise a motion that
 ignores the scene lifts the ball almost anywhere. There is no yaw, since nothing on a sphere shows it.
+
+In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to 4 cm, and the
+fingers reach it only between two posts on either side, which forgive a centimetre and turn with the pedestal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +24,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.props.ball import Ball
+from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
@@ -29,6 +34,22 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 BALL = Ball("ball", radius_m=0.15, mass_kg=1.0, friction=0.3)
 AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.17, 0.17))
 SUCCESS_HEIGHT_M = 0.95
+
+VARIED_RADII_M = (0.100, 0.115, 0.130, 0.145)
+VARIED_HEIGHT_M = 0.04
+VARIED_YAW_RAD = np.deg2rad((-10.0, 30.0))
+"""What both arms can serve; a ball is lifted as well along any axis."""
+GATE_HALF_M = 0.026
+"""Half the distance of the posts' middles: the fingers, 2 cm wide, pass with 1 cm to spare on either side."""
+GATE_GAP_M = 0.02
+"""From the ball to the posts' middles."""
+
+
+def _stand(radius_m: float) -> Pedestal:
+    y_m = radius_m + GATE_GAP_M
+    posts = [(x, y, radius_m) for x in (-GATE_HALF_M, GATE_HALF_M) for y in (-y_m, y_m)]
+    return Pedestal("stand", (0.07, 0.07), VARIED_HEIGHT_M, posts_m=tuple(posts))
+
 
 APPROACH_GAP_M = 0.06
 """Distance from the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
@@ -47,6 +68,7 @@ class LiftBall(Task):
         instructions=("lift the ball",),
         taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous non_prehensile"),
         props=(BALL,),
+        varied=tuple((replace(BALL, radius_m=each), _stand(each)) for each in VARIED_RADII_M),
         success=(
             Above("ball", SUCCESS_HEIGHT_M),
             Touched("ball", by=Arm.LEFT),
@@ -58,22 +80,27 @@ class LiftBall(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Ball anywhere between the arms."""
-        scene.place("ball", AREA.sample(rng, TABLE_HEIGHT_M + BALL.radius_m))
+        place, radius_m = AREA.sample(rng, TABLE_HEIGHT_M), scene.prop(Ball, "ball").radius_m
+        if scene.is_varied:
+            height_m, yaw_rad = rng.uniform(0, VARIED_HEIGHT_M), rng.uniform(*VARIED_YAW_RAD)
+            place = place.translated((0, 0, height_m)) @ Pose.upright((0, 0, 0), yaw_rad)
+            scene.place("stand", place)
+        scene.place("ball", place.translated((0, 0, radius_m)))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Go beside the ball, squeeze it, lift it."""
-        ball = scene.pose("ball").position
-        apart, pressed = BALL.radius_m + APPROACH_GAP_M, BALL.radius_m - SQUEEZE_DEPTH_M
-        lifted = np.array([*ball[:2], LIFT_TO_M])
+        ball, radius_m = scene.pose("ball"), scene.prop(Ball, "ball").radius_m
+        apart, pressed = radius_m + APPROACH_GAP_M, radius_m - SQUEEZE_DEPTH_M
+        lifted = ball.translated((0, 0, LIFT_TO_M - ball.position[2]))
         yield Stage("beside", *_hands(ball, apart), left_open=False, right_open=False, planned=True)
         yield Stage("squeeze", *_hands(ball, pressed), presses="ball")
         yield Stage("lift", *_hands(lifted, pressed), presses="ball")
 
 
-def _hands(center: np.ndarray, distance_m: float) -> tuple[Pose, Pose]:
-    """Left and right hand facing each other along y, fingers one above the other, around `center`."""
-    offset = np.array([0.0, distance_m, 0.0])
-    left = Pose.looking(center + offset, approach=(0, -1, 0), opening=(0, 0, 1))
-    right = Pose.looking(center - offset, approach=(0, 1, 0), opening=(0, 0, 1))
+def _hands(ball: Pose, distance_m: float) -> tuple[Pose, Pose]:
+    """Left and right hand facing each other along the ball's y axis, fingers one above the other."""
+    along = ball.rotation[:, 1]
+    left = Pose.looking(ball.position + distance_m * along, approach=-along, opening=(0, 0, 1))
+    right = Pose.looking(ball.position - distance_m * along, approach=along, opening=(0, 0, 1))
     return left, right

@@ -12,12 +12,16 @@ they had behind a flat hand, bear little of it.
 Departures from the original: friction is 0.42 instead of 0.5. The box's centre must come to rest in the 10 cm square at
 the target's centre; the original is satisfied as soon as any part of the box touches that square, which a motion that
 ignores the scene achieves too often. For the same reason boxes are turned by up to 20 degrees instead of 10; they lie in
-18 x 23 cm. The hands are closed instead of open. An episode ends after 12.5 s.
+20 x 25 cm. The hands are closed instead of open. An episode ends after 12.5 s.
+
+In the setting `varied` six numbers decide: the box's place and heading, its depth and width, and how far away the red area
+is, 38 to 50 cm. The box's centre must come to rest within 2 cm of the target's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,14 +39,18 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 BOX = Box("box", size_m=(0.384, 0.192, 0.128), mass_kg=50.0, table_friction=0.42)
 TARGET = Target("target", size_m=(0.333, 0.198))
-AREA = PlacementArea(center_m=(0.25, -0.17), half_size_m=(0.09, 0.115), half_yaw_rad=np.deg2rad(20.0))
+AREA = PlacementArea(center_m=(0.25, -0.17), half_size_m=(0.10, 0.125), half_yaw_rad=np.deg2rad(20.0))
 TARGET_OFFSET_M = (0.021, 0.516)
 """Offset from the box to the target, in the box's axes (decoded from RLBench's task file)."""
 TOLERANCE_M = 0.05
 """Half the side of the square in which the box's centre has to rest."""
+VARIED_TOLERANCE_M = 0.02
+VARIED_SIZES_M = ((0.384, 0.192), (0.34, 0.24), (0.30, 0.16), (0.36, 0.14), (0.32, 0.21))
+VARIED_OFFSET_M = ((0.0, 0.38), (0.0, 0.50))
 
 # Hands in the box's axes: left of and right of its middle, closed, fingers down, an outer side of the palm to the front.
-HAND_X_M = 0.14
+FROM_END_M = 0.052
+"""From an end of the box to the middle of the palm that pushes beside it."""
 LEAN_RAD = np.deg2rad(16.0)
 """The wrists lean towards each other. The axes of their sixth joints then lie nearer to the push, whose lever they bear."""
 TILT_RAD = np.deg2rad(-4.0)
@@ -50,14 +58,14 @@ TILT_RAD = np.deg2rad(-4.0)
 PALM_M = 0.1034
 """Height of the palm's upper edge above the tool centre point."""
 PALM_HALF_WIDTH_M = 0.1025
-ABOVE_Y_M = -0.113
-TOUCH_Y_M = -0.106
+ABOVE_M = 0.017
+TOUCH_M = 0.010
 """Distance of the palm's side: a centimetre from the box, so that it does not strike it, nor land on it when rounded."""
 ABOVE_Z_M = 0.985
 PUSH_Z_M = 0.775
 """Centre of a voxel; fingertips a centimetre and a half above the table, the palm's side just below the box's top."""
-END_Y_M = 0.420
-"""Half the box reaches 9.6 cm further, onto the target's centre."""
+LAG_M = 0.012
+"""By so much the hands lag behind while they push."""
 MIN_WORLD_Y_M = -0.494
 """A hand outside the voxel grid would be rounded onto the box."""
 
@@ -72,7 +80,8 @@ class PushBox(Task):
         instructions=("push the box to the red area",),
         taxonomy=Taxonomy.of("temporal spatial symmetric synchronous non_prehensile"),
         props=(TARGET, BOX),
-        success=(CentredOn("box", "target", TOLERANCE_M), AtRest("box")),
+        varied=tuple((TARGET, replace(BOX, size_m=(*size_m, BOX.size_m[2]))) for size_m in VARIED_SIZES_M),
+        success=(CentredOn("box", "target", TOLERANCE_M, VARIED_TOLERANCE_M), AtRest("box")),
         horizon_ticks=250,
         needs_both_arms=True,
         load_bounds={"contact_force_n": 250.0},
@@ -81,24 +90,30 @@ class PushBox(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Box anywhere in the near half, the target at a fixed offset beyond it."""
         box = AREA.sample(rng, TABLE_HEIGHT_M + BOX.size_m[2] / 2)
+        offset_m = rng.uniform(*VARIED_OFFSET_M) if scene.is_varied else TARGET_OFFSET_M
         scene.place("box", box)
-        scene.place("target", box @ Pose.upright((*TARGET_OFFSET_M, -BOX.size_m[2] / 2)))
-        return all(hand.position[1] > MIN_WORLD_Y_M for hand in _hands(box, ABOVE_Y_M, ABOVE_Z_M))
+        scene.place("target", box @ Pose.upright((*offset_m, -BOX.size_m[2] / 2)))
+        return all(hand.position[1] > MIN_WORLD_Y_M for hand in _hands(scene, -ABOVE_M, ABOVE_Z_M))
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, down, push."""
-        box = scene.pose("box")
-        above = _hands(box, ABOVE_Y_M, ABOVE_Z_M)
+        way_m = scene.pose("box").inverse().apply(scene.pose("target").position)[1]
+        above, down, push = (
+            _hands(scene, -ABOVE_M, ABOVE_Z_M),
+            _hands(scene, -TOUCH_M, PUSH_Z_M),
+            _hands(scene, way_m + LAG_M, PUSH_Z_M),
+        )
         yield Stage("above", *above, left_open=False, right_open=False, planned=True)
-        yield Stage("down", *_hands(box, TOUCH_Y_M, PUSH_Z_M))
-        yield Stage("push", *_hands(box, END_Y_M, PUSH_Z_M))
+        yield Stage("down", *down)
+        yield Stage("push", *push)
 
 
-def _hands(box: Pose, y_m: float, height_m: float) -> tuple[Pose, Pose]:
-    """Both hands left and right of the box's middle; see `pushing_hand`."""
+def _hands(scene: SceneView, ahead_m: float, height_m: float) -> tuple[Pose, Pose]:
+    """Both hands behind the box, near its ends, `ahead_m` in front of its back; see `pushing_hand`."""
+    box, (x_m, y_m, _) = scene.pose("box"), np.divide(scene.prop(Box, "box").size_m, 2)
     return (
-        pushing_hand(box, Arm.LEFT, -HAND_X_M, y_m, height_m),
-        pushing_hand(box, Arm.RIGHT, HAND_X_M, y_m, height_m),
+        pushing_hand(box, Arm.LEFT, FROM_END_M - x_m, ahead_m - y_m, height_m),
+        pushing_hand(box, Arm.RIGHT, x_m - FROM_END_M, ahead_m - y_m, height_m),
     )
 
 
