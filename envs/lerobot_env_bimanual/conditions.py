@@ -2,6 +2,9 @@
 
 A task succeeds when all its conditions hold for half a second; their names are what `info["conditions"]`,
 failure reports and tests print. All positions are in metres, world frame.
+
+Most say how things are now. `Once` and `Always` say how it came to that: they are judged after every control tick, and
+the episode remembers what was found.
 """
 
 from __future__ import annotations
@@ -9,8 +12,9 @@ from __future__ import annotations
 import functools
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,7 +32,7 @@ class Condition(ABC):
     def name(self) -> str:
         """The class and the fields that its `repr` shows, e.g. `above(ball, 0.95)`."""
         values = (getattr(self, field.name) for field in fields(self) if field.repr)
-        shown = (f"{value:.2f}" if isinstance(value, float) else str(value) for value in values)
+        shown = (_shown(value) for value in values)
         words = re.sub("(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
         return f"{words}({', '.join(shown)})"
 
@@ -37,12 +41,63 @@ class Condition(ABC):
         """Whether it holds now."""
 
 
-def check_until_unmet(conditions: Iterable[Condition], view: SceneView) -> dict[str, bool]:
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(_shown, value))
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class OnTheWay(Condition):
+    """A condition about all ticks so far; called with a scene, it judges the present tick alone.
+
+    Attributes:
+        parts: conditions of one tick.
+        word: how `name` joins them.
+    """
+
+    parts: tuple[Condition, ...]
+    word: ClassVar[str]
+
+    @functools.cached_property
+    def name(self) -> str:
+        """The class and its parts, e.g. `once(held(item, left) and held(item, right))`."""
+        parts = f" {self.word} ".join(part.name for part in self.parts)
+        return f"{type(self).__name__.lower()}({parts})"
+
+    @abstractmethod
+    def after(self, so_far: bool | None, view: SceneView) -> bool:
+        """Whether it is met, given whether it was a tick ago; None at the start of an episode."""
+
+
+def with_parts(conditions: Iterable[Condition]) -> Iterator[Condition]:
+    """Conditions, those on the way followed by their parts."""
+    for condition in conditions:
+        yield condition
+        if isinstance(condition, OnTheWay):
+            yield from condition.parts
+
+
+def on_the_way(
+    conditions: Iterable[Condition], view: SceneView, so_far: Mapping[str, bool]
+) -> dict[str, bool]:
+    """Name of each condition on the way, and whether it is met after one more tick."""
+    return {
+        condition.name: condition.after(so_far.get(condition.name), view)
+        for condition in conditions
+        if isinstance(condition, OnTheWay)
+    }
+
+
+def check_until_unmet(
+    conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool]
+) -> dict[str, bool]:
     """Each condition's name and whether it is met now, up to the first unmet one, which is enough for a verdict."""
     met: dict[str, bool] = {}
     for condition in conditions:
-        met[condition.name] = condition(view)
-        if not met[condition.name]:
+        name = condition.name
+        met[name] = known[name] if name in known else condition(view)
+        if not met[name]:
             break
     return met
 
@@ -197,3 +252,73 @@ class Pressed(Condition):
     def __call__(self, view: SceneView) -> bool:
         """Compare the joint with its rest at zero."""
         return bool(view.joint_value(f"{self.button}_cap") <= -self.travel_m)
+
+
+@dataclass(frozen=True)
+class Near(Condition):
+    """The prop's origin is within this distance, along the table, of where it was placed."""
+
+    prop: str
+    distance_m: float
+
+    def __call__(self, view: SceneView) -> bool:
+        """Compare x and y with those of the placement."""
+        offset_m = view.pose(self.prop).position - view.placed_m(self.prop)
+        return bool(np.hypot(*offset_m[:2]) <= self.distance_m)
+
+
+@dataclass(frozen=True)
+class Aligned(Condition):
+    """The prop's heading differs from the target's by at most this many degrees."""
+
+    prop: str
+    target: str
+    tolerance_deg: float
+
+    def __call__(self, view: SceneView) -> bool:
+        """Compare the horizontal directions of their x axes."""
+        (x, y), (target_x, target_y) = (view.pose(body).rotation[:2, 0] for body in (self.prop, self.target))
+        angle_rad = np.arctan2(target_x * y - target_y * x, target_x * x + target_y * y)
+        return bool(abs(angle_rad) <= np.deg2rad(self.tolerance_deg))
+
+
+@dataclass(frozen=True)
+class Unhandled(Condition):
+    """No part of either arm is in contact with any of the props."""
+
+    props: tuple[str, ...]
+
+    def __call__(self, view: SceneView) -> bool:
+        """Look through the contacts."""
+        arms = tuple(view.arm_pair.base_body(arm) for arm in ARMS)
+        return not view.contacts(arms, self.props)
+
+
+@dataclass(frozen=True)
+class Once(OnTheWay):
+    """All the conditions named in it have held at the same tick, once or more."""
+
+    word: ClassVar[str] = "and"
+
+    def __call__(self, view: SceneView) -> bool:
+        """Whether they all hold now."""
+        return all(part(view) for part in self.parts)
+
+    def after(self, so_far: bool | None, view: SceneView) -> bool:
+        """Look only as long as it was not met."""
+        return bool(so_far) or self(view)
+
+
+@dataclass(frozen=True)
+class Always(OnTheWay):
+    """At every tick so far at least one of the conditions named in it held."""
+
+    word: ClassVar[str] = "or"
+
+    def __call__(self, view: SceneView) -> bool:
+        """Whether one of them holds now."""
+        return any(part(view) for part in self.parts)
+
+    def after(self, so_far: bool | None, view: SceneView) -> bool:
+        """Look only as long as it was met."""
+        return so_far is not False and self(view)

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
+from lerobot_env_bimanual.conditions import Condition, on_the_way
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION, ActionReader
+from lerobot_env_bimanual.episode.arm_limits import StepLimiter
 from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
@@ -46,7 +47,8 @@ class BimanualEnv(gym.Env):
 
     The reward is 1 at success and 0 before. `info` holds, after reset and every step, `is_success`, `conditions`
     (name -> met now), `failure` (empty while there is none), `ticks`, `line_fallbacks` (straight lines replaced by
-    joint-space motions because an arm could not follow them), and the episode's `seed` and `instruction`.
+    joint-space motions because an arm could not follow them), `clipped_ticks` and `clipped_rad` (see
+    `lerobot_env_bimanual.episode.arm_limits`), and the episode's `seed` and `instruction`.
 
     An episode is determined by task, setting, split, seed, variation and perturbations, bit for bit. Construction is cheap:
     each set of props is compiled at the first reset that draws it, OpenGL starts at the first image, and both come back after `close`.
@@ -91,6 +93,7 @@ class BimanualEnv(gym.Env):
         self.tick_observers: list[TickObserver] = []
         self.step_observers: list[Callable[[], None]] = []
         self._actions = ActionReader(self.options.control_mode, PANDA_PAIR)
+        self._limiter = StepLimiter(PANDA_PAIR)
         self.action_space = self._actions.space
         self.observation_space = observation_space(self.options)
         self.perturbations = Perturbations(self.options.perturb, spec, self.options.split)
@@ -178,8 +181,10 @@ class BimanualEnv(gym.Env):
         except PlacementFailure as failure:
             progress.failure, progress.draws = str(failure), MAX_DRAWS  # nothing can be played from here
             raise
-        progress.conditions = check(self._conditions, self.scene, known={})
-        return self.observe(), self.progress.info()
+        progress.asked = world.scene.commanded
+        progress.on_the_way = on_the_way(self._conditions, world.scene, {})
+        progress.complete(self._conditions, world.scene)
+        return self.observe(), progress.info()
 
     @contextmanager
     def observed_by(
@@ -234,7 +239,7 @@ class BimanualEnv(gym.Env):
         progress, truncated = self.progress, self._truncated and not self.progress.terminated
         if progress.terminated or truncated:
             self._finish_video()
-        progress.conditions = check(self._conditions, self.scene, known=progress.conditions)
+        progress.complete(self._conditions, self.scene)
         return self.observe(), float(progress.succeeded), progress.terminated, truncated, self.progress.info()
 
     @property
@@ -254,13 +259,17 @@ class BimanualEnv(gym.Env):
             self._tick(plan.actions[-1])  # the conditions hold; wait for the verdict
         progress.keyposes += 1
 
-    def _tick(self, joint_action: NDArray[np.float32]) -> None:
+    def _tick(self, wanted: NDArray[np.float32]) -> None:
+        scene, progress, stop = self.scene, self.progress, self._world.stop
+        joint_action = self._limiter.limited(wanted, progress)
         for observer in self.tick_observers:
             observer(self, joint_action)
-        scene, progress = self.scene, self.progress
-        scene.tick(self.perturbations.command(joint_action, scene, progress), self.step_observers)
+        observers = self.step_observers if stop is None else [*self.step_observers, stop.note_step]
+        scene.tick(self.perturbations.command(joint_action, scene, progress), observers)
         progress.ticks += 1
-        progress.judge(check_until_unmet(self._conditions, scene))
+        progress.judge(self._conditions, scene)
+        if stop is not None:
+            stop.judge(progress)
         if scene.unstable:
             progress.failure = "simulation_unstable"
         self.perturbations.disturb(scene, progress)
@@ -296,8 +305,8 @@ class BimanualEnv(gym.Env):
             self._video = None
 
     def state_hash(self) -> str:
-        """SHA-256 of everything that decides how the simulation goes on."""
-        return self.scene.state_hash()
+        """SHA-256 of everything that decides how the episode goes on."""
+        return self.progress.joined_hash(self.scene.state_hash())
 
     def save_state(self) -> tuple[Any, EpisodeProgress]:
         """A copy of the episode, from which `restore_state` continues bit for bit."""

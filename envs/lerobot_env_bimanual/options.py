@@ -77,6 +77,9 @@ class EnvOptions:
     # from which `lerobot-bimanual results verify` plays it again without the policy. One file per task. Each episode is on
     # the disk when it ends; the same evaluation goes on where it stopped, and another one is refused.
     results_dir: str | None = None
+    # Whether an episode ends as a failure when an arm presses with more than 100 N for 0.1 s, as a real one stops; push_box
+    # needs 250 N.
+    protective_stop: bool = False
     # Keyposes until an episode is truncated; RLBench's evaluation in PerAct2 allows as many as the default.
     max_keyposes: int = 25
     # Of `render` and of videos, `observation` or `high`. On one CPU core a frame costs 25 ms or 300 ms, so `high`, with
@@ -102,6 +105,8 @@ class EnvOptions:
             value = getattr(self, option)
             if not isinstance(value, str) or value not in choices:
                 raise InvalidChoice(option, value, choices)
+        if type(self.protective_stop) is not bool:
+            raise InvalidChoice("protective_stop", self.protective_stop, ("true", "false"))
         if type(self.max_keyposes) is not int or self.max_keyposes < 1:
             raise InvalidChoice("max_keyposes", self.max_keyposes, "an integer of at least 1")
 

@@ -54,6 +54,7 @@ def benchmark_page(
         recipe=ordered[0][1].config.recipe,
         folder=folder.as_posix(),
         success=success_table(results.values()),
+        survival=survival_table(each for _, each in ordered),
         figure=figure,
         training=pd.DataFrame(_training(each, beyond.get(path)) for path, each in ordered),
         command=[*commands.values()][-1] if commands else None,
@@ -104,6 +105,20 @@ def success_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame:
         means += [fmean(rate.rate for rate in baselines[name].tolist()) for name in baselines]
         shown.loc[f"mean of {len(shown)}"] = [ABSENT if mean != mean else f"{mean:.1%}" for mean in means]
     return shown.rename_axis("task").reset_index()
+
+
+def survival_table(results: Iterable[BenchmarkResult]) -> pd.DataFrame | None:
+    """How many test episodes real arms would have gone through; None where no result says it."""
+    rows = [
+        {"task": f"`{each.config.eval_key}`", "policy": f"`{each.config.policy_id}`", "of": each.survival}
+        for each in results
+        if each.survival is not None
+    ]
+    if not rows:
+        return None
+    table: Any = pd.DataFrame(rows).sort_values(["task", "policy"], kind="stable")
+    shown = table.pivot_table("of", "task", "policy", lambda rates: ", ".join(map(str, rates)))
+    return shown.fillna(ABSENT).rename_axis("task").reset_index()
 
 
 def _training(result: BenchmarkResult, beyond: str | None) -> dict[str, object]:

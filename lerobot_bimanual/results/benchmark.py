@@ -239,6 +239,12 @@ class BenchmarkResult(Record):
         return EvaluationRecord(schema_version=2, **{name: getattr(self, name) for name in shared})
 
     @property
+    def survival(self) -> SuccessRate | None:
+        """Test episodes that real arms would have gone through; None if that was not recorded."""
+        known = [episode.survived for episode in self.episodes if episode.survived is not None]
+        return SuccessRate(sum(known), len(known)) if known else None
+
+    @property
     def rates(self) -> dict[str, SuccessRate]:
         """Success of `policy`, `expert` and `open_loop` on the split `test`."""
         return {

@@ -5,7 +5,7 @@ from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, NonNegativeInt, model_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, NonNegativeInt, model_validator
 
 from lerobot_bimanual.results.proof import actions_from_text, first_difference
 from lerobot_bimanual.results.record import Record, require
@@ -53,6 +53,32 @@ class Proof(Record):
         return [action for text in self.actions for action in actions_from_text(text)]
 
 
+class LoadMetrics(Record):
+    """Peak loads of the arms in an episode, or in several.
+
+    Attributes:
+        torque: largest motor torque, gravity included, over its limit.
+        saturated: share of the time in which any motor was at its limit.
+        velocity: largest commanded joint velocity over its limit.
+        acceleration: largest commanded joint acceleration over its limit.
+        jerk: largest commanded joint jerk over its limit.
+        contact_force_n: largest force between an arm and its surroundings, filtered.
+        finger_speed_m_s: speed of the fastest finger.
+        penetration_mm: deepest penetration of two bodies.
+        penetrating: those two bodies; empty if none touched.
+    """
+
+    torque: NonNegativeFloat
+    saturated: NonNegativeFloat
+    velocity: NonNegativeFloat
+    acceleration: NonNegativeFloat
+    jerk: NonNegativeFloat
+    contact_force_n: NonNegativeFloat
+    finger_speed_m_s: NonNegativeFloat
+    penetration_mm: NonNegativeFloat
+    penetrating: str
+
+
 class Episode(Record):
     """One played episode. What was not recorded is None.
 
@@ -66,6 +92,8 @@ class Episode(Record):
         first_met_tick: number of control ticks after which all conditions of success held for the first time, if only
             for a moment; None if they never did, or if that was not recorded.
         state_hash: SHA-256 of the final state, or its first 16 hexadecimal digits.
+        load: loads of the arms; of an expert only where it was solved.
+        survived: whether real arms would have gone through them: no force, velocity or acceleration beyond their limits.
         proof: how to play the episode again.
     """
 
@@ -77,6 +105,8 @@ class Episode(Record):
     keyposes: NonNegativeInt | None = None
     first_met_tick: NonNegativeInt | None = None
     state_hash: StateHash | None = None
+    load: LoadMetrics | None = None
+    survived: bool | None = None
     proof: Proof | None = None
 
     @model_validator(mode="after")

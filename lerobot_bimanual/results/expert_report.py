@@ -5,10 +5,10 @@ from functools import cached_property
 from statistics import median
 from typing import Annotated, Literal, NamedTuple, Self, get_args
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from lerobot_bimanual.joint_action import CONTROL_HZ
-from lerobot_bimanual.results.episode import Episode, EpisodeCount, StateHash
+from lerobot_bimanual.results.episode import Episode, EpisodeCount, LoadMetrics, StateHash
 from lerobot_bimanual.results.evaluation import WorldVersion
 from lerobot_bimanual.results.record import Record, require
 
@@ -27,32 +27,6 @@ class MoveReport(NamedTuple):
     right_error_mm: float
 
 
-class LoadMetrics(Record):
-    """Peak loads of the arms in an episode, or in several.
-
-    Attributes:
-        torque: largest motor torque, gravity included, over its limit.
-        saturated: share of the time in which any motor was at its limit.
-        velocity: largest commanded joint velocity over its limit.
-        acceleration: largest commanded joint acceleration over its limit.
-        jerk: largest commanded joint jerk over its limit.
-        contact_force_n: largest force between an arm and its surroundings, filtered.
-        finger_speed_m_s: speed of the fastest finger.
-        penetration_mm: deepest penetration of two bodies.
-        penetrating: those two bodies; empty if none touched.
-    """
-
-    torque: NonNegativeFloat
-    saturated: NonNegativeFloat
-    velocity: NonNegativeFloat
-    acceleration: NonNegativeFloat
-    jerk: NonNegativeFloat
-    contact_force_n: NonNegativeFloat
-    finger_speed_m_s: NonNegativeFloat
-    penetration_mm: NonNegativeFloat
-    penetrating: str
-
-
 class EpisodeOutcome(Episode):
     """An episode of an expert or a baseline, with what its moves did.
 
@@ -68,7 +42,6 @@ class EpisodeOutcome(Episode):
         replayed: whether a replay of such an episode went through the same states, bit for bit; None without a replay.
         commands: (18,) each, the commanded keyposes. A report leaves them out, as it does `late_moves` and `load`.
         late_moves: indices of moves at whose end a hand was away from its target without pressing what it should.
-        load: loads of the arms in a solved episode of an expert.
     """
 
     task: str
@@ -85,7 +58,6 @@ class EpisodeOutcome(Episode):
     replayed: bool | None = None
     commands: tuple[tuple[float, ...], ...] = ()
     late_moves: tuple[NonNegativeInt, ...] = ()
-    load: LoadMetrics | None = None
 
 
 class VariationLoad(Record):

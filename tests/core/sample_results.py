@@ -12,8 +12,8 @@ from lerobot_bimanual.results.benchmark import (
     Machine,
     Validation,
 )
-from lerobot_bimanual.results.episode import Episode, Proof
-from lerobot_bimanual.results.expert_report import EpisodeOutcome, LoadMetrics, MoveReport
+from lerobot_bimanual.results.episode import Episode, LoadMetrics, Proof
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
 from lerobot_bimanual.results.proof import actions_to_text
 from lerobot_bimanual.versions import SIMULATION_PACKAGES
 

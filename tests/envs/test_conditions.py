@@ -1,16 +1,43 @@
 """Each condition on a scene made by hand, on both sides of its limit."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import conditions
-from lerobot_env_bimanual.conditions import Above, AtRest, Held, Pressed, Touched, Untouched
+from lerobot_env_bimanual.conditions import (
+    Above,
+    Always,
+    AtRest,
+    Condition,
+    Held,
+    Once,
+    Pressed,
+    Touched,
+    Untouched,
+    on_the_way,
+    with_parts,
+)
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.world.scene import Scene
+
+
+@dataclass(frozen=True)
+class When(Condition):
+    """A condition that a test decides."""
+
+    label: str
+    test: Callable[[], bool] = field(repr=False)
+
+    def __call__(self, view) -> bool:
+        return self.test()
+
 
 HIGH_IN_THE_AIR = Pose.upright((0.25, 0.3, 1.2))
 
@@ -65,6 +92,33 @@ def test_places_are_measured_in_the_axes_of_the_target(scene, condition, offset,
     assert condition(scene) == met
 
 
+def test_near_and_aligned_are_measured_from_where_and_how_things_were_placed(scene):
+    scene.place("target", Pose.upright((0.3, 0.1, 0.75), np.deg2rad(170)))
+    assert conditions.Near("item", 0.0)(scene)
+    scene.data.qpos[-7:-5] += (0.03, -0.04)  # not placed there
+    scene.data.qpos[-4:] = Pose.upright((0, 0, 0), np.deg2rad(-179)).quat_wxyz
+    scene.restore_state(scene.save_state())
+    assert conditions.Near("item", 0.0501)(scene)
+    assert not conditions.Near("item", 0.0499)(scene)
+    assert conditions.Aligned("item", "target", 11.1)(scene)
+    assert not conditions.Aligned("item", "target", 10.9)(scene)
+
+
+def test_conditions_on_the_way_remember_what_was():
+    now = {"a": False, "b": True}
+    parts = tuple(When(name, lambda name=name: now[name]) for name in now)
+    once, always = Once(parts), Always(parts)
+    assert (once.name, always.name) == ("once(when(a) and when(b))", "always(when(a) or when(b))")
+    assert [each.name for each in with_parts([once])] == [once.name, "when(a)", "when(b)"]
+    met = on_the_way((once, always, *parts), None, {})
+    assert met == {once.name: False, always.name: True}
+    history = []
+    for now["a"], now["b"] in ((True, True), (True, False), (False, False), (True, True)):
+        met = on_the_way((once, always), None, met)
+        history.append((met[once.name], met[always.name]))
+    assert history == [(True, True), (True, True), (True, False), (True, False)]
+
+
 def test_at_rest_is_about_speed(scene):
     assert AtRest("item")(scene)
     for _ in range(2):
@@ -82,6 +136,8 @@ def test_a_closed_hand_holds_and_touches_what_is_between_its_fingers(scene, arm)
     assert Held("item", arm)(scene)
     assert Touched("item", arm)(scene)
     assert not Untouched("item", arm)(scene)
+    assert not conditions.Unhandled(("target", "item"))(scene)
+    assert conditions.Unhandled(("target",))(scene)
     assert not Held("item", arm.other)(scene)
     assert not Touched("item", arm.other)(scene)
     assert Untouched("item", arm.other)(scene)

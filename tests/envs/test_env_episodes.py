@@ -1,5 +1,6 @@
 """How keyposes are executed, and how episodes end."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -7,10 +8,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lerobot_env_bimanual.conditions import Condition
+from lerobot_bimanual.joint_action import by_arm
+from lerobot_env_bimanual.conditions import Always, Condition
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
 from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 TASK = "lift_ball"
 
@@ -95,6 +98,23 @@ def test_success_needs_all_conditions_for_half_a_second(state_env, monkeypatch):
     assert results == [(0.0, False)] * (len(met) - 1) + [(1.0, True)]
 
 
+def test_what_was_on_the_way_belongs_to_the_state_and_its_hash(state_env, monkeypatch):
+    state_env.reset(seed=1)
+    good = [True]
+    always = Always((When("good", lambda: good[0]),))
+    monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: (always,))
+    state_env.step(state_env.scene.commanded)
+    saved, hashes = state_env.save_state(), []
+    for good[0] in (True, False):
+        state_env.restore_state(saved)
+        state_env.step(state_env.scene.commanded)
+        hashes.append(state_env.state_hash())
+        good[0] = True
+        *_, info = state_env.step(state_env.scene.commanded)
+        assert info["conditions"] == {always.name: len(hashes) == 1}
+    assert hashes[0] != hashes[1]
+
+
 def test_success_ends_a_keypose_at_once(state_env, monkeypatch, keypose_below):
     state_env.reset(seed=1)
     monkeypatch.setattr(state_env.task_definition, "conditions", lambda _: (When("done", lambda: True),))
@@ -139,7 +159,40 @@ def test_a_warning_of_mujoco_ends_the_episode(state_env):
     assert (terminated, info["is_success"], info["failure"]) == (True, False, "simulation_unstable")
 
 
-def test_learned_joint_targets_are_clipped_to_the_limits(state_env):
+def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_the_arm_can(state_env):
     state_env.reset(seed=1)
-    state_env.step(np.full(16, 100.0, dtype=np.float32))
-    assert np.array_equal(state_env.scene.commanded, state_env.action_space.high)
+    limits, home = state_env.scene.arm_pair.joint_limits, state_env.scene.commanded
+    target = home + np.float32(0.6)
+    target[8:] = 100.0
+    with state_env.observed_by(lambda _, action: actions.append(action)):
+        actions = [home, home]
+        for _ in range(40):
+            *_, info = state_env.step(target)
+    joints = np.array([by_arm(action)[:, :-1] for action in actions], dtype=np.float64)
+    speeds = np.diff(joints, axis=0) / TICK_S
+    assert (np.abs(speeds) <= limits.velocity_rad_s).all()
+    accelerations = np.diff(speeds, axis=0) / TICK_S
+    assert (np.abs(accelerations[:, 0]) <= limits.acceleration_rad_s2).all()
+    assert accelerations.max() > 0.99 * limits.acceleration_rad_s2.max()
+    assert (joints[:, 0] <= target[:7] + 0.06).all()  # it slows down in time
+    assert np.allclose(actions[-1][:8], state_env.action_space.high[:8].clip(max=target[:8]))
+    assert np.allclose(actions[-1][8:], state_env.action_space.high[8:])
+    assert info["clipped_rad"] > 2.0
+    assert 5 < info["clipped_ticks"] < 40
+
+
+def test_an_arm_that_presses_for_long_ends_the_episode_where_that_is_asked_for():
+    seeds, ends = 3, []
+    for protective_stop in (False, True):
+        env = BimanualEnv(TASK, obs="state", protective_stop=protective_stop)
+        env.reset(seed=seeds)
+        for _ in range(100):
+            press = env.scene.commanded
+            press[1] += 0.05  # the left shoulder: the hand goes down onto the table, and on
+            *_, terminated, truncated, info = env.step(press)
+            if terminated or truncated:
+                break
+        ends.append(info["failure"])
+        env.close()
+    assert not ends[0]
+    assert re.fullmatch("protective stop: the left arm pressed with 1[0-9][0-9] N", ends[1])

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from sample_results import LIGHT
 
-from lerobot_bimanual.results.expert_report import LoadMetrics
+from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts import load as load_module
-from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, felt, keyframes_found, run_measured
+from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, keyframes_found, run_measured
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
+from lerobot_env_bimanual.world.contact_forces import felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
 

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
+from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet, on_the_way
 from lerobot_env_bimanual.options import SETTINGS, SPLITS, STANDARD
 from lerobot_env_bimanual.task import TaskSpec, Variation
+from lerobot_env_bimanual.world.scene_view import SceneView
 
 SUCCESS_TICKS = 10
 """Consecutive control ticks, half a second, that all conditions have to hold."""
@@ -27,10 +35,16 @@ class EpisodeProgress:
         draws: placements that the reset drew until one could be rehearsed.
         conditions: each condition's name and whether it is met now; between the ticks of a step those after the first
             that is not met are left out.
+        on_the_way: name of each condition on the way, `Once` or `Always`, and whether it is met so far.
         ticks: control ticks so far.
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
+        asked: (16,) the last joint action that the arms were given, and `change` by how much it differed from the one before.
+        clipped_ticks: ticks whose joint action was faster than arms can follow, and was replaced by a slower one.
+        clipped_rad: by how much at most, in any joint.
+        felt_n: (2, 3) filtered net force on each arm, world frame; as `pressed_steps` (2,), the steps of physics for which it
+            has been too large, only known with the option `protective_stop`.
         line_fallbacks: straight lines replaced by joint-space motions because an arm could not follow them.
         failure: what ended the episode, empty while nothing has.
         memory: what axes of perturbation remember of the episode, by their name; see `perturbations.axis.Moment`.
@@ -43,10 +57,17 @@ class EpisodeProgress:
     prop_set: int = 0
     draws: int = 0
     conditions: dict[str, bool] = field(default_factory=dict)
+    on_the_way: dict[str, bool] = field(default_factory=dict)
     ticks: int = 0
     keyposes: int = 0
     held_ticks: int = 0
     first_met_tick: int | None = None
+    asked: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
+    change: NDArray[np.float64] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM))
+    clipped_ticks: int = 0
+    clipped_rad: float = 0.0
+    felt_n: NDArray[np.float64] = field(default_factory=partial(np.zeros, (len(ARMS), 3)))
+    pressed_steps: NDArray[np.int64] = field(default_factory=partial(np.zeros, len(ARMS), np.int64))
     line_fallbacks: int = 0
     failure: str = ""
     memory: dict[str, object] = field(default_factory=dict)
@@ -61,12 +82,25 @@ class EpisodeProgress:
         """Whether the verdict is known."""
         return self.succeeded or bool(self.failure)
 
-    def judge(self, conditions: dict[str, bool]) -> None:
-        """Take the conditions after a tick into account, all of them or as far as the first that is not met."""
-        self.conditions = conditions
-        self.held_ticks = self.held_ticks + 1 if all(conditions.values()) else 0
+    def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
+        """Take into account how things are after a tick; of the conditions of one tick only as far as the first unmet one."""
+        self.on_the_way = on_the_way(conditions, scene, self.on_the_way)
+        self.conditions = check_until_unmet(conditions, scene, self.on_the_way)
+        self.held_ticks = self.held_ticks + 1 if all(self.conditions.values()) else 0
         if self.held_ticks and self.first_met_tick is None:
             self.first_met_tick = self.ticks
+
+    def complete(self, conditions: Iterable[Condition], scene: SceneView) -> None:
+        """Note of all conditions whether they are met now, at the end of a step."""
+        known = self.conditions | self.on_the_way
+        self.conditions = check(conditions, scene, known)
+
+    def joined_hash(self, scene_hash: str) -> str:
+        """SHA-256, in hex, of a scene's hash and of what else decides how the episode goes on."""
+        digest = hashlib.sha256(f"{scene_hash} {sorted(self.on_the_way.items())}".encode())
+        for array in (self.asked, self.change, self.felt_n, self.pressed_steps):
+            digest.update(array.tobytes())
+        return digest.hexdigest()
 
     def info(self) -> dict[str, Any]:
         """What the environment tells besides its observation."""
@@ -76,6 +110,8 @@ class EpisodeProgress:
             "failure": self.failure,
             "ticks": self.ticks,
             "line_fallbacks": self.line_fallbacks,
+            "clipped_ticks": self.clipped_ticks,
+            "clipped_rad": self.clipped_rad,
             "seed": self.seed,
             "instruction": self.instruction,
         }

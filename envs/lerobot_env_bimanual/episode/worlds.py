@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lerobot_env_bimanual.episode.arm_limits import ProtectiveStop, max_force_n
 from lerobot_env_bimanual.episode.observations import ObservationRenderer
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.motion.planner import KeyposePlanner
@@ -15,12 +16,13 @@ from lerobot_env_bimanual.world.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A scene with what plans, resets and draws in it."""
+    """A scene with what plans, resets, draws and, with the option `protective_stop`, ends episodes in it."""
 
     scene: Scene
     planner: KeyposePlanner
     reset: EpisodeReset
     renderer: ObservationRenderer
+    stop: ProtectiveStop | None
 
 
 class Worlds:
@@ -51,6 +53,9 @@ class Worlds:
                 KeyposePlanner(scene),
                 EpisodeReset(self._task, scene, changes.begin, changes.changes_model),
                 ObservationRenderer(scene, self._options, changes.see),
+                ProtectiveStop(scene, max_force_n(self._task.spec))
+                if self._options.protective_stop
+                else None,
             )
         return self._compiled[prop_set]
 

@@ -16,8 +16,8 @@ constant within a tick and step between two within one step of physics.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from collections.abc import Iterator
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,23 +26,24 @@ from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_bimanual.keyframes import discover_keyframes
-from lerobot_bimanual.results.expert_report import EpisodeOutcome, LoadMetrics
+from lerobot_bimanual.results.episode import LoadMetrics
+from lerobot_bimanual.results.expert_report import EpisodeOutcome
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.arm_limits import MAX_FORCE_N
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.replay import ReplayMode, replay
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
+from lerobot_env_bimanual.world.contact_forces import AT_REST_N, ContactForces, felt
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
-FORCE_FILTER_HZ = 10.0
-"""Bandwidth of the low pass through which an arm feels forces: 16 ms to 63 % of a step."""
 SATURATED = 0.999
 """Share of its limit from which on a motor gives all it has."""
 FINGER_STEPS = 5
 """Over which the speed of a finger is averaged."""
-NONE = -1
-"""No arm."""
+MAX_STEPS = 500
+"""Steps that are kept before they are looked at: a second of the robots' time."""
 KEYFRAME_TOLERANCE_FRAMES = 2
 
 
@@ -52,7 +53,7 @@ BOUNDS = {
     "velocity": 1.0,
     "acceleration": 1.0,
     "jerk": 1.0,
-    "contact_force_n": 100.0,
+    "contact_force_n": MAX_FORCE_N,
     "finger_speed_m_s": 0.2,
     "penetration_mm": 2.0,
 }
@@ -78,25 +79,10 @@ def excesses(task: str, load: LoadMetrics) -> Iterator[tuple[str, str]]:
             yield name, f"{name} is {number:.3g}{where}, but must be at most {most:g}"
 
 
-class _Contacts(NamedTuple):
-    """The contacts of one step, or of several.
-
-    Attributes:
-        geoms: (n, 2).
-        depths_m: (n,), below zero where there is a gap.
-        axes: (n, 9), of each contact's frame, in rows.
-        dimensions: (n,), 1 without friction, else more.
-        rows: (n,), where the forces of each begin; below zero if it has none.
-        forces_n: (m,), of all contacts and other constraints. With elliptic cones those of a contact are its force along
-            its axes, and torques.
-    """
-
-    geoms: NDArray[np.int32]
-    depths_m: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    dimensions: NDArray[np.int32]
-    rows: NDArray[np.int32]
-    forces_n: NDArray[np.float64]
+def survives(task: str, load: LoadMetrics) -> bool:
+    """Whether real arms would have gone through an episode without stopping themselves."""
+    reflexes = ("velocity", "acceleration", "contact_force_n")
+    return not any(name in reflexes for name, _ in excesses(task, load))
 
 
 class LoadMeter:
@@ -108,99 +94,73 @@ class LoadMeter:
 
     def __init__(self, scene: Scene):
         model, pair = scene.model, scene.arm_pair
-        self._arm_of_geom = np.full(model.ngeom, NONE)
-        for arm in ARMS:
-            self._arm_of_geom[scene.geoms(pair.base_body(arm))] = arm.ordinal
-        self._scene = scene
+        self._scene, self._forces, self._felt_n = scene, ContactForces(scene), AT_REST_N
         self._joint_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.joint_names(arm)]
         self._finger_dofs = [model.joint(name).dofadr[0] for arm in ARMS for name in pair.finger_names(arm)]
-        # What is noted twenty-five times a tick is only copied, and looked at in the end.
+        # What is noted twenty-five times a tick is only copied, and looked at now and then.
         self._torques, self._speeds = scene.data.qfrc_actuator, scene.data.qvel
         self._torques_then: list[NDArray[np.float64]] = []
         self._speeds_then: list[NDArray[np.float64]] = []
-        self._contacts_then: dict[int, _Contacts] = {}
         self._actions: list[NDArray[np.float32]] = []
+        self._steps = self._saturated_steps = 0
+        self._penetrating = ""
+        self._peaks = dict.fromkeys(("torque", "contact_force_n", "finger_speed_m_s", "penetration_mm"), 0.0)
 
     def observe_tick(self, joint_action: NDArray[np.float32]) -> None:
         """Take the joint action (16,) of a tick into account, before it is executed."""
         if not self._actions:
             self._actions += 3 * [self._scene.commanded]  # it stood there
         self._actions.append(joint_action.copy())
+        if len(self._torques_then) >= MAX_STEPS:
+            self._look_at_steps()
 
     def observe_step(self) -> None:
         """Take a step of physics into account, right after it, while its forces are known."""
-        data = self._scene.data
-        if data.ncon:
-            each = data.contact
-            noted = (each.geom, -each.dist, each.frame, each.dim, each.efc_address, data.efc_force)
-            self._contacts_then[len(self._torques_then)] = _Contacts(*map(np.copy, noted))
-        self._torques_then.append(self._torques.copy())
-        self._speeds_then.append(self._speeds.copy())
+        self._forces.note()
+        self._torques_then.append(self._torques[self._joint_dofs])
+        self._speeds_then.append(self._speeds[self._finger_dofs])
 
     def result(self) -> LoadMetrics:
         """The peaks so far."""
+        self._look_at_steps()
         limits = self._scene.arm_pair.joint_limits
-        torques = np.abs(self._torques_then)[:, self._joint_dofs] / np.tile(limits.torque_nm, len(ARMS))
         joints = np.array([by_arm(action)[:, :-1] for action in self._actions], dtype=np.float64)
         velocity = np.diff(joints, axis=0) / TICK_S
         acceleration = np.diff(velocity, axis=0) / TICK_S
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
-        sums = np.cumsum(np.array(self._speeds_then)[:, self._finger_dofs], axis=0)
-        finger_speeds = (sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS
-        forces_n, depth_m, bodies = np.zeros((len(self._torques_then), len(ARMS), 3)), 0.0, ""
-        if self._contacts_then:
-            counts = [len(then.geoms) for then in self._contacts_then.values()]
-            contacts = _joined(list(self._contacts_then.values()))
-            self._add_forces(forces_n, np.repeat(list(self._contacts_then), counts), contacts)
-            deepest = contacts.depths_m.argmax()
-            if contacts.depths_m[deepest] > 0:
-                depth_m, model = float(contacts.depths_m[deepest]), self._scene.model
-                touching = model.geom_bodyid[contacts.geoms[deepest]]
-                bodies = ", ".join(model.body(body).name for body in touching)
-        return LoadMetrics(
-            torque=_peak(torques),
-            saturated=float((torques > SATURATED).any(axis=1).mean()),
-            velocity=_peak(velocity / limits.velocity_rad_s),
-            acceleration=_peak(acceleration / limits.acceleration_rad_s2),
-            jerk=_peak(jerk / limits.jerk_rad_s3),
-            contact_force_n=_peak(np.linalg.norm(felt(forces_n), axis=-1)),
-            finger_speed_m_s=_peak(finger_speeds),
-            penetration_mm=1000 * depth_m,
-            penetrating=bodies,
-        )
+        found = self._peaks | {
+            "saturated": self._saturated_steps / max(self._steps, 1),
+            "velocity": _peak(velocity / limits.velocity_rad_s),
+            "acceleration": _peak(acceleration / limits.acceleration_rad_s2),
+            "jerk": _peak(jerk / limits.jerk_rad_s3),
+        }
+        # Records hold as many digits as mean something.
+        rounded = {name: float(f"{peak:.6g}") for name, peak in found.items()}
+        return LoadMetrics(**rounded, penetrating=self._penetrating)
 
-    def _add_forces(
-        self, forces_n: NDArray[np.float64], steps: NDArray[np.int64], contacts: _Contacts
-    ) -> None:
-        """Add to the net forces (steps, 2, 3) on each arm, world frame, those of contacts at these steps (n,)."""
-        arms = self._arm_of_geom[contacts.geoms]
-        # Neither of no arm, nor of one with itself.
-        outside = (arms[:, 0] != arms[:, 1]) & (contacts.rows >= 0)
-        components = np.arange(3) * (contacts.dimensions[outside, None] > 1)
-        local_n = contacts.forces_n[contacts.rows[outside, None] + components] * (components == np.arange(3))
-        on_second_n = np.einsum("ni,nij->nj", local_n, contacts.axes[outside].reshape(-1, 3, 3))
-        for side, sign in ((0, -1), (1, 1)):
-            touched = arms[outside, side]
-            on_arm = touched != NONE
-            np.add.at(forces_n, (steps[outside][on_arm], touched[on_arm]), sign * on_second_n[on_arm])
-
-
-def _joined(contacts: Sequence[_Contacts]) -> _Contacts:
-    """Those of all steps; rows count on from step to step."""
-    joined = _Contacts(*map(np.concatenate, zip(*contacts, strict=True)))
-    begins = np.cumsum([0, *(len(then.forces_n) for then in contacts[:-1])])
-    shift = np.repeat(begins, [len(then.rows) for then in contacts])
-    return joined._replace(rows=np.where(joined.rows < 0, joined.rows, joined.rows + shift))
-
-
-def felt(forces_n: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Forces (steps, 2, 3) through the low pass."""
-    share = 1 - np.exp(-2 * np.pi * FORCE_FILTER_HZ * PHYSICS_STEP_S)
-    felt_n, now_n = np.empty_like(forces_n), np.zeros(forces_n.shape[1:])
-    for step, force_n in enumerate(forces_n):
-        now_n = now_n + share * (force_n - now_n)
-        felt_n[step] = now_n
-    return felt_n
+    def _look_at_steps(self) -> None:
+        """Take the peaks of what was noted, and forget it."""
+        if not self._torques_then:
+            return
+        limits_nm = np.tile(self._scene.arm_pair.joint_limits.torque_nm, len(ARMS))
+        torques = np.abs(self._torques_then) / limits_nm
+        sums = np.cumsum(self._speeds_then, axis=0)
+        forces_n, depth_m, bodies = self._forces.take()
+        felt_n = felt(forces_n, self._felt_n)
+        found = {
+            "torque": _peak(torques),
+            "contact_force_n": _peak(np.linalg.norm(felt_n, axis=-1)),
+            "finger_speed_m_s": _peak((sums[FINGER_STEPS:] - sums[:-FINGER_STEPS]) / FINGER_STEPS),
+            "penetration_mm": 1000 * depth_m,
+        }
+        if found["penetration_mm"] > self._peaks["penetration_mm"]:
+            self._penetrating = bodies
+        self._peaks = {name: max(peak, found[name]) for name, peak in self._peaks.items()}
+        self._steps += len(torques)
+        self._saturated_steps += int((torques > SATURATED).any(axis=1).sum())
+        self._felt_n = felt_n[-1]
+        self._torques_then.clear()
+        self._speeds_then = self._speeds_then[-FINGER_STEPS:]
 
 
 def _peak(values: NDArray[np.float64]) -> float:

@@ -27,6 +27,7 @@ from tqdm import tqdm
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
+from lerobot_env_bimanual.conditions import with_parts
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import draw_episode
 from lerobot_env_bimanual.experts.runner import Move, expert, run_episode
@@ -145,7 +146,7 @@ def _task_facts(task: Task) -> Iterator[str]:
     yield f"{spec.name} {spec.id} horizon {spec.horizon_ticks}"
     for variation in spec.variations:
         yield f"{variation} {spec.instructions_for(variation)}"
-        for condition in task.conditions(variation):
+        for condition in with_parts(task.conditions(variation)):
             values = {field.name: getattr(condition, field.name) for field in fields(condition)}
             yield f"{type(condition).__name__} {values}"
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from enum import StrEnum
 
 from lerobot_bimanual.arms import Arm
+from lerobot_env_bimanual.episode.arm_limits import PROTECTIVE_STOP
 from lerobot_env_bimanual.experts.load import bounds_of
 from lerobot_env_bimanual.failures.monitor import EpisodeEvents
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION
@@ -51,6 +52,8 @@ def _classes(task: str, events: EpisodeEvents, expert: EpisodeEvents) -> Iterato
         yield FailureClass.UNREACHABLE, events.failure
     if events.unstable:
         yield FailureClass.COLLISION, "the simulation became unstable"
+    if events.failure.startswith(PROTECTIVE_STOP):
+        yield FailureClass.COLLISION, events.failure
     max_n = COLLISION_FACTOR * bounds_of(task)["contact_force_n"]
     if events.contact_force_n > max_n:
         event = f"an arm pushed with {events.contact_force_n:.0f} N, above {max_n:.0f} N"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.joint_action import by_arm
-from lerobot_env_bimanual.conditions import Condition
+from lerobot_env_bimanual.conditions import Condition, check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import LoadMeter
 from lerobot_env_bimanual.task import Task, Variation
@@ -37,7 +37,7 @@ class EpisodeEvents:
         closed: hands that were told to close for `MIN_TICKS`, and the tick at which they first were.
         lost: bodies that were held for `MIN_TICKS` and then slipped out of a hand that was told to stay closed, or were
             let go and fell by `DROP_M` within `DROP_TICKS`; and the tick from which no hand held them.
-        unmet: names of the conditions of success that never held.
+        unmet: names of the conditions of success that never held, or that had to hold all the time and did not.
         met_together: whether all conditions of success held at the same tick.
         others_met: conditions of other variations that did not hold at the start and held for `MIN_TICKS`.
     """
@@ -99,7 +99,11 @@ class EpisodeMonitor:
             touched=frozenset(self._touched),
             closed={arm: self._first_closed[arm] for arm in _lasting(self._closed)},
             lost=self._lost,
-            unmet=tuple(one.name for one in self._conditions if one.name not in self._met),
+            unmet=tuple(
+                one.name
+                for one in self._conditions
+                if not progress.on_the_way.get(one.name, one.name in self._met)
+            ),
             met_together=self._met_together,
             others_met=frozenset(_lasting(self._others_met)),
         )
@@ -107,7 +111,8 @@ class EpisodeMonitor:
     def _observe(self) -> None:
         scene = self._env.scene
         # All conditions, whereas the environment stops at the first that is not met.
-        met = {condition.name for condition in self._conditions if condition(scene)}
+        now = check(self._conditions, scene, self._env.progress.on_the_way)
+        met = {name for name, is_met in now.items() if is_met}
         self._met |= met
         self._met_together |= len(met) == len(self._conditions)
         self._others_met.update(other.name for other in self._others if other(scene))

@@ -11,12 +11,11 @@ import pandas as pd
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.episode import success_rate
+from lerobot_bimanual.results.episode import LoadMetrics, success_rate
 from lerobot_bimanual.results.expert_report import (
     PLAYERS,
     EpisodeOutcome,
     ExpertReport,
-    LoadMetrics,
     median_duration_s,
     worst_tip_error_mm,
 )

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from lerobot_bimanual.pages import render
+from lerobot_env_bimanual.conditions import with_parts
 from lerobot_env_bimanual.experts.world_version import joint_version
 from lerobot_env_bimanual.reports.expert_tables import (
     EXACT,
@@ -79,7 +80,7 @@ def _page(task: str, pictures: str, policies: str, tables: dict[str, pd.DataFram
     ]
     conditions = [
         {"condition": f"`{each.name}`", "holds if": (inspect.getdoc(type(each)) or "").partition("\n")[0]}
-        for each in definition.conditions(spec.variations[0])
+        for each in dict.fromkeys(with_parts(definition.conditions(spec.variations[0])))
     ]
     return render(
         PACKAGE,

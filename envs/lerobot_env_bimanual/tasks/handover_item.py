@@ -2,7 +2,8 @@
 
 The paper asks that the right item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks
 it up and presents it, the right arm takes hold of it while the left one still holds it. All items lie where the left arm
-reaches them and no posture of the right one touches them, so that the left arm has to bring the right one its item.
+reaches them and no posture of the right one touches them, so that the left arm has to bring the right one its item. Both
+hands must have held it at the same time: an item that is put down and picked up again was not handed over.
 
 Departures from the original: items lie on the left arm's side of the table, beyond the right one's reach; there the
 receiver could pick most of them up itself. The right hand must have closed its fingers on the right item, at 0.80 m
@@ -21,7 +22,7 @@ import numpy as np
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Above, Held, Untouched
+from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Script, Task, TaskSpec, Taxonomy, Variation
@@ -71,6 +72,7 @@ class HandoverItem(Task):
             Held(TARGET, by=Arm.RIGHT),
             Above(TARGET, SUCCESS_HEIGHT_M),
             *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
+            Once((Held(TARGET, by=Arm.LEFT), Held(TARGET, by=Arm.RIGHT))),
         ),
         horizon_ticks=300,
     )

@@ -2,7 +2,8 @@
 
 The paper asks that the item be securely grasped and lifted to 80 cm while the other arm is idle. The left arm picks it
 up and presents it, the right arm takes hold of it while the left one still holds it. The item lies where the left arm
-reaches it and no posture of the right one touches it, so that the left arm has to bring it.
+reaches it and no posture of the right one touches it, so that the left arm has to bring it. Both hands must have held it
+at the same time: an item that is put down and picked up again was not handed over.
 
 Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
 the receiver could pick it up itself in most places. The right hand must have closed its fingers on the item, at 0.80 m
@@ -18,7 +19,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Above, Held, Untouched
+from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Task, TaskSpec, Taxonomy, Variation
@@ -50,6 +51,7 @@ class HandoverItemEasy(Task):
             Held("item", by=Arm.RIGHT),
             Untouched("item", by=Arm.LEFT),
             Above("item", SUCCESS_HEIGHT_M),
+            Once((Held("item", by=Arm.LEFT), Held("item", by=Arm.RIGHT))),
         ),
         horizon_ticks=280,
     )

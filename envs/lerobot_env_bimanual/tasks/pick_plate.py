@@ -21,7 +21,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Above, Grasped
+from lerobot_env_bimanual.conditions import Above, Always, Grasped, Near
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, Plate
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
@@ -32,6 +32,8 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 PLATE = Plate("plate", radius_m=0.075, height_m=0.018, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.10, 0.175))
 SUCCESS_HEIGHT_M = 1.00
+MAX_SHIFT_M, LIFTED_M = 0.10, TABLE_HEIGHT_M + 0.06
+"""How far the plate may be moved before it is lifted, and from which height on it is."""
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-20.0)
@@ -67,7 +69,11 @@ class PickPlate(Task):
         instructions=("pick up the plate",),
         taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(PLATE,),
-        success=(Grasped("plate"), Above("plate", SUCCESS_HEIGHT_M)),
+        success=(
+            Grasped("plate"),
+            Above("plate", SUCCESS_HEIGHT_M),
+            Always((Near("plate", MAX_SHIFT_M), Above("plate", LIFTED_M))),
+        ),
         horizon_ticks=320,
     )
 

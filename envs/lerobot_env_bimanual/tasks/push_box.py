@@ -28,7 +28,7 @@ import numpy as np
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import AtRest, CentredOn
+from lerobot_env_bimanual.conditions import Aligned, Always, AtRest, CentredOn
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
@@ -47,6 +47,8 @@ TOLERANCE_M = 0.05
 VARIED_TOLERANCE_M = 0.02
 VARIED_SIZES_M = ((0.384, 0.192), (0.34, 0.24), (0.30, 0.16), (0.36, 0.14), (0.32, 0.21))
 VARIED_OFFSET_M = ((0.0, 0.38), (0.0, 0.50))
+MAX_TURN_DEG = 12.0
+"""By which the box may ever be turned from its target's heading, which is its own at the start."""
 
 # Hands in the box's axes: left of and right of its middle, closed, fingers down, an outer side of the palm to the front.
 FROM_END_M = 0.052
@@ -81,7 +83,11 @@ class PushBox(Task):
         taxonomy=Taxonomy.of("temporal spatial symmetric synchronous non_prehensile"),
         props=(TARGET, BOX),
         varied=tuple((TARGET, replace(BOX, size_m=(*size_m, BOX.size_m[2]))) for size_m in VARIED_SIZES_M),
-        success=(CentredOn("box", "target", TOLERANCE_M, VARIED_TOLERANCE_M), AtRest("box")),
+        success=(
+            CentredOn("box", "target", TOLERANCE_M, VARIED_TOLERANCE_M),
+            AtRest("box"),
+            Always((Aligned("box", "target", MAX_TURN_DEG),)),
+        ),
         horizon_ticks=250,
         needs_both_arms=True,
         load_bounds={"contact_force_n": 250.0},

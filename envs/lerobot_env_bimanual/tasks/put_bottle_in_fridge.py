@@ -17,10 +17,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Inside, Untouched
+from lerobot_env_bimanual.conditions import Inside, Once, Touched, Untouched
 from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.stage import Stage
@@ -31,6 +31,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 FRIDGE = Fridge("fridge")
 BOTTLE = Bottle("bottle")
+IN_FRIDGE = Inside("bottle", "fridge", *FRIDGE.compartment)
 FRIDGE_POSE = Pose.upright((0.667, 0.292, TABLE_HEIGHT_M), np.deg2rad(45.0))
 """It never moves (PerAct2 code)."""
 AREA_POSE = Pose.upright((0.05, -0.275, TABLE_HEIGHT_M), np.deg2rad(45.0))
@@ -79,8 +80,9 @@ class PutBottleInFridge(Task):
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(FRIDGE, BOTTLE),
         success=(
-            Inside("bottle", "fridge", *FRIDGE.compartment),
+            IN_FRIDGE,
             *(Untouched("bottle", by=arm) for arm in ARMS),
+            Once((IN_FRIDGE, Touched("fridge_door", by=Arm.RIGHT))),
         ),
         horizon_ticks=420,
         needs_both_arms=True,

@@ -23,7 +23,7 @@ import numpy as np
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Condition, Inside, Untouched
+from lerobot_env_bimanual.conditions import Condition, Grasped, Inside, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
 from lerobot_env_bimanual.stage import Stage
@@ -72,7 +72,7 @@ class PutItemInDrawer(Task):
         variations=tuple(Variation(index, {"level": level}) for index, level in enumerate(LEVELS)),
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(CABINET, ITEM),
-        success=tuple(Untouched("item", by=arm) for arm in ARMS),
+        success=(*(Untouched("item", by=arm) for arm in ARMS), Once((Grasped("item"),))),
         horizon_ticks=420,
         random_rate=0.1,  # the sweep that is told above
     )

@@ -2,7 +2,7 @@
 
 One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, as in the paper
 and the original, but the pan is light and glides: unless it is held, the first lumps that climb its lip push it away
-before the broom. One arm could pick the lumps up one by one, which takes it about 16 s; the episode ends after 11 s.
+before the broom. The dirt is to be swept: no arm may touch it, nor the pan be driven under it, or one arm would do.
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
@@ -21,7 +21,7 @@ import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Inside
+from lerobot_env_bimanual.conditions import Always, Inside, Near, Unhandled
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
 from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan
 from lerobot_env_bimanual.stage import Stage
@@ -45,6 +45,8 @@ PAN_Y_M = -0.25
 """Offset from the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
 """The original's box, in the pan's axes."""
+MAX_SHIFT_M = 0.04
+"""How far the pan may ever be from where it was placed: it is swept into, not driven under the dirt."""
 
 # The left hand: straight down on the broom's stick. With its fingers the other way round the arm would have to pass
 # near a singularity in some sweeps.
@@ -81,7 +83,11 @@ class SweepToDustpan(Task):
         ),
         taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
-        success=tuple(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
+        success=(
+            *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
+            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
+            Always((Near(PAN.name, MAX_SHIFT_M),)),
+        ),
         horizon_ticks=220,
     )
 

@@ -14,6 +14,7 @@ from lerobot_bimanual.results.proof import HashChain, actions_to_text
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import EMPTY_ACTION
 from lerobot_env_bimanual.episode.progress import EpisodeProgress
+from lerobot_env_bimanual.experts.load import LoadMeter, survives
 
 PLAYED = "played"
 """Key of the last step's info that holds the whole `Episode`."""
@@ -33,6 +34,17 @@ class EpisodeRecorder(gym.Wrapper):
         self._start = ""
         self._chain = HashChain()
         self._actions: list[NDArray[np.float32]] = []
+        self._load: LoadMeter | None = None
+        env.tick_observers.append(self._note_tick)
+        env.step_observers.append(self._note_step)
+
+    def _note_tick(self, _: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
+        if self._load is not None:
+            self._load.observe_tick(joint_action)
+
+    def _note_step(self) -> None:
+        if self._load is not None:
+            self._load.observe_step()
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and its record."""
@@ -42,6 +54,7 @@ class EpisodeRecorder(gym.Wrapper):
         facts = (self._env.task, self._env.options.split, progress.seed, self._env.variation)
         self._chain = HashChain(*map(str, facts), progress.instruction, self._start)
         self._actions = []
+        self._load = LoadMeter(self._env.scene)
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -62,6 +75,8 @@ class EpisodeRecorder(gym.Wrapper):
         return observation, reward, terminated, truncated, info
 
     def _played(self, progress: EpisodeProgress) -> Episode:
+        assert self._load is not None
+        load = self._load.result()
         return Episode(
             seed=progress.seed,
             variation=progress.variation.index,
@@ -70,6 +85,8 @@ class EpisodeRecorder(gym.Wrapper):
             ticks=progress.ticks,
             keyposes=progress.keyposes,
             first_met_tick=progress.first_met_tick,
+            load=load,
+            survived=survives(self._env.task, load),
             proof=Proof(
                 instruction=progress.instruction,
                 start=self._start,

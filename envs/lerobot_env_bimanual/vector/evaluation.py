@@ -22,6 +22,7 @@ RECORDED_OPTIONS = (
     "obs",
     "control_mode",
     "max_keyposes",
+    "protective_stop",
     "perturb",
     "setting",
 )
@@ -175,7 +176,7 @@ class KeptEpisodes:
             schema_version=2,
             task=self._task,
             world=world_version(self._task, self._options.perturb, self._options.setting),
-            options={name: value if isinstance(value, int) else str(value) for name, value in options},
+            options={name: int(value) if isinstance(value, int) else str(value) for name, value in options},
             batch_size=self._environments,
             versions=result_versions(),
             policy=dict(self._evaluation.policy),

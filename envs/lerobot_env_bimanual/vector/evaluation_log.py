@@ -98,8 +98,10 @@ class EvaluationLog:
             videos = f"videos in {folder}"
         if kept:
             videos = f"{kept}; {videos}"
-        text = "%s: %d of %d episodes solved%s; %s"
-        logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", videos)
+        known = [episode.survived for episode in episodes if episode.survived is not None]
+        real = f"; real arms would have gone through {sum(known)} of {len(known)}" if known else ""
+        text = "%s: %d of %d episodes solved%s%s; %s"
+        logger.info(text, self._task, solved, len(episodes), reasons and f" ({reasons})", real, videos)
 
 
 def _episode(info: Mapping[str, Any], index: int) -> Episode:

@@ -19,9 +19,16 @@ from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone
 from lerobot_env_bimanual.workers import WorkerPool
 
-CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes")
+CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes", "load", "survived")
 """Fields of an episode that are compared one by one; its proof is compared step by step."""
-REPLAY_OPTIONS = {"split": str, "control_mode": str, "max_keyposes": int, "perturb": str, "setting": str}
+REPLAY_OPTIONS = {
+    "split": str,
+    "control_mode": str,
+    "max_keyposes": int,
+    "protective_stop": bool,
+    "perturb": str,
+    "setting": str,
+}
 """Options that decide what happens; the others decide only what a policy sees."""
 
 type Options = tuple[tuple[str, str | int], ...]

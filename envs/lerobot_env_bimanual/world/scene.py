@@ -103,6 +103,7 @@ class Scene(SceneView):
         spec = build_spec(props, arm_pair)
         if patch is not None:
             patch(spec)
+        spec.nuserdata = 3 * len(spec.bodies)  # where each body was placed: a part of MuJoCo's state
         super().__init__(spec.compile(), arm_pair, self._home_action, props, setting)
         self._identity = f"{setting} {prop_set}".encode() if setting != STANDARD else b""
         self.ticks = 0
@@ -157,6 +158,7 @@ class Scene(SceneView):
         else:
             self.model.body_pos[index] = pose.position
             self.model.body_quat[index] = pose.quat_wxyz
+        self.placed_m(body)[:] = pose.position
         self._refresh()
 
     def set_joint(self, joint: str, value: float) -> None:
@@ -175,6 +177,7 @@ class Scene(SceneView):
             other: a scene of the same props, from which this one may differ in shapes, and by what comes after them.
         """
         self.data.qpos[: other.model.nq] = other.data.qpos
+        self.data.userdata[: other.model.nuserdata] = other.data.userdata
         for field, pristine in zip(RESETTABLE_FIELDS, other._pristine, strict=True):
             values = getattr(other.model, field)
             changed = np.flatnonzero((values != pristine).any(axis=1))

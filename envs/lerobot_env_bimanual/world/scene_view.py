@@ -55,7 +55,7 @@ class SceneView:
         self.arm_pair = arm_pair
         self.appearance = NOMINAL
         self._commanded = commanded
-        self._geoms_of: dict[str, NDArray[np.bool_]] = {}
+        self._geoms_of: dict[str | tuple[str, ...], NDArray[np.bool_]] = {}
         joints = [[model.joint(name) for name in arm_pair.joint_names(arm)] for arm in ARMS]
         fingers = [[model.joint(name) for name in arm_pair.finger_names(arm)] for arm in ARMS]
         self._joint_qpos = np.array([[joint.qposadr[0] for joint in arm] for arm in joints])  # (2, 7)
@@ -111,6 +111,10 @@ class SceneView:
         index = self.model.body(body).id
         return Pose(self.data.xpos[index], self.data.xquat[index])
 
+    def placed_m(self, body: str) -> NDArray[np.float64]:
+        """(3,) where a prop's root body was placed last, world frame; at the world's origin if it never was."""
+        return self.data.userdata.reshape(-1, 3)[self.model.body(body).id]
+
     def has_color(self, geom: str, rgba: tuple[float, ...]) -> bool:
         """Whether a geom has a colour, red, green, blue and opacity from 0 to 1."""
         return bool(np.allclose(self.model.geom(geom).rgba, rgba))
@@ -129,17 +133,18 @@ class SceneView:
 
     # -- contacts -----------------------------------------------------------------------------------------
 
-    def contacts(self, body_a: str, body_b: str) -> bool:
-        """Whether two bodies, each with all bodies below it, touch."""
+    def contacts(self, body_a: str | tuple[str, ...], body_b: str | tuple[str, ...]) -> bool:
+        """Whether two bodies, or one of several and one of others, each with all bodies below it, touch."""
         a, b = self.geoms(body_a), self.geoms(body_b)
         first, second = self.data.contact.geom.reshape(-1, 2).T
         return bool(np.any((a[first] & b[second]) | (b[first] & a[second])))
 
-    def geoms(self, body: str) -> NDArray[np.bool_]:
-        """Mask (ngeom,) of the geoms on a body and all bodies below it, looked up once."""
+    def geoms(self, body: str | tuple[str, ...]) -> NDArray[np.bool_]:
+        """Mask (ngeom,) of the geoms on a body, or several, and all bodies below, looked up once."""
         if body not in self._geoms_of:
             in_subtree = np.zeros(self.model.nbody, dtype=bool)
-            in_subtree[self.model.body(body).id] = True
+            for name in (body,) if isinstance(body, str) else body:
+                in_subtree[self.model.body(name).id] = True
             for child, parent in enumerate(self.model.body_parentid):  # parents come before children
                 in_subtree[child] |= in_subtree[parent]
             self._geoms_of[body] = in_subtree[self.model.geom_bodyid]
