@@ -181,7 +181,7 @@ class BimanualEnv(gym.Env):
         except PlacementFailure as failure:
             progress.failure, progress.draws = str(failure), MAX_DRAWS  # nothing can be played from here
             raise
-        progress.asked = world.scene.commanded
+        progress.asked = progress.wanted = world.scene.commanded
         progress.on_the_way = on_the_way(self._conditions, world.scene, {})
         progress.complete(self._conditions, world.scene)
         return self.observe(), progress.info()

@@ -174,7 +174,7 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
     accelerations = np.diff(speeds, axis=0) / TICK_S
     assert (np.abs(accelerations[:, 0]) <= limits.acceleration_rad_s2).all()
     assert accelerations.max() > 0.99 * limits.acceleration_rad_s2.max()
-    assert (joints[:, 0] <= target[:7] + 0.06).all()  # it slows down in time
+    assert (joints[:, 0] <= target[:7] + 0.02).all()  # it slows down in time
     assert np.allclose(actions[-1][:8], state_env.action_space.high[:8].clip(max=target[:8]))
     assert np.allclose(actions[-1][8:], state_env.action_space.high[8:])
     assert info["clipped_rad"] > 2.0
@@ -195,4 +195,4 @@ def test_an_arm_that_presses_for_long_ends_the_episode_where_that_is_asked_for()
         ends.append(info["failure"])
         env.close()
     assert not ends[0]
-    assert re.fullmatch("protective stop: the left arm pressed with 1[0-9][0-9] N", ends[1])
+    assert re.fullmatch("protective stop: the left arm pressed with [12][0-9][0-9] N", ends[1])

@@ -2,8 +2,8 @@
 
 Two consecutive joint actions may differ by what a Panda's joints move in a tick at most, and that difference may change by
 what they accelerate ("Limits" of the Franka Control Interface documentation, as in `robots.panda`). An action beyond it is
-replaced by the nearest one within it from which the arm can still stop where the action wants it. The experts stay far
-below, so their actions go through as they are.
+replaced by one within it, such that the arm catches up with what is wanted as soon as it can and without passing it. The
+experts stay far below, so their actions go through as they are.
 
 A Panda stops with a reflex when the outside force that it estimates passes the thresholds that its user has set
 (`setCollisionBehavior` of libfranka, "upper thresholds"); where contact is meant, libfranka's examples of impedance and force
@@ -54,20 +54,23 @@ class StepLimiter:
     def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
         """The action (16,) that the arms are given for a wanted one; `progress` remembers it and how far it is off."""
         step = np.subtract(wanted, progress.asked, dtype=np.float64)
-        asked, way = wanted, np.abs(step)
-        is_beyond = (way > self._most) | (np.abs(step - progress.change) > self._more)
+        of_target = np.clip(np.subtract(wanted, progress.wanted, dtype=np.float64), -self._most, self._most)
+        behind = step - of_target  # how far from keeping pace with what is wanted
+        too_far = np.abs(behind) > self._more
+        is_beyond = too_far | (np.abs(step) > self._most) | (np.abs(step - progress.change) > self._more)
+        asked = wanted
         if is_beyond.any():
             most, more = SHARE * self._most, SHARE * self._more
-            # At this speed it stops after the remaining way, if it slows down by `more` every tick.
-            stopping = (np.sqrt(more**2 + 8 * more * way) - more) / 2
-            slower = np.copysign(np.minimum(way, np.minimum(most, stopping)), step)
-            slower = np.clip(slower, progress.change - more, progress.change + more)
-            step = np.where(is_beyond, slower, step)
-            asked = np.clip((progress.asked + step).astype(np.float32), self._lower, self._upper)
+            # At this speed it has caught up after the remaining way, if it slows down by `more` every tick.
+            closing = (np.sqrt(more**2 + 8 * more * np.abs(behind)) - more) / 2
+            slower = of_target + np.copysign(np.minimum(np.abs(behind), closing), behind)
+            slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
+            asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
+            asked = np.clip(asked, self._lower, self._upper)
             progress.clipped_ticks += 1
             progress.clipped_rad = max(progress.clipped_rad, float(np.abs(asked - wanted).max()))
         np.subtract(asked, progress.asked, out=progress.change, dtype=np.float64)
-        progress.asked = asked.copy()
+        progress.asked, progress.wanted = asked.copy(), wanted.copy()
         return asked
 
 

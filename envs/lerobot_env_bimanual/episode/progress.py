@@ -40,7 +40,8 @@ class EpisodeProgress:
         keyposes: keyposes executed so far.
         held_ticks: consecutive ticks up to now at which all conditions were met.
         first_met_tick: number of ticks after which they were all met for the first time; None as long as they were not.
-        asked: (16,) the last joint action that the arms were given, and `change` by how much it differed from the one before.
+        asked: (16,) the last joint action that the arms were given, `change` by how much it differed from the one before, and
+            `wanted` the one that it stands for.
         clipped_ticks: ticks whose joint action was faster than arms can follow, and was replaced by a slower one.
         clipped_rad: by how much at most, in any joint.
         felt_n: (2, 3) filtered net force on each arm, world frame; as `pressed_steps` (2,), the steps of physics for which it
@@ -64,6 +65,7 @@ class EpisodeProgress:
     first_met_tick: int | None = None
     asked: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
     change: NDArray[np.float64] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM))
+    wanted: NDArray[np.float32] = field(default_factory=partial(np.zeros, JOINT_ACTION_DIM, np.float32))
     clipped_ticks: int = 0
     clipped_rad: float = 0.0
     felt_n: NDArray[np.float64] = field(default_factory=partial(np.zeros, (len(ARMS), 3)))
@@ -98,7 +100,7 @@ class EpisodeProgress:
     def joined_hash(self, scene_hash: str) -> str:
         """SHA-256, in hex, of a scene's hash and of what else decides how the episode goes on."""
         digest = hashlib.sha256(f"{scene_hash} {sorted(self.on_the_way.items())}".encode())
-        for array in (self.asked, self.change, self.felt_n, self.pressed_steps):
+        for array in (self.asked, self.change, self.wanted, self.felt_n, self.pressed_steps):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
