@@ -93,7 +93,6 @@ class TaskSpec:
         needs_both_arms: whether the PerAct2 paper says that one arm alone cannot do it.
         load_bounds: bounds of its own on the load on the expert's arms, by name, where those of all tasks
             (`lerobot_env_bimanual.experts.load`) are too low for it; the task's file says why.
-        random_rate: share of episodes that random keyposes may solve; beyond 0 the task's file says how.
     """
 
     name: str
@@ -107,7 +106,6 @@ class TaskSpec:
     varied: tuple[tuple[Prop, ...], ...] = ()
     needs_both_arms: bool = False
     load_bounds: Mapping[str, float] = field(default_factory=dict)
-    random_rate: float = 0.0
 
     def prop_sets(self, setting: str) -> tuple[tuple[Prop, ...], ...]:
         """The sets of props among which the episodes of a setting draw."""

@@ -61,6 +61,18 @@ def test_a_seed_means_another_episode_in_every_split():
     assert len(hashes) == 3
 
 
+def test_variations_of_a_seed_share_no_layout_and_one_that_is_drawn_is_the_one_that_may_be_asked_for():
+    env = BimanualEnv("put_item_in_drawer", obs="state")
+    env.reset(seed=5)
+    drawn, drawn_hash, cabinets = env.variation, env.state_hash(), []
+    for variation in range(3):
+        env.reset(seed=5, options={"variation": variation})
+        cabinets.append(tuple(env.scene.pose("cabinet").position))
+        assert (env.state_hash() == drawn_hash) == (variation == drawn)
+    env.close()
+    assert len(set(cabinets)) == 3
+
+
 def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     def unseeded_episodes() -> list[str]:
         state_env.reset(seed=4)

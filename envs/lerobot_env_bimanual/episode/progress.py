@@ -124,7 +124,8 @@ def draw_episode(
 ) -> EpisodeProgress:
     """An episode that has not begun: its variation, instruction, set of props and generator.
 
-    All are always drawn, so that fixing a variation changes nothing else.
+    Variation and sentence are always drawn, so that an episode is the same whether its variation was drawn or fixed. Props
+    and layout are drawn from the variation, too, so that no two variations of a seed share a layout.
 
     Args:
         spec: of the task.
@@ -137,5 +138,7 @@ def draw_episode(
     rng = np.random.default_rng(np.random.SeedSequence(entropy))
     drawn, sentence = int(rng.integers(len(spec.variations))), int(rng.integers(len(spec.instructions)))
     variation = spec.variations[drawn if fixed is None else fixed]
-    prop_set = int(rng.integers(len(spec.prop_sets(setting))))
-    return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], rng, prop_set)
+    # A zero at the end of the entropy would change nothing; a key does.
+    layout = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(variation.index,)))
+    prop_set = int(layout.integers(len(spec.prop_sets(setting))))
+    return EpisodeProgress(seed, variation, spec.instructions_for(variation)[sentence], layout, prop_set)

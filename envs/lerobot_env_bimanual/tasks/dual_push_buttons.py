@@ -84,7 +84,7 @@ class DualPushButtons(Task):
         taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
         success=(Pressed(RIGHT), Pressed(LEFT)),
-        horizon_ticks=120,
+        horizon_ticks=160,
         needs_both_arms=True,
     )
 
