@@ -111,10 +111,8 @@ class Scene(SceneView):
         self._alterations = Alterations(self.model)
         self._latched_unstable = False
         self._tree_of_dof = self.model.dof_treeid.copy()
-        self._tree_awake, self._prop_positions = (
-            self.data.tree_awake,
-            self.data.qpos[self._finger_qpos.max() + 1 :],
-        )
+        self._tree_awake = self.data.tree_awake
+        self._prop_positions = self.data.qpos[self._finger_qpos.max() + 1 :]
         self._forgotten: tuple[bytes, bytes] | None = None
         self._geom_counts, self._solid_counts = self.model.body_geomnum.copy(), solid_geom_counts(self.model)
         self._servos = ServoCommands(self.model, self.data, arm_pair)
