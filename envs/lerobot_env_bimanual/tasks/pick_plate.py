@@ -9,11 +9,15 @@ the original, whose text asks for a secure grasp, checks the height alone. The p
 a gram and is slippery, with a friction of 0.35 instead of 1.0 against everything. It lies in a box of 20 x 35 cm. The right
 hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
+
+In the setting `varied` five numbers decide: the plate, 14 to 17 cm wide, lies on a pedestal of any height up to 8 cm, and the
+fingers reach its rim only between two posts, which forgive a centimetre and turn with the pedestal by 30 degrees.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +26,9 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Always, Grasped, Near
-from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, Plate
+from lerobot_env_bimanual.props.pedestal import Pedestal
+from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, WELL_RADIUS_M, WELL_Z_M, Plate
+from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
@@ -32,8 +38,16 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 PLATE = Plate("plate", radius_m=0.075, height_m=0.018, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.10, 0.175))
 SUCCESS_HEIGHT_M = 1.00
-MAX_SHIFT_M, LIFTED_M = 0.10, TABLE_HEIGHT_M + 0.06
+MAX_SHIFT_M, LIFTED_M = 0.10, TABLE_HEIGHT_M + 0.14
 """How far the plate may be moved before it is lifted, and from which height on it is."""
+
+VARIED_RADII_M = (0.070, 0.075, 0.080, 0.085)
+RIM_RISE = 0.49
+"""Of varied plates: rise of the rim over its run, so that all of them tip, and are pinched, at the same angles."""
+VARIED_HEIGHT_M = 0.08
+VARIED_YAW_RAD = np.deg2rad(15.0)
+POSTS_M = ((0.009, -0.024, 0.066), (0.009, 0.024, 0.066))
+"""Behind the rim's edge, aside, and their height."""
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-20.0)
@@ -41,8 +55,8 @@ ASIDE_RAD = np.deg2rad(-20.0)
 
 # The left hand: closed, leaning back, on the far side of the rim.
 LEAN_RAD = np.deg2rad(30.0)
-PRESS_M = np.array([-0.066, 0.0, 0.015])
-"""The fingertips, 1 cm beyond, end 6 mm above the table, where the rim comes down."""
+INSIDE_RIM_M, PRESS_Z_M = 0.009, 0.015
+"""Where it presses. The fingertips, 1 cm beyond, end 6 mm above the table, where the rim comes down."""
 ABOVE_M = np.array([0.0, 0.0, 0.08])
 LEAVE_M = np.array([-0.05, 0.0, 0.04])
 """Back and only a little up: a plate that swings while it is raised must not strike the fingers."""
@@ -51,12 +65,19 @@ LEAVE_M = np.array([-0.05, 0.0, 0.04])
 PITCH_RAD = np.deg2rad(58.0)
 WAIT_M = np.array([0.20, 0.0, 0.22])
 WAIT_LOWER_M = np.array([0.16, 0.0, 0.17])
-RIM_POINT_M = np.array([PLATE.radius_m - 0.008, 0.0, PLATE.height_m - 0.0015])
-"""Where the rim is pinched, in the plate's axes."""
+BELOW_RIM_M = np.array([0.008, 0.0, 0.0015])
+"""Where the rim is pinched: inside its edge and below it, in the plate's axes."""
 BEFORE_RIM_M = 0.07
 BEYOND_RIM_M = 0.006
 LIFT_M = np.array([0.02, 0.0, 0.12])
 RAISE_TO_M = 1.125
+
+
+def _varied(radius_m: float) -> tuple[Prop, ...]:
+    height_m = WELL_Z_M + RIM_RISE * (radius_m - WELL_RADIUS_M)
+    posts = tuple((radius_m + x, y, z) for x, y, z in POSTS_M)
+    stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, posts_m=posts)
+    return replace(PLATE, radius_m=radius_m, height_m=height_m), stand
 
 
 @register
@@ -69,6 +90,7 @@ class PickPlate(Task):
         instructions=("pick up the plate",),
         taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(PLATE,),
+        varied=tuple(map(_varied, VARIED_RADII_M)),
         success=(
             Grasped("plate"),
             Above("plate", SUCCESS_HEIGHT_M),
@@ -81,14 +103,20 @@ class PickPlate(Task):
         """Plate flat on the table; nothing shows its yaw, so its x axis may tell which way the task is done."""
         plate = AREA.sample(rng, TABLE_HEIGHT_M)
         x, y, _ = scene.arm_pair.base_pose(Arm.RIGHT).position - plate.position
-        scene.place("plate", Pose.upright(plate.position, np.arctan2(y, x) + ASIDE_RAD))
+        plate = Pose.upright(plate.position, np.arctan2(y, x) + ASIDE_RAD)
+        if scene.is_varied:
+            plate = plate.translated((0, 0, rng.uniform(0, VARIED_HEIGHT_M)))
+            plate @= Pose.upright((0, 0, 0), rng.uniform(-1, 1) * VARIED_YAW_RAD)
+            scene.place("stand", plate)
+        scene.place("plate", plate)
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Above, press, reach for the raised rim where it really is, grasp, lift, raise."""
-        flat = scene.pose("plate")
+        flat, plate = scene.pose("plate"), scene.prop(Plate, "plate")
         ahead, aside, up = flat.rotation.T
-        press = Pose.looking(flat.apply(PRESS_M), np.sin(LEAN_RAD) * ahead - np.cos(LEAN_RAD) * up, aside)
+        press_m = flat.apply((INSIDE_RIM_M - plate.radius_m, 0.0, PRESS_Z_M))
+        press = Pose.looking(press_m, np.sin(LEAN_RAD) * ahead - np.cos(LEAN_RAD) * up, aside)
         right = Pose.looking(flat.position, -np.cos(PITCH_RAD) * ahead - np.sin(PITCH_RAD) * up, -up)
 
         def along(pose: Pose, offset_m: np.ndarray) -> Pose:
@@ -103,7 +131,8 @@ class PickPlate(Task):
             planned=True,
         )
         yield Stage("press", press, along(right, WAIT_LOWER_M))
-        rim = Pose(_pressed(scene.pose("plate")).apply(RIM_POINT_M), right.quat_wxyz)
+        rim_m = np.array([plate.radius_m, 0.0, plate.height_m]) - BELOW_RIM_M
+        rim = Pose(_pressed(plate, scene.pose("plate")).apply(rim_m), right.quat_wxyz)
         grasp = rim.advanced(BEYOND_RIM_M)
         yield Stage("reach", right=rim.advanced(-BEFORE_RIM_M))
         yield Stage("grasp", right=grasp, right_open=False, right_holds="plate")
@@ -112,13 +141,13 @@ class PickPlate(Task):
         yield Stage("raise", right=lifted.translated((0, 0, RAISE_TO_M - lifted.position[2])))
 
 
-def _pressed(plate: Pose) -> Pose:
+def _pressed(plate: Plate, pose: Pose) -> Pose:
     """The plate as it lies; or, while it is still flat, as it will lie when pressed: tipped over the foot's edge.
 
     A rehearsal, which knows no physics, finds it flat.
     """
-    if plate.rotation[2, 2] < np.cos(PLATE.tip_rad / 2):
-        return plate
+    if pose.rotation[2, 2] < np.cos(plate.tip_rad / 2):
+        return pose
     edge = np.array([-FOOT_RADIUS_M, 0.0, 0.0])
-    tip = Pose(np.zeros(3), quat_wxyz_from_axis_angle((0, 1, 0), -PLATE.tip_rad))
-    return plate @ tip.translated(edge - tip.apply(edge))
+    tip = Pose(np.zeros(3), quat_wxyz_from_axis_angle((0, 1, 0), -plate.tip_rad))
+    return pose @ tip.translated(edge - tip.apply(edge))
