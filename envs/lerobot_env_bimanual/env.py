@@ -294,8 +294,8 @@ class BimanualEnv(gym.Env):
 
     def _film(self, folder: Path) -> None:
         if self._video is None:
-            episode = f"{self.task}_v{self.variation}_{self.options.split}_seed{self.progress.seed}"
-            self._video = VideoWriter(folder, episode)
+            words = (self.task, f"v{self.variation}", self.options.split, f"seed{self.progress.seed}")
+            self._video = VideoWriter(folder, "_".join(words), caption=" ".join(words))
         self._video.add(self._world.renderer.frame())
 
     def _finish_video(self) -> None:

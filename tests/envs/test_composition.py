@@ -13,60 +13,32 @@ from lerobot_env_bimanual.gl import mujoco, release_gl
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import DrawerCabinet
 from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.world.rendering import Renderer
+from lerobot_env_bimanual.world.offscreen import Offscreen
+from lerobot_env_bimanual.world.rendering import QUALITIES, Renderer
 from lerobot_env_bimanual.world.scene import Scene
 
 SIZE = 64
 
 
 class PlainRenderer:
-    """MuJoCo's own functions and nothing else: each camera draws every geom, in the model's order."""
+    """Each camera draws every geom, in the model's order, and nothing is kept."""
 
     def __init__(self, scene: Scene, size: int = SIZE):
         self.model, self.data = scene.model, scene.data
-        self.rect = mujoco.MjrRect(0, 0, size, size)
-        with self.settings(size):
-            self.gl = mujoco.GLContext(size, size)
-            self.gl.make_current()
-            self.context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_50)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
-        self.scene = mujoco.MjvScene(self.model, 1000)
-        self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
-
-    @contextmanager
-    def settings(self, size: int) -> Iterator[None]:
-        frame, quality = self.model.vis.global_, self.model.vis.quality
-        fields = ("offsamples", "shadowsize", "numslices", "numstacks", "numquads")
-        kept = [getattr(quality, field) for field in fields]
-        for field, value in zip(fields, (0, 0, 24, 12, 2), strict=True):
-            setattr(quality, field, value)
-        frame.offwidth = frame.offheight = size
-        yield
-        for field, value in zip(fields, kept, strict=True):
-            setattr(quality, field, value)
+        self.offscreen = Offscreen(self.model, size, size, QUALITIES["observation"])
+        self.scene = self.offscreen.make_scene()
 
     def render(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        self.gl.make_current()
+        self.offscreen.make_current()
+        everything = (mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL)
+        mujoco.mjv_updateScene(self.model, self.data, *everything, self.scene)
         images = {}
         for name in CAMERA_NAMES:
-            camera = mujoco.MjvCamera()
-            camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self.model.camera(name).id
-            drawn = (mujoco.MjvOption(), None, camera, mujoco.mjtCatBit.mjCAT_ALL)
-            mujoco.mjv_updateScene(self.model, self.data, *drawn, self.scene)
-            rgb = np.empty((self.rect.height, self.rect.width, 3), np.uint8)
-            depth = np.empty((self.rect.height, self.rect.width), np.float32)
-            mujoco.mjr_render(self.rect, self.scene, self.context)
-            mujoco.mjr_readPixels(rgb, depth, self.rect, self.context)
-            near, far = self.model.vis.map.znear, self.model.vis.map.zfar  # of an extent of 1 m
-            metres = near * far / (far - depth.astype(np.float64) * (far - near))
-            images[name] = rgb[::-1], metres[::-1].astype(np.float32)
+            pixels = self.offscreen.draw(self.scene, self.data, self.model.camera(name).id)
+            depth_m = self.offscreen.depth_m(self.offscreen.centres(pixels.nearness))
+            images[name] = self.offscreen.rgb(pixels.rgb), depth_m
         release_gl()
         return images
-
-    def close(self) -> None:
-        self.gl.make_current()
-        self.context.free()
-        self.gl.free()
 
 
 @contextmanager
@@ -74,7 +46,7 @@ def both(scene: Scene, size: int = SIZE) -> Iterator[tuple[Renderer, PlainRender
     plain = PlainRenderer(scene, size)
     with Renderer(scene, height=size, width=size) as renderer:
         yield renderer, plain
-    plain.close()
+    plain.offscreen.free()
 
 
 def assert_same(renderer: Renderer, plain: PlainRenderer) -> None:

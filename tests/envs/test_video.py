@@ -21,8 +21,10 @@ def test_a_video_holds_every_frame_in_order_in_a_format_that_browsers_play(tmp_p
     assert [*(tmp_path / "new").iterdir()] == [path]
     assert path.name == "shades_success.mp4"
     frames = read_frames(path)
-    assert frames.shape == (12, 48, 64, 3)
-    assert np.abs(frames.mean((1, 2, 3)) - shades).max() < 4
+    assert frames.shape == (12 + 20, 48, 64, 3)
+    assert (
+        np.abs(frames.mean((1, 2, 3)) - np.append(shades, [shades[-1]] * 20)).max() < 4
+    )  # the last one is held
     with av.open(str(path)) as container:
         (stream,) = container.streams.video
         context = stream.codec_context
@@ -43,7 +45,13 @@ def test_an_episode_is_filmed_tick_by_tick_and_named_after_it(filming_env, tmp_p
     filming_env.step(np.zeros(18))  # a zero quaternion ends the episode
     (path,) = tmp_path.iterdir()
     assert path.name == "lift_ball_v0_val_seed5_failure.mp4"
-    assert read_frames(path).shape == (3, 480, 640, 3)
+    frames = read_frames(path)
+    assert frames.shape == (3 + 20, 480, 640, 3)
+    caption = frames[:, 2:18].astype(int)
+    assert np.all(caption.min(axis=(1, 2, 3)) < 60)
+    assert np.all(caption.max(axis=(1, 2, 3)) > 200)
+    is_red = caption[..., 0] - caption[..., 1] > 60  # the held frames say that it failed
+    assert np.array_equal(is_red.any(axis=(1, 2)), np.arange(23) >= 3)
 
 
 def test_an_episode_cut_short_is_filmed_as_unfinished(filming_env, tmp_path):

@@ -28,7 +28,7 @@ class TaskRenderConfig:
     split: Literal["train", "val", "test"] = "test"  # a seed is another episode in each split
     first_seed: int = 0  # seed of each task's first episode
     episodes: int = 1  # episodes of each task
-    # `clearest` takes the fixed camera that shows most of what the episode moves.
+    # `clearest` takes the fixed camera that shows most of what the episode moves, and zooms in on it and on the hands.
     camera: Literal["clearest", "front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = (
         "clearest"
     )
@@ -109,7 +109,7 @@ def _render(config: TaskRenderConfig, options: EnvOptions, job: Job) -> EpisodeO
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
     from lerobot_env_bimanual.rendering.rollout import rollout
-    from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
+    from lerobot_env_bimanual.rendering.viewpoint import clearest_camera, frame_of
     from lerobot_env_bimanual.world.rendering import Renderer
     from lerobot_env_bimanual.world.servo_commands import TICK_S
     from lerobot_env_bimanual.world.video import VideoWriter
@@ -123,12 +123,15 @@ def _render(config: TaskRenderConfig, options: EnvOptions, job: Job) -> EpisodeO
     states, camera = recording.states, config.camera
     names = ["start", *(f"{number}. {move.name}" for number, move in enumerate(outcome.moves, 1))]
     ends = [*accumulate((move.ticks for move in outcome.moves), initial=0)]
+    frame, moments = {}, [states[end] for end in ends]
     if camera == "clearest":
-        camera = clearest_camera(env.scene, [states[end] for end in ends])
+        camera = clearest_camera(env.scene, moments)
+        frame = frame_of(env.scene, camera, moments, options.size)
     with Renderer(env.scene, (camera,), *options.size, options.render_quality) as renderer:
 
         def panel(tick: int, caption: str = "", color: tuple[int, int, int] = INK) -> Panel:
             env.scene.restore_state(states[tick])
+            env.scene.appearance = env.scene.appearance.wearing(**frame)
             return Panel(renderer.render()[camera][0], caption, f"{tick * TICK_S:.1f} s", color)
 
         verdict, color = ("success", GREEN) if outcome.success else ("failure", RED)
@@ -139,11 +142,10 @@ def _render(config: TaskRenderConfig, options: EnvOptions, job: Job) -> EpisodeO
         stem.parent.mkdir(parents=True, exist_ok=True)
         contact_sheet(task, lines, panels).save(stem.with_suffix(".png"))
         if config.video:
-            writer = VideoWriter(stem.parent, stem.name)
+            caption = f"{task} v{outcome.variation} {options.split} seed{seed}"
+            writer = VideoWriter(stem.parent, stem.name, caption=caption)
             for tick in range(len(states)):
                 writer.add(panel(tick).rgb)
-            video = writer.close("complete")
-            assert video is not None  # an episode has at least one state
-            video.replace(stem.with_suffix(".mp4"))
+            writer.close(verdict, name=f"{stem.name}.mp4")
     env.close()
     return outcome

@@ -24,7 +24,7 @@ def add_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh) -> None:
 
 def draw_mesh(body: mujoco.MjsBody, mesh: str, **settings: Any) -> None:
     """Add a mesh, by its name, that is seen but neither touches nor weighs anything."""
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, **settings, **VISUAL_ONLY)
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, **VISUAL_ONLY | settings)
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = SEGMENTS) -> Mesh:
@@ -41,7 +41,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int = SEGMENTS) -> M
     rings[..., 0] = radii[:, None] * np.cos(angles)
     rings[..., 1] = radii[:, None] * np.sin(angles)
     rings[..., 2] = heights[:, None]
-    return _closed(rings, profile[0][1], profile[-1][1])
+    return closed(rings, (0.0, 0.0, profile[0][1]), (0.0, 0.0, profile[-1][1]))
 
 
 def slab(half_size_m: ArrayLike, radius_m: float) -> Mesh:
@@ -60,19 +60,20 @@ def slab(half_size_m: ArrayLike, radius_m: float) -> Mesh:
         arc = np.column_stack([np.cos(angles), np.sin(angles)])
         outline.append(radius_m * arc + np.multiply(center, (x - radius_m, y - radius_m)))
     ring = np.concatenate(outline)  # (n, 2), counter-clockwise
-    return _closed(np.stack([np.insert(ring, 2, height, axis=1) for height in (-z, z)]), -z, z)
+    rings = np.stack([np.insert(ring, 2, height, axis=1) for height in (-z, z)])
+    return closed(rings, (0.0, 0.0, -z), (0.0, 0.0, z))
 
 
-def _closed(rings: NDArray[np.float64], first_z: float, last_z: float) -> Mesh:
-    """Skin over rings (r, n, 3) of corners, and over two points of the z axis that close the first and the last ring."""
+def closed(rings: NDArray[np.float64], first: ArrayLike, last: ArrayLike) -> Mesh:
+    """Skin over rings (r, n, 3) of corners, and over two points (3,) that close the first and the last ring."""
     count = rings.shape[1]
-    vertices = np.concatenate([rings.reshape(-1, 3), [(0.0, 0.0, first_z), (0.0, 0.0, last_z)]])
-    first, last_ring = len(vertices) - 2, (len(rings) - 1) * count
+    vertices = np.concatenate([rings.reshape(-1, 3), [first, last]])
+    pole, last_ring = len(vertices) - 2, (len(rings) - 1) * count
     here = np.arange(count)
     onwards = (here + 1) % count
     faces = [
-        np.column_stack([np.full(count, first), onwards, here]),
-        np.column_stack([np.full(count, first + 1), last_ring + here, last_ring + onwards]),
+        np.column_stack([np.full(count, pole), onwards, here]),
+        np.column_stack([np.full(count, pole + 1), last_ring + here, last_ring + onwards]),
     ]
     for ring in range(0, last_ring, count):
         a, b, c, d = ring + here, ring + onwards, ring + count + here, ring + count + onwards

@@ -18,7 +18,7 @@ from lerobot_bimanual.results.episode import Episode
 from lerobot_env_bimanual.experts.runner import expert_of
 from lerobot_env_bimanual.rendering.rollout import recorded, rollout
 from lerobot_env_bimanual.rendering.side_by_side import frames
-from lerobot_env_bimanual.rendering.viewpoint import clearest_camera
+from lerobot_env_bimanual.rendering.viewpoint import clearest_camera, frame_of
 from lerobot_env_bimanual.verification.episodes import EpisodeVerifier, expert_env
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.servo_commands import TICK_S
@@ -72,14 +72,18 @@ def failure_video(task: str, options: Mapping[str, str | int], policy: str, play
             )
         expert, outcome = rollout(env, played.seed, expert_of(env), played.variation)
         ends = [index for index, (one, next_) in enumerate(pairwise(expert.keyposes)) if one != next_]
-        camera = clearest_camera(env.scene, [expert.states[index] for index in (0, *ends, -1)])
+        seen = [expert.states[index] for index in (0, *ends, -1)]
+        camera = clearest_camera(env.scene, seen)
         rollouts = {policy: (recording, played), "expert": (expert, outcome)}
         with TemporaryDirectory() as folder, Renderer(env.scene, (camera,), *SIZE) as renderer:
-            writer, last = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF), None
-            for frame in frames(env, renderer, rollouts, EVERY, SIZE[1]):
+            caption = f"{task} v{played.variation} {env.options.split} seed{played.seed}"
+            writer, last = VideoWriter(Path(folder), "video", CONTROL_HZ // EVERY, CRF, caption), None
+            for frame in frames(
+                env, renderer, rollouts, EVERY, SIZE[1], frame_of(env.scene, camera, seen, SIZE)
+            ):
                 writer.add(frame)
                 last = Image.fromarray(frame)
-            path, poster = writer.close("complete"), BytesIO()
+            path, poster = writer.close("success" if played.success else "failure"), BytesIO()
             assert path is not None  # an episode has at least one state
             assert last is not None
             last.save(poster, "jpeg", quality=75)

@@ -26,6 +26,7 @@ from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
+from lerobot_env_bimanual.world.resting import at_rest
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -83,7 +84,9 @@ class StraightenRope(Task):
         scene.place("head_plate", middle @ Pose.upright((0, -PLATE_OFFSET_M, 0)))
         along = HEAD_START_M - TAIL_START_M
         heading_rad = np.arctan2(along[1], along[0]) + ROPE.tail_heading_rad
-        scene.place("rope", middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad))
+        laid = middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad)
+        at_rest_from_laid, joints = at_rest(ROPE, ROPE.knot_radius_m)
+        scene.place("rope", laid @ at_rest_from_laid, joints)
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:

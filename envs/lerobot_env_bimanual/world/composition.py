@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.robots.panda_looks import COARSE, FINE
 from lerobot_env_bimanual.world.offscreen import Offscreen, Pixels
 
 ALL = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -47,6 +48,8 @@ class Composition:
         self._offscreen = offscreen
         self._options, self._no_sites = mujoco.MjvOption(), mujoco.MjvOption()
         self._no_sites.sitegroup[:] = 0
+        for options in (self._options, self._no_sites):
+            options.geomgroup[[COARSE, FINE]] = offscreen.is_small, not offscreen.is_small
         self._eye = mujoco.MjvCamera()  # any: where geoms are does not depend on it
         self._moving, self._others = offscreen.make_scene(), offscreen.make_scene()
         self._planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
@@ -85,13 +88,14 @@ class Composition:
             backdrop = self._backdrop(camera)
             both = backdrop and backdrop.behind(self._draw(self._moving, camera))
             if both is not None:
-                return both.rgb, both.depth_m
+                return self._offscreen.rgb(both.rgb), both.depth_m
         if self._is_simple:
             self._list_view(camera)
         else:
             self._list(self._others, np.ones_like(self._room), self._options)
         pixels = self._draw(self._others, camera)
-        return pixels.rgb, self._offscreen.depth_m(pixels.nearness)
+        nearness = self._offscreen.centres(pixels.nearness)
+        return self._offscreen.rgb(pixels.rgb), self._offscreen.depth_m(nearness)
 
     def _backdrop(self, camera: int) -> Backdrop | None:
         """Room and sleeping props; None where they cannot be drawn apart."""
@@ -118,7 +122,7 @@ class Composition:
 
     def _list_view(self, camera: int) -> None:
         """Fill a scene with what is in view of a camera, and with what is at the room's planes after all the rest."""
-        seen = in_view(self._model, self._data, camera, self._offscreen.aspect)
+        seen = in_view(self._model, self._data, camera, self._offscreen.aspect, self._offscreen.margin)
         self._list(self._others, seen & ~self._drawn_last, self._options)
         with self._shown(seen & self._drawn_last):
             mujoco.mjv_addGeoms(
@@ -163,14 +167,14 @@ class Backdrop:
         offscreen: where it was drawn.
 
     Attributes:
-        rgb: (height, width, 3) uint8.
-        nearness: (height, width) float32, as in `Pixels`.
+        rgb: (rows, columns, 3) uint8, as in `Pixels`.
+        nearness: (rows, columns) float32, as in `Pixels`.
         depth_m: (height, width) float32, metres along the optical axis.
     """
 
     def __init__(self, pixels: Pixels, offscreen: Offscreen):
         self.rgb, self.nearness = pixels
-        self.depth_m = offscreen.depth_m(pixels.nearness)
+        self.depth_m = offscreen.depth_m(offscreen.centres(pixels.nearness))
         self._offscreen = offscreen
 
     def behind(self, front: Pixels) -> Backdrop | None:
@@ -192,7 +196,8 @@ class Backdrop:
         both.nearness = np.maximum(front.nearness, self.nearness)
         both.rgb, both.depth_m = self.rgb.copy(), self.depth_m.copy()
         np.copyto(_whole_pixels(both.rgb), _whole_pixels(front.rgb), where=is_front)
-        both.depth_m[is_front] = self._offscreen.depth_m(front.nearness[is_front])
+        centres, nearness = (self._offscreen.centres(each) for each in (is_front, front.nearness))
+        both.depth_m[centres] = self._offscreen.depth_m(nearness[centres])
         return both
 
 
@@ -201,7 +206,9 @@ def _whole_pixels(rgb: NDArray[np.uint8]) -> NDArray[np.void]:
     return rgb.view("V3")[..., 0]
 
 
-def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float) -> NDArray[np.bool_]:
+def in_view(
+    model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: float, margin: float = 1.0
+) -> NDArray[np.bool_]:
     """(ngeom,) whether a geom may reach into the image: its bounding sphere does, or it has none.
 
     Args:
@@ -209,8 +216,9 @@ def in_view(model: mujoco.MjModel, data: mujoco.MjData, camera: int, aspect: flo
         data: its state.
         camera: its number.
         aspect: width of the image over its height.
+        margin: factor by which more than the image counts.
     """
-    half_height = np.tan(np.deg2rad(model.cam_fovy[camera]) / 2)
+    half_height = margin * np.tan(np.deg2rad(model.cam_fovy[camera]) / 2)
     half_width = aspect * half_height
     outward = np.array([[1, 0, half_width], [-1, 0, half_width], [0, 1, half_height], [0, -1, half_height]])
     outward /= np.linalg.norm(

@@ -15,8 +15,15 @@ from lerobot_env_bimanual.gl import device_chosen, missing_gl, mujoco
 
 MAX_GEOMS = 2000
 
+GL_TEXTURE_2D, GL_TEXTURE_CUBE_MAP = 0x0DE1, 0x8513
+GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST = 0x2801, 0x2700
+GL_TEXTURE_MAG_FILTER, GL_NEAREST = 0x2800, 0x2600
+
 COARSE_SHADOWS = 512
 """Pixels of a shadow map's side: about 4 mm on the table."""
+
+SMALL_PX = 256
+"""Side of the largest images that show arms coarsely: finer ones would cost more than all the rest."""
 
 _making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
 
@@ -26,16 +33,18 @@ class Quality:
     """Cost and look of an image.
 
     Attributes:
-        samples: per pixel; 0 is no anti-aliasing.
+        samples: of the driver's anti-aliasing per pixel; 0 is none.
         shadow_map_size: pixels of the shadow map's side; 0 is no shadows.
         slices: facets around a round shape; half as many along it.
         quads: squares along the side of a box, at whose corners light is computed.
+        is_soft: whether it is drawn twice as large and averaged.
     """
 
     samples: int
     shadow_map_size: int
     slices: int
     quads: int
+    is_soft: bool = False
 
     def with_shadows(self) -> "Quality":
         """This quality with shadows, as coarse as will do where it has none."""
@@ -48,11 +57,11 @@ class Quality:
 
 
 class Pixels(NamedTuple):
-    """What one camera sees, top row first.
+    """What one camera sees, top row first, as it was drawn: twice as large where edges are soft.
 
     Attributes:
-        rgb: (height, width, 3) uint8.
-        nearness: (height, width) float32, depth as OpenGL keeps it: 1 at the near plane, 0 at the far plane and where
+        rgb: (rows, columns, 3) uint8.
+        nearness: (rows, columns) float32, depth as OpenGL keeps it: 1 at the near plane, 0 at the far plane and where
             nothing is. Unlike 1 minus it, it tells apart all that the depth test told apart.
     """
 
@@ -66,6 +75,8 @@ class Offscreen:
     Attributes:
         quality: as given.
         aspect: width of the images over their height.
+        is_small: whether coarse looks will do.
+        margin: by which more is drawn than an image shows, as a factor.
         free: gives all of it back; called at interpreter exit if not before.
     """
 
@@ -74,6 +85,13 @@ class Offscreen:
         self._model = model
         self.quality = quality
         self.aspect = width / height
+        self.is_small = max(height, width) <= SMALL_PX
+        self.margin = 1.0
+        if (
+            quality.is_soft
+        ):  # half a pixel more all around: every pixel's middle is that of a drawn one, and has neighbours
+            self.margin = 1 + 0.5 / height
+            height, width = 2 * height + 1, 2 * width + 1
         self._shape = (height, width)
         self._rect = mujoco.MjrRect(0, 0, width, height)
         try:
@@ -84,6 +102,8 @@ class Offscreen:
         except (AttributeError, ImportError, RuntimeError, ValueError, mujoco.FatalError) as error:
             raise missing_gl(error) from error
         self._gl = gl
+        if quality.is_soft:
+            self._simplify_textures()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
         self._mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._camera = mujoco.MjvCamera()
@@ -109,9 +129,36 @@ class Offscreen:
         nearness = np.empty(self._shape, np.float32)
         self._camera.fixedcamid = camera_id
         mujoco.mjv_updateCamera(self._model, data, self._camera, scene)
+        for eye in scene.camera:
+            eye.frustum_top, eye.frustum_bottom = (
+                self.margin * eye.frustum_top,
+                self.margin * eye.frustum_bottom,
+            )
         mujoco.mjr_render(self._rect, scene, self._mjr)
         mujoco.mjr_readPixels(rgb, nearness, self._rect, self._mjr)
         return Pixels(np.ascontiguousarray(rgb[::-1]), np.ascontiguousarray(nearness[::-1]))
+
+    def rgb(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The colours of an image (height, width, 3) from those that were drawn."""
+        if not self.quality.is_soft:
+            return drawn
+        # 1 2 1 along columns, then along rows; as lines of bytes NumPy goes several times as fast.
+        lines = drawn.reshape(len(drawn), -1)
+        sums = lines[1::2].astype(np.uint16)
+        sums += sums
+        sums += lines[:-1:2]
+        sums += lines[2::2]
+        means = sums[:, 3:-3] * np.uint16(2)
+        means += sums[:, :-6]
+        means += sums[:, 6:]
+        means += 8
+        means >>= 4
+        every_second = means.astype(np.uint8).view("V3")[:, ::2]
+        return np.ascontiguousarray(every_second).view(np.uint8).reshape(len(means), -1, 3)
+
+    def centres[Number: np.generic](self, drawn: NDArray[Number]) -> NDArray[Number]:
+        """What was drawn (rows, columns) at the middles of an image's pixels."""
+        return drawn[1::2, 1::2] if self.quality.is_soft else drawn
 
     def depth_m(self, nearness: NDArray[np.float32]) -> NDArray[np.float32]:
         """Metres along the optical axis, of the same shape."""
@@ -122,6 +169,16 @@ class Offscreen:
         depth += far
         np.divide(near * far, depth, out=depth)
         return depth.astype(np.float32)
+
+    def _simplify_textures(self) -> None:
+        """Have one texel per drawn pixel instead of eight: a software rasteriser spends most of its time on them."""
+        from OpenGL.raw.GL.VERSION import GL_1_0, GL_1_1  # as MuJoCo does, once there is a context
+
+        for texture, kind in zip(self._mjr.texture, self._model.tex_type, strict=False):
+            target = GL_TEXTURE_2D if kind == mujoco.mjtTexture.mjTEXTURE_2D else GL_TEXTURE_CUBE_MAP
+            GL_1_1.glBindTexture(target, int(texture))
+            GL_1_0.glTexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST)
+            GL_1_0.glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST)
 
 
 def _free(gl, mjr) -> None:

@@ -140,12 +140,13 @@ class Scene(SceneView):
         self._forgotten = None
         self._refresh()
 
-    def place(self, body: str, pose: Pose) -> None:
+    def place(self, body: str, pose: Pose, joints: ArrayLike = ()) -> None:
         """Put a prop somewhere: between `reset` and `settle`, or at any time if nothing holds it.
 
         Args:
             body: root body of a prop, free or static.
             pose: world pose of the body's frame.
+            joints: of a free prop, (n,) values of the first of its other joints, in the model's order.
         """
         index = self.model.body(body).id
         joint = self.model.body_jntadr[index]
@@ -153,6 +154,7 @@ class Scene(SceneView):
             address = self.model.jnt_qposadr[joint]
             self.data.qpos[address : address + 3] = pose.position
             self.data.qpos[address + 3 : address + 7] = pose.quat_wxyz
+            self.data.qpos[address + 7 : address + 7 + np.size(joints)] = joints
         else:
             self.model.body_pos[index] = pose.position
             self.model.body_quat[index] = pose.quat_wxyz

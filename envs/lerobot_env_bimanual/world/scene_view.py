@@ -131,6 +131,12 @@ class SceneView:
         """Position of a hinge (rad) or slide (m)."""
         return float(self.data.qpos[self.model.joint(joint).qposadr[0]])
 
+    def joints_below(self, body: str) -> NDArray[np.float64]:
+        """Values of the hinges and slides of all bodies below a body, in the model's order."""
+        below = self.bodies(body)
+        below[self.model.body(body).id] = False
+        return self.data.qpos[self.model.jnt_qposadr[below[self.model.jnt_bodyid]]]
+
     # -- contacts -----------------------------------------------------------------------------------------
 
     def contacts(self, body_a: str | tuple[str, ...], body_b: str | tuple[str, ...]) -> bool:
@@ -142,13 +148,17 @@ class SceneView:
     def geoms(self, body: str | tuple[str, ...]) -> NDArray[np.bool_]:
         """Mask (ngeom,) of the geoms on a body, or several, and all bodies below, looked up once."""
         if body not in self._geoms_of:
-            in_subtree = np.zeros(self.model.nbody, dtype=bool)
-            for name in (body,) if isinstance(body, str) else body:
-                in_subtree[self.model.body(name).id] = True
-            for child, parent in enumerate(self.model.body_parentid):  # parents come before children
-                in_subtree[child] |= in_subtree[parent]
-            self._geoms_of[body] = in_subtree[self.model.geom_bodyid]
+            self._geoms_of[body] = self.bodies(body)[self.model.geom_bodyid]
         return self._geoms_of[body]
+
+    def bodies(self, body: str | tuple[str, ...]) -> NDArray[np.bool_]:
+        """Mask (nbody,) of a body, or several, and all bodies below."""
+        in_subtree = np.zeros(self.model.nbody, dtype=bool)
+        for name in (body,) if isinstance(body, str) else body:
+            in_subtree[self.model.body(name).id] = True
+        for child, parent in enumerate(self.model.body_parentid):  # parents come before children
+            in_subtree[child] |= in_subtree[parent]
+        return in_subtree
 
     def touching(self, arm: Arm, body: str) -> bool:
         """Whether the hand (palm or fingers) touches a body."""

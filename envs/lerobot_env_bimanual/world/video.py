@@ -15,20 +15,44 @@ from lerobot_bimanual.joint_action import CONTROL_HZ
 
 CRF = "20"
 """Default quality: visually clean at about 100 kB per second of video."""
+HOLD_S = 1.0
+"""For which the last frame stays."""
+LETTERS_PX = 14
+PAPER = (24, 26, 30)
+INK = {"success": (96, 214, 130), "failure": (255, 118, 110)}
+"""Colour of a caption by the outcome that it names; others are white."""
+
+
+def captioned(rgb: NDArray[np.uint8], caption: str, outcome: str = "") -> NDArray[np.uint8]:
+    """A copy of a frame, uint8 (H, W, 3), with a dark line of text along its upper edge."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.fromarray(rgb)
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(LETTERS_PX)
+    draw.rectangle((0, 0, image.width, LETTERS_PX + 5), fill=PAPER)
+    words = f"{caption} - {outcome}" if outcome else caption
+    draw.text((6, 2), words, fill=INK.get(outcome, (255, 255, 255)), font=font)
+    return np.asarray(image)
 
 
 class VideoWriter:
-    """Writes frames to an H.264 file that appears under its name only when it is complete.
+    """Writes frames to an H.264 file that appears under its name only when it is complete, and holds its last frame.
 
     Args:
         folder: created if absent.
         stem: beginning of the file name; `close` adds the outcome.
         fps: frames per second.
         crf: constant rate factor of H.264; 6 more is about half the size.
+        caption: of every frame, e.g. the task and the seed; the held one adds the outcome.
+
+    Attributes:
+        frames: written so far.
     """
 
-    def __init__(self, folder: Path, stem: str, fps: int = CONTROL_HZ, crf: str = CRF):
+    def __init__(self, folder: Path, stem: str, fps: int = CONTROL_HZ, crf: str = CRF, caption: str = ""):
         self.frames = 0
+        self._caption = caption
+        self._last: NDArray[np.uint8] | None = None
         self._folder = folder
         self._stem = stem
         self._fps = fps
@@ -46,6 +70,10 @@ class VideoWriter:
         Raises:
             BimanualError: the file cannot be written.
         """
+        self._last = rgb
+        self._write(captioned(rgb, self._caption) if self._caption else rgb)
+
+    def _write(self, rgb: NDArray[np.uint8]) -> None:
         import av  # imported only where a video is written
 
         with self._plain_errors():
@@ -59,8 +87,12 @@ class VideoWriter:
             self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
         self.frames += 1
 
-    def close(self, outcome: str) -> Path | None:
-        """Finish the file as `<stem>_<outcome>.mp4`, replacing an older one of that name.
+    def close(self, outcome: str, name: str | None = None) -> Path | None:
+        """Hold the last frame, and finish the file, replacing an older one of that name.
+
+        Args:
+            outcome: what the caption says at the end.
+            name: of the file; by default `<stem>_<outcome>.mp4`.
 
         Returns:
             Its path, or `None` if no frame was written.
@@ -68,13 +100,16 @@ class VideoWriter:
         Raises:
             BimanualError: the file cannot be written.
         """
-        if self._container is None:
+        if self._container is None or self._last is None:
             return None
+        held = captioned(self._last, self._caption, outcome) if self._caption else self._last
+        for _ in range(round(HOLD_S * self._fps)):
+            self._write(held)
         container, self._container = self._container, None
         with self._plain_errors():
             container.mux(self._stream.encode(None))
             container.close()
-            return self._partial.replace(self._folder / f"{self._stem}_{outcome}.mp4")
+            return self._partial.replace(self._folder / (name or f"{self._stem}_{outcome}.mp4"))
 
     @contextmanager
     def _plain_errors(self) -> Iterator[None]:
