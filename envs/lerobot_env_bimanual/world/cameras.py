@@ -31,13 +31,14 @@ class FixedCamera:
 
 
 # The arms stand on the x axis and look at each other; furniture stands on the far side (+y) and opens towards the near
-# one and the left, drawers open towards the far one. So one camera looks from the near side, and one past each arm's
-# shoulder from the far side, about 100, 130 and 130 degrees apart. Of some 100 places on a hemisphere these see most of
-# what the experts' hands go to (docs/tasks.md), with the placement areas and, at home, both hands in every image.
+# one and the left, drawers open towards the far one. The front camera looks from the near side and shows both hands at
+# home. The other two look past the arms' shoulders at the table alone, so that things on it are larger: the left one from
+# the far side, low, and the right one from the near side, high, which keeps the backs of furniture out of the way. Of some
+# 200 places on a hemisphere these show most of what the experts' hands go to.
 FIXED_CAMERAS = (
-    FixedCamera("front", (-0.23, -1.37, 1.75), (0.20, 0.00, 1.05), 43.0),
-    FixedCamera("left_shoulder", (-0.77, 0.65, 2.13), (0.32, 0.04, 1.10), 44.5),
-    FixedCamera("right_shoulder", (1.63, 0.38, 1.85), (0.19, -0.02, 1.04), 40.0),
+    FixedCamera("front", (-0.60, -1.52, 1.65), (0.29, -0.04, 1.04), 38.0),
+    FixedCamera("left_shoulder", (-0.70, 0.93, 1.48), (0.24, 0.03, 0.80), 44.0),
+    FixedCamera("right_shoulder", (0.80, -0.97, 2.41), (0.25, -0.06, 0.84), 32.5),
 )
 
 
