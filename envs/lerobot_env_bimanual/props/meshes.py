@@ -64,10 +64,12 @@ def slab(half_size_m: ArrayLike, radius_m: float) -> Mesh:
     return closed(rings, (0.0, 0.0, -z), (0.0, 0.0, z))
 
 
-def closed(rings: NDArray[np.float64], first: ArrayLike, last: ArrayLike) -> Mesh:
+def closed(
+    rings: NDArray[np.float64], first: Sequence[float] | NDArray, last: Sequence[float] | NDArray
+) -> Mesh:
     """Skin over rings (r, n, 3) of corners, and over two points (3,) that close the first and the last ring."""
     count = rings.shape[1]
-    vertices = np.concatenate([rings.reshape(-1, 3), [first, last]])
+    vertices = np.concatenate([rings.reshape(-1, 3), np.stack([first, last])])
     pole, last_ring = len(vertices) - 2, (len(rings) - 1) * count
     here = np.arange(count)
     onwards = (here + 1) % count

@@ -71,7 +71,7 @@ def frame_of(scene: Scene, camera: str, states: Sequence[SceneState], size: tupl
     things_m, hands_m = places_m[:, _moved(places_m) & ~is_arm], places_m[1:, is_hand]
     points_m = np.concatenate([things_m.reshape(-1, 3), hands_m.reshape(-1, 3)])
     eye, half = scene.data.cam_xpos[index], np.tan(np.deg2rad(model.cam_fovy[index]) / 2)
-    axes = scene.data.cam_xmat[index].reshape(3, 3)
+    axes, sides = scene.data.cam_xmat[index].reshape(3, 3), []
     for _ in range(3):  # where the middle of what is seen moves to the middle of the image
         right, up, back = ((points_m - eye) @ axes).T
         room = ROOM_M / -back
@@ -84,7 +84,7 @@ def frame_of(scene: Scene, camera: str, states: Sequence[SceneState], size: tupl
     return {"cam_fovy": fovy, "cam_quat": quat_wxyz}
 
 
-def _towards(ahead: NDArray[np.float64]) -> NDArray[np.float64]:
+def _towards(ahead: NDArray) -> NDArray:
     """(3, 3) axes of a camera, in MuJoCo's order, that looks in a direction with its right side level."""
     back = -ahead / np.linalg.norm(ahead)
     right = np.cross((0, 0, 1), back)

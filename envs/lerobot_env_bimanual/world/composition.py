@@ -196,8 +196,8 @@ class Backdrop:
         both.nearness = np.maximum(front.nearness, self.nearness)
         both.rgb, both.depth_m = self.rgb.copy(), self.depth_m.copy()
         np.copyto(_whole_pixels(both.rgb), _whole_pixels(front.rgb), where=is_front)
-        centres, nearness = (self._offscreen.centres(each) for each in (is_front, front.nearness))
-        both.depth_m[centres] = self._offscreen.depth_m(nearness[centres])
+        centres = self._offscreen.centres(is_front)
+        both.depth_m[centres] = self._offscreen.depth_m(self._offscreen.centres(front.nearness)[centres])
         return both
 
 

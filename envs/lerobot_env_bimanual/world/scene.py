@@ -152,8 +152,7 @@ class Scene(SceneView):
         joint = self.model.body_jntadr[index]
         if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
             address = self.model.jnt_qposadr[joint]
-            self.data.qpos[address : address + 3] = pose.position
-            self.data.qpos[address + 3 : address + 7] = pose.quat_wxyz
+            self.data.qpos[address : address + 7] = [*pose.position, *pose.quat_wxyz]
             self.data.qpos[address + 7 : address + 7 + np.size(joints)] = joints
         else:
             self.model.body_pos[index] = pose.position
