@@ -264,6 +264,7 @@ class BimanualEnv(gym.Env):
         joint_action = self._limiter.limited(wanted, progress)
         for observer in self.tick_observers:
             observer(self, joint_action)
+        progress.ask(wanted, joint_action)
         observers = self.step_observers if stop is None else [*self.step_observers, stop.note_step]
         scene.tick(self.perturbations.command(joint_action, scene, progress), observers)
         progress.ticks += 1

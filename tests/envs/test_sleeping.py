@@ -40,7 +40,7 @@ def test_an_episode_goes_on_bit_for_bit_from_states_with_and_without_sleepers(na
     def note(env, action):
         states.append(env.scene.save_state())
         actions.append(action.copy())
-        hashes.append(env.state_hash())
+        hashes.append(env.scene.state_hash())
         slept.append(sleepers(env.scene))
         # A touch wakes: no hand touches what sleeps.
         for arm, tree in product(Arm, np.flatnonzero(env.scene.data.tree_asleep >= 0)):

@@ -52,26 +52,21 @@ class StepLimiter:
         self._upper = np.array([*arm_pair.joint_upper, 1.0] * len(ARMS), dtype=np.float32)
 
     def limited(self, wanted: NDArray[np.float32], progress: EpisodeProgress) -> NDArray[np.float32]:
-        """The action (16,) that the arms are given for a wanted one; `progress` remembers it and how far it is off."""
+        """The action (16,) that the arms are given for a wanted one, after those that `progress` remembers."""
         step = np.subtract(wanted, progress.asked, dtype=np.float64)
         of_target = np.clip(np.subtract(wanted, progress.wanted, dtype=np.float64), -self._most, self._most)
         behind = step - of_target  # how far from keeping pace with what is wanted
         too_far = np.abs(behind) > self._more
         is_beyond = too_far | (np.abs(step) > self._most) | (np.abs(step - progress.change) > self._more)
-        asked = wanted
-        if is_beyond.any():
-            most, more = SHARE * self._most, SHARE * self._more
-            # At this speed it has caught up after the remaining way, if it slows down by `more` every tick.
-            closing = (np.sqrt(more**2 + 8 * more * np.abs(behind)) - more) / 2
-            slower = of_target + np.copysign(np.minimum(np.abs(behind), closing), behind)
-            slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
-            asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
-            asked = np.clip(asked, self._lower, self._upper)
-            progress.clipped_ticks += 1
-            progress.clipped_rad = max(progress.clipped_rad, float(np.abs(asked - wanted).max()))
-        np.subtract(asked, progress.asked, out=progress.change, dtype=np.float64)
-        progress.asked, progress.wanted = asked.copy(), wanted.copy()
-        return asked
+        if not is_beyond.any():
+            return wanted
+        most, more = SHARE * self._most, SHARE * self._more
+        # At this speed it has caught up after the remaining way, if it slows down by `more` every tick.
+        closing = (np.sqrt(more**2 + 8 * more * np.abs(behind)) - more) / 2
+        slower = of_target + np.copysign(np.minimum(np.abs(behind), closing), behind)
+        slower = np.clip(slower, -most, most).clip(progress.change - more, progress.change + more)
+        asked = (progress.asked + np.where(is_beyond, slower, step)).astype(np.float32)
+        return np.clip(asked, self._lower, self._upper)
 
 
 def max_force_n(task: TaskSpec) -> float:

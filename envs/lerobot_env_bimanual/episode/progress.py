@@ -84,6 +84,14 @@ class EpisodeProgress:
         """Whether the verdict is known."""
         return self.succeeded or bool(self.failure)
 
+    def ask(self, wanted: NDArray[np.float32], asked: NDArray[np.float32]) -> None:
+        """Remember the joint action (16,) that the arms are asked for in the place of a wanted one."""
+        self.change = np.subtract(asked, self.asked, dtype=np.float64)
+        self.asked, self.wanted = asked.copy(), wanted.copy()
+        if asked is not wanted:
+            self.clipped_ticks += 1
+            self.clipped_rad = max(self.clipped_rad, float(np.abs(asked - wanted).max()))
+
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Take into account how things are after a tick; of the conditions of one tick only as far as the first unmet one."""
         self.on_the_way = on_the_way(conditions, scene, self.on_the_way)

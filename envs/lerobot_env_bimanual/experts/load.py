@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import state_hash_column
-from lerobot_bimanual.joint_action import by_arm
+from lerobot_bimanual.joint_action import ARM_ACTION_DIM
 from lerobot_bimanual.keyframes import discover_keyframes
 from lerobot_bimanual.results.episode import LoadMetrics
 from lerobot_bimanual.results.expert_report import EpisodeOutcome
@@ -124,7 +124,8 @@ class LoadMeter:
         """The peaks so far."""
         self._look_at_steps()
         limits = self._scene.arm_pair.joint_limits
-        joints = np.array([by_arm(action)[:, :-1] for action in self._actions], dtype=np.float64)
+        actions = np.array(self._actions, dtype=np.float64).reshape(-1, len(ARMS), ARM_ACTION_DIM)
+        joints = actions[..., :-1]
         velocity = np.diff(joints, axis=0) / TICK_S
         acceleration = np.diff(velocity, axis=0) / TICK_S
         jerk = np.diff(acceleration, axis=0) / PHYSICS_STEP_S
