@@ -75,7 +75,7 @@ def another_button(_: Keyposes) -> Keyposes:
 CLASSES = {
     "not a number": (EASY, from_on(2, LEFT_QW, np.nan), FailureClass.INVALID_ACTION),
     "a pose beyond the workspace": (EASY, from_on(2, LEFT_X, 3.0), FailureClass.UNREACHABLE),
-    "a hand pushed into the table": (TRAY, shifted(1, LEFT_Z, -0.2), FailureClass.COLLISION),
+    "a hand pushed into the table": (TRAY, shifted(1, LEFT_Z, -0.12), FailureClass.COLLISION),
     "the item of another colour": ("handover_item", another_item, FailureClass.WRONG_OBJECT),
     "a button of another colour": ("dual_push_buttons", another_button, FailureClass.WRONG_OBJECT),
     "a hand that opens early": (EASY, from_on(3, LEFT_OPEN, 1.0), FailureClass.DROPPED),

@@ -1,0 +1,64 @@
+"""Straighten the rope, alone: drag one end beyond its plate, then the other end to its own, so that the first follows."""
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from adversaries.hand import Hand, Moves
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.tasks.straighten_rope import ABOVE_Z_M, GRASP_Z_M, ROPE
+
+END_SHARE = 0.07
+"""By how much of the plates' distance an end's middle of its plate is passed, so that the rope is pulled tight."""
+
+
+def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+    """Either end first; dragged beyond its plate so far; the second one slowly or with a jerk."""
+    ends = ((ROPE.tail, "tail_plate"), (ROPE.head, "head_plate"))
+    for speed_m_s, beyond, first in product((0.3, 1.2), (0.2, 0.4), (0, 1)):
+        yield partial(
+            _alone,
+            arm=arm,
+            first=ends[first],
+            second=ends[1 - first],
+            beyond=beyond,
+            speed_m_s=speed_m_s,
+        )
+
+
+def _alone(
+    env: BimanualEnv,
+    arm: Arm,
+    first: tuple[str, str],
+    second: tuple[str, str],
+    beyond: float,
+    speed_m_s: float,
+) -> Moves:
+    hand, scene = Hand(env, arm), env.scene
+    for (end, plate), other, share, speed in (
+        (first, second[1], beyond, 0.4),
+        (second, first[1], END_SHARE, speed_m_s),
+    ):
+        across = scene.pose(end).rotation[:, 1] * (1, 1, 0)
+        side = 1 if across[1] > 0 else -1
+
+        def over(place, side=side, across=across) -> Pose:
+            return Pose.looking((*place[:2], GRASP_Z_M), approach=(0, 0, -1), opening=side * across)
+
+        start, goal = scene.pose(end).position, scene.pose(plate).position
+        grasp, put = over(start), over(goal + share * (goal - scene.pose(other).position))
+        up = np.array((0, 0, ABOVE_Z_M - GRASP_Z_M))
+        yield from hand.grip(1.0, 1)
+        yield from hand.go(grasp.translated(up))
+        yield from hand.line(grasp)
+        yield from hand.grip(0.0)
+        yield from hand.line(put, speed)
+        if end == second[0]:
+            break
+        yield from hand.grip(1.0)
+        yield from hand.line(put.translated(up))
+    yield from hand.hold(30)

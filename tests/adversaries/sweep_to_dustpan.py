@@ -1,0 +1,104 @@
+"""Sweep, alone: drive the pan under the dirt, pick the lumps up one by one, or sweep into a pan that nobody holds."""
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from adversaries.hand import Hand, Moves
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.tasks import sweep_to_dustpan as expert
+
+SCOOP_M_S, BACK_M, THROUGH_M = 1.0, 0.15, 0.30
+HALF_OPEN = 0.5
+PICK_Z_M, CARRY_Z_M, DROP_Z_M = 0.014, 0.060, 0.075
+"""Heights above the table of a hand that takes a lump, carries it, and drops it into the pan."""
+
+
+def ways(env: BimanualEnv, arm: Arm) -> Iterator:
+    """The right arm reaches the pan's handle, the left one the broom; either reaches the lumps."""
+    yield partial(_pick_up, arm=arm, order=1)
+    yield partial(_pick_up, arm=arm, order=-1)
+    if arm is Arm.RIGHT:
+        for height_m, yaw, pitch in product((0.33, 0.30), (80, 45), (30, 50)):
+            yield partial(_scoop, arm=arm, height_m=height_m, angles_rad=np.deg2rad((yaw, pitch)))
+    else:
+        for speed_m_s, end_m in product((0.15, 0.5, 1.0), (0.025, 0.10)):
+            yield partial(_sweep, arm=arm, speed_m_s=speed_m_s, end_m=end_m)
+
+
+def _scoop(env: BimanualEnv, arm: Arm, height_m: float, angles_rad: np.ndarray) -> Moves:
+    """Take the pan by its handle, back off, and drive it under the lumps, which climb its lip by inertia."""
+    hand, pan = Hand(env, arm), env.scene.pose(expert.PAN.name)
+    (cos_yaw, cos_pitch), (sin_yaw, sin_pitch) = np.cos(angles_rad), np.sin(angles_rad)
+    approach = np.array([-cos_yaw * cos_pitch, sin_yaw * cos_pitch, -sin_pitch])
+    opening = np.cross((0, 0, 1), approach)
+    handle = pan.apply((0, expert.PAN.handle_y_m, height_m))
+    hold = Pose.looking(handle, pan.rotation @ approach, pan.rotation @ opening)
+    ahead = pan.rotation[:, 1]
+    yield from hand.go(hold.advanced(-expert.BEFORE_HANDLE_M))
+    yield from hand.line(hold)
+    yield from hand.grip(0.0)
+    yield from hand.line(hold.translated(-BACK_M * ahead))
+    yield from hand.line(hold.translated(THROUGH_M * ahead), SCOOP_M_S)
+    yield from hand.hold(20)
+
+
+def _pick_up(env: BimanualEnv, arm: Arm, order: int) -> Moves:
+    """Pick the lumps up one by one, and drop them into the pan."""
+    hand, scene = Hand(env, arm), env.scene
+    pan, up = scene.pose(expert.PAN.name), np.array([0.0, 0.0, 1.0])
+    left = [crumb.name for crumb in expert.CRUMBS]
+    left.sort(key=lambda name: order * pan.inverse().apply(scene.pose(name).position)[1])
+    yield from hand.grip(HALF_OPEN, 1)
+    for index, name in enumerate(left):
+        x, y, _ = scene.pose(name).position
+        others = [scene.pose(other).position[:2] for other in left[index + 1 :]]
+        turns = np.deg2rad((0, 30, -30, 60, -60, 90))
+        room = [_room((x, y), turn, others) for turn in turns]
+        turn = turns[int(np.argmax(room))]
+        opening = (np.cos(turn), np.sin(turn), 0)
+        grasp = Pose.looking((x, y, TABLE_HEIGHT_M + PICK_Z_M), approach=-up, opening=opening)
+        x, y, _ = pan.apply((0.042 * (index - 2), 0, 0))
+        drop = Pose.looking((x, y, TABLE_HEIGHT_M + DROP_Z_M), approach=-up, opening=opening)
+        for target, speed_m_s in ((grasp.translated((CARRY_Z_M - PICK_Z_M) * up), 1.2), (grasp, 0.8)):
+            yield from hand.servo(lambda target=target: target, 40, speed_m_s, 0.004)
+        yield from hand.grip(0.0, 4)
+        lifted = grasp.translated((DROP_Z_M - PICK_Z_M) * up)
+        for target in (lifted, drop):
+            yield from hand.servo(lambda target=target: target, 40, 1.2, 0.02)
+        yield from hand.grip(HALF_OPEN, 3)
+    yield from hand.hold(30)
+
+
+def _room(place, turn_rad: float, others) -> float:
+    """Distance from the fingers to the nearest other lump, up to what they need."""
+    side = 0.034 * np.array([np.cos(turn_rad), np.sin(turn_rad)])
+    fingers = [np.add(place, side), np.subtract(place, side)]
+    return min([0.03, *(float(np.linalg.norm(other - finger)) for other in others for finger in fingers)])
+
+
+def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, end_m: float) -> Moves:
+    """Sweep as the expert does, but into a pan that nobody holds."""
+    hand, scene = Hand(env, arm), env.scene
+    x, y, _ = scene.pose(expert.BROOM.name).position
+    pan = scene.pose(expert.PAN.name)
+    grasp = Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=(-1, 0, 0))
+
+    def sweeping(ahead_m: float) -> Pose:
+        x, y, _ = pan.apply((0, ahead_m, 0))
+        return Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=-pan.rotation[:, 0])
+
+    behind = sweeping(expert.SWEEP_FROM_M)
+    yield from hand.go(grasp.advanced(-expert.ABOVE_M))
+    yield from hand.line(grasp)
+    yield from hand.grip(0.0)
+    yield from hand.line(grasp.translated(expert.TAKE_OUT_M))
+    yield from hand.line(behind.translated((0, 0, expert.TAKE_OUT_M[2])))
+    yield from hand.line(behind)
+    yield from hand.line(sweeping(end_m), speed_m_s)
+    yield from hand.hold(15)
