@@ -268,6 +268,18 @@ class Near(Condition):
 
 
 @dataclass(frozen=True)
+class Raised(Condition):
+    """The prop's origin is at least this far above where it was placed."""
+
+    prop: str
+    rise_m: float
+
+    def __call__(self, view: SceneView) -> bool:
+        """Compare z with that of the placement."""
+        return bool(view.pose(self.prop).position[2] - view.placed_m(self.prop)[2] >= self.rise_m)
+
+
+@dataclass(frozen=True)
 class Aligned(Condition):
     """The prop's heading differs from the target's by at most this many degrees."""
 

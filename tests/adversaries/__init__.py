@@ -1,5 +1,5 @@
-"""How one arm alone would try tasks, one module per task; `python -m adversaries` plays them (run it in `tests/`).
+"""How one arm alone would try tasks; `python -m adversaries` plays them (run it in `tests/`).
 
-`results.json` holds what the adversaries of all thirteen tasks solved. Kept are the scripts of the three tasks that one arm
-can do; those of the ten others, which solved nothing, are in the repository's history.
+Three tasks can be done with one arm: `single_arm` plays them by keyposes, and `results.json` holds what it solved. The other
+ten have conditions of which no way with one arm is known; `joint` tries them by joint actions, as fast as the arm allows.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
@@ -16,6 +17,11 @@ MAX_TRIES = 6
 
 type Way = Callable[[BimanualEnv], Moves]
 type Ways = Callable[[BimanualEnv, Arm], Iterable[Way]]
+
+
+def ways_of(module: str) -> Ways:
+    """The function `ways` of a module of this folder."""
+    return importlib.import_module(f"{__package__}.{module}").ways
 
 
 def joint_player(ways: Ways, arm: Arm) -> Player:

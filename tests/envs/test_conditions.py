@@ -95,6 +95,8 @@ def test_places_are_measured_in_the_axes_of_the_target(scene, condition, offset,
 def test_near_and_aligned_are_measured_from_where_and_how_things_were_placed(scene):
     scene.place("target", Pose.upright((0.3, 0.1, 0.75), np.deg2rad(170)))
     assert conditions.Near("item", 0.0)(scene)
+    assert conditions.Raised("item", 0.0)(scene)
+    assert not conditions.Raised("item", 0.001)(scene)
     scene.data.qpos[-7:-5] += (0.03, -0.04)  # not placed there
     scene.data.qpos[-4:] = Pose.upright((0, 0, 0), np.deg2rad(-179)).quat_wxyz
     scene.restore_state(scene.save_state())

@@ -2,7 +2,8 @@
 
 The paper asks that the plate be securely grasped and lifted, and calls it difficult, not impossible, for one arm. The left
 hand presses on one side of the rim, until the other side rises high enough for the right hand to pinch it. A single hand,
-however steep, slips off the rim where it lies (docs/tasks.md).
+however steep, slips off the rim where it lies; one that pushes the plate over the table's edge can pinch it there, so the
+plate may not be moved by more than 10 cm before it is lifted. The expert moves it by one at most.
 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half
@@ -25,7 +26,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
-from lerobot_env_bimanual.conditions import Above, Always, Grasped, Near
+from lerobot_env_bimanual.conditions import Above, Always, Grasped, Near, Raised
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, WELL_RADIUS_M, WELL_Z_M, Plate
 from lerobot_env_bimanual.props.prop import Prop
@@ -38,7 +39,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 PLATE = Plate("plate", radius_m=0.075, height_m=0.018, mass_kg=0.12)
 AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.10, 0.175))
 SUCCESS_HEIGHT_M = 1.00
-MAX_SHIFT_M, LIFTED_M = 0.10, TABLE_HEIGHT_M + 0.14
+MAX_SHIFT_M, LIFTED_M = 0.10, 0.06
 """How far the plate may be moved before it is lifted, and from which height on it is."""
 
 VARIED_RADII_M = (0.070, 0.075, 0.080, 0.085)
@@ -94,7 +95,7 @@ class PickPlate(Task):
         success=(
             Grasped("plate"),
             Above("plate", SUCCESS_HEIGHT_M),
-            Always((Near("plate", MAX_SHIFT_M), Above("plate", LIFTED_M))),
+            Always((Near("plate", MAX_SHIFT_M), Raised("plate", LIFTED_M))),
         ),
         horizon_ticks=320,
     )

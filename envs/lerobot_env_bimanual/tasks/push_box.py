@@ -1,8 +1,8 @@
 """Push the box to the red area.
 
 The paper counts it among the tasks that one arm cannot do. The box of 50 kg slides on the table at friction 0.42, and
-a single arm stalls at its torque limits before it has moved the box all the way; struck again and again, the box does not
-arrive in the time there is (docs/tasks.md).
+a single arm stalls at its torque limits unless it pushes at one end and then at the other, so that the box turns to and fro:
+the box may never be turned by more than 12 degrees. The expert's turns by 4.
 
 It asks for more force than users of a real Panda set as a limit of contact: 206 N to slide, 103 N from each hand, and
 up to 210 N from one of them while the box gains speed. The motors have it: the hands push with the outer sides of their
