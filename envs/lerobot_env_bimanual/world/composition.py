@@ -49,7 +49,7 @@ class Composition:
         self._options, self._no_sites = mujoco.MjvOption(), mujoco.MjvOption()
         self._no_sites.sitegroup[:] = 0
         for options in (self._options, self._no_sites):
-            options.geomgroup[[COARSE, FINE]] = offscreen.is_small, not offscreen.is_small
+            options.geomgroup[[COARSE, FINE]] = offscreen.is_coarse, not offscreen.is_coarse
         self._eye = mujoco.MjvCamera()  # any: where geoms are does not depend on it
         self._moving, self._others = offscreen.make_scene(), offscreen.make_scene()
         self._planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE

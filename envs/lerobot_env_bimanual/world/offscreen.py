@@ -22,7 +22,9 @@ GL_TEXTURE_MAG_FILTER, GL_NEAREST = 0x2800, 0x2600
 COARSE_SHADOWS = 512
 """Pixels of a shadow map's side: about 4 mm on the table."""
 
-SMALL_PX = 256
+SOFT_PX = 160
+"""Side of the largest images that are drawn twice as large: of larger ones edges are finer, and it would cost too much."""
+COARSE_PX = 256
 """Side of the largest images that show arms coarsely: finer ones would cost more than all the rest."""
 
 _making_a_context = threading.Lock()  # MuJoCo and its bindings keep display and drivers in globals
@@ -37,7 +39,7 @@ class Quality:
         shadow_map_size: pixels of the shadow map's side; 0 is no shadows.
         slices: facets around a round shape; half as many along it.
         quads: squares along the side of a box, at whose corners light is computed.
-        is_soft: whether it is drawn twice as large and averaged.
+        is_soft: whether small images are drawn twice as large and averaged.
     """
 
     samples: int
@@ -75,7 +77,8 @@ class Offscreen:
     Attributes:
         quality: as given.
         aspect: width of the images over their height.
-        is_small: whether coarse looks will do.
+        is_soft: whether what is drawn is twice as large as the images.
+        is_coarse: whether coarse looks will do.
         margin: by which more is drawn than an image shows, as a factor.
         free: gives all of it back; called at interpreter exit if not before.
     """
@@ -85,11 +88,11 @@ class Offscreen:
         self._model = model
         self.quality = quality
         self.aspect = width / height
-        self.is_small = max(height, width) <= SMALL_PX
+        self.is_soft = quality.is_soft and max(height, width) <= SOFT_PX
+        self.is_coarse = max(height, width) <= COARSE_PX
         self.margin = 1.0
-        if (
-            quality.is_soft
-        ):  # half a pixel more all around: every pixel's middle is that of a drawn one, and has neighbours
+        if self.is_soft:
+            # Half a pixel more all around: every pixel's middle is that of a drawn one, which has neighbours.
             self.margin = 1 + 0.5 / height
             height, width = 2 * height + 1, 2 * width + 1
         self._shape = (height, width)
@@ -102,7 +105,7 @@ class Offscreen:
         except (AttributeError, ImportError, RuntimeError, ValueError, mujoco.FatalError) as error:
             raise missing_gl(error) from error
         self._gl = gl
-        if quality.is_soft:
+        if self.is_soft:
             self._simplify_textures()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
         self._mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
@@ -140,7 +143,7 @@ class Offscreen:
 
     def rgb(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The colours of an image (height, width, 3) from those that were drawn."""
-        if not self.quality.is_soft:
+        if not self.is_soft:
             return drawn
         # 1 2 1 along columns, then along rows; as lines of bytes NumPy goes several times as fast.
         lines = drawn.reshape(len(drawn), -1)
@@ -158,7 +161,7 @@ class Offscreen:
 
     def centres[Number: np.generic](self, drawn: NDArray[Number]) -> NDArray[Number]:
         """What was drawn (rows, columns) at the middles of an image's pixels."""
-        return drawn[1::2, 1::2] if self.quality.is_soft else drawn
+        return drawn[1::2, 1::2] if self.is_soft else drawn
 
     def depth_m(self, nearness: NDArray[np.float32]) -> NDArray[np.float32]:
         """Metres along the optical axis, of the same shape."""
