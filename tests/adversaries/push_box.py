@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from functools import partial
-from itertools import product
 
 import numpy as np
 
@@ -13,6 +12,8 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.tasks.push_box import BOX, PUSH_Z_M, pushing_hand
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
+WIDE_M, EVEN_M, MIDDLE_M = (-0.10, 0.15), (-0.13, 0.13), (-0.02, 0.02)
+"""Where it is pushed: left and right of its middle."""
 PUSH_M_S, MOVE_M_S = 0.6, 0.9
 PRESS_M = 0.12
 """How far into the box the hand is sent while it pushes."""
@@ -22,9 +23,16 @@ STALLED_M_S, STALLED_TICKS = 0.02, 6
 
 
 def ways(env: BimanualEnv, arm: Arm) -> Iterator:
-    """Ends nearer to or further from the middle; the box turns far, or as little as is allowed."""
-    for swing_deg, (near_m, far_m) in product((22.0, 30.0, 7.0), ((-0.10, 0.15), (-0.13, 0.13))):
-        yield partial(_alone, arm=arm, ends_m=(near_m, far_m), swing_deg=swing_deg)
+    """The box turns far, or as little as is allowed; or it is struck again and again near its middle."""
+    for swing_deg, ends_m in (
+        (22, WIDE_M),
+        (22, EVEN_M),
+        (30, WIDE_M),
+        (7, WIDE_M),
+        (7, EVEN_M),
+        (5, MIDDLE_M),
+    ):
+        yield partial(_alone, arm=arm, ends_m=ends_m, swing_deg=swing_deg)
 
 
 def _alone(env: BimanualEnv, arm: Arm, ends_m: tuple[float, float], swing_deg: float) -> Moves:

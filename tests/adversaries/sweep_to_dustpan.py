@@ -27,8 +27,8 @@ def ways(env: BimanualEnv, arm: Arm) -> Iterator:
         for height_m, yaw, pitch in product((0.33, 0.30), (80, 45), (30, 50)):
             yield partial(_scoop, arm=arm, height_m=height_m, angles_rad=np.deg2rad((yaw, pitch)))
     else:
-        for speed_m_s, end_m in product((0.15, 0.5, 1.0), (0.025, 0.10)):
-            yield partial(_sweep, arm=arm, speed_m_s=speed_m_s, end_m=end_m)
+        for yaw_deg, speed_m_s in product((20.0, -20.0, 0.0), (0.12, 0.8)):
+            yield partial(_sweep, arm=arm, speed_m_s=speed_m_s, yaw_rad=np.deg2rad(yaw_deg))
 
 
 def _scoop(env: BimanualEnv, arm: Arm, height_m: float, angles_rad: np.ndarray) -> Moves:
@@ -82,8 +82,8 @@ def _room(place, turn_rad: float, others) -> float:
     return min([0.03, *(float(np.linalg.norm(other - finger)) for other in others for finger in fingers)])
 
 
-def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, end_m: float) -> Moves:
-    """Sweep as the expert does, but into a pan that nobody holds."""
+def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, yaw_rad: float) -> Moves:
+    """Sweep into a pan that nobody holds, slantwise and slowly, so that the lumps climb its lip one after the other."""
     hand, scene = Hand(env, arm), env.scene
     x, y, _ = scene.pose(expert.BROOM.name).position
     pan = scene.pose(expert.PAN.name)
@@ -91,7 +91,8 @@ def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, end_m: float) -> Moves:
 
     def sweeping(ahead_m: float) -> Pose:
         x, y, _ = pan.apply((0, ahead_m, 0))
-        return Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=-pan.rotation[:, 0])
+        along = pan.rotation @ (-np.cos(yaw_rad), -np.sin(yaw_rad), 0)
+        return Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=along)
 
     behind = sweeping(expert.SWEEP_FROM_M)
     yield from hand.go(grasp.advanced(-expert.ABOVE_M))
@@ -100,5 +101,5 @@ def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, end_m: float) -> Moves:
     yield from hand.line(grasp.translated(expert.TAKE_OUT_M))
     yield from hand.line(behind.translated((0, 0, expert.TAKE_OUT_M[2])))
     yield from hand.line(behind)
-    yield from hand.line(sweeping(end_m), speed_m_s)
+    yield from hand.line(sweeping(expert.SWEEP_TO_M), speed_m_s)
     yield from hand.hold(15)

@@ -1,5 +1,6 @@
 """Pages of results: what does not belong together is refused, and the tables are those of the results."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,14 @@ def test_a_page_of_benchmarks_has_a_line_per_task_and_a_column_per_policy(result
     another_training(results, episodes=proved("xxxx"))
     put(results, variant(config={"policy": "theirs"}))  # which is not installed
     assert page_of(results, figure="results.png") == snapshot
+
+
+def test_a_page_says_how_many_episodes_real_arms_would_have_gone_through_where_that_is_known(results: Path):
+    assert "real Pandas" not in page_of(results)
+    known = [each.model_copy(update={"survived": each.seed > 0}) for each in proved("xxxx")]
+    another_training(results, episodes=tuple(known))
+    (line,) = re.findall("real Pandas.*?\n(\\| `lift_ball.*?)\n", page_of(results), re.DOTALL)
+    assert line.split()[3:5] == ["3/4", "(30.1%"]
 
 
 @pytest.mark.parametrize(
