@@ -37,6 +37,7 @@ class BakingTray:
         size_m: full sizes of board and handle together (PerAct2 code).
         handle_size_m: full depth along x and full width along y of the handle. It is short, so that a gripper has
             to aim.
+        handle_height_m: full height of the handle; None for that of the board.
         mass_kg: everything (PerAct2 code); the biscuits are for the eye.
         friction: against everything but the grippers' rubber.
     """
@@ -44,6 +45,7 @@ class BakingTray:
     name: str = "tray"
     size_m: tuple[float, float, float] = (0.21, 0.30, 0.006)
     handle_size_m: tuple[float, float] = (0.043, 0.07)
+    handle_height_m: float | None = None
     mass_kg: float = 0.315
     friction: float = 0.5
 
@@ -57,7 +59,8 @@ class BakingTray:
         handle_share = handle_x * handle_y / (handle_x * handle_y + board_half_x * y)
         board, metal = (board_half_x, y, z), {"rgba": ALUMINIUM, **graspable(self.friction)}
         add_box(body, (board_x, 0, 0), board, name=self.name, mass=metal_kg * (1 - handle_share), **metal)
-        add_box(body, (handle_x - x, 0, 0), (handle_x, handle_y, z), mass=metal_kg * handle_share, **metal)
+        handle = (handle_x, handle_y, z if self.handle_height_m is None else self.handle_height_m / 2)
+        add_box(body, (handle_x - x, 0, 0), handle, mass=metal_kg * handle_share, **metal)
         self._add_rim(body, board_x, board)
         self._add_biscuits(body, board_x, board)
 

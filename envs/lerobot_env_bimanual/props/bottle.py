@@ -10,7 +10,7 @@ GLASS = (0.13, 0.45, 0.24, 1.0)
 PAPER = (0.96, 0.94, 0.86, 1.0)
 CAP = (0.90, 0.78, 0.18, 1.0)
 
-BODY_RADIUS_M, BODY_HEIGHT_M = 0.0178, 0.102
+BODY_HEIGHT_M = 0.102
 NECK_RADIUS_M, NECK_BOTTOM_M = 0.0064, 0.118
 SHOULDER_RADIUS_M = 0.012
 CAP_RADIUS_M, CAP_BOTTOM_M, HEIGHT_M = 0.0080, 0.142, 0.154
@@ -29,30 +29,32 @@ class Bottle:
         name: body.
         mass_kg: of PerAct2's bottle; sizes are its, too.
         friction: against everything but the grippers' rubber.
+        radius_m: of the body below the shoulder.
     """
 
     name: str = "bottle"
     mass_kg: float = 0.112
     friction: float = 0.8
+    radius_m: float = 0.0178
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write what is felt, then glass, label and cap."""
         body = add_free_body(spec, self.name)
         for radius, bottom, top, share in (
-            (BODY_RADIUS_M, 0, BODY_HEIGHT_M, BODY_MASS_SHARE),
+            (self.radius_m, 0, BODY_HEIGHT_M, BODY_MASS_SHARE),
             (SHOULDER_RADIUS_M, BODY_HEIGHT_M, NECK_BOTTOM_M, SHOULDER_MASS_SHARE),
             (CAP_RADIUS_M, NECK_BOTTOM_M, HEIGHT_M, NECK_MASS_SHARE),
         ):
             felt = {"mass": share * self.mass_kg, **graspable(self.friction), **UNSEEN}
             add_cylinder(body, (0, 0, (bottom + top) / 2), radius, (top - bottom) / 2, **felt)
-        paper = BODY_RADIUS_M + LABEL_PROUD_M
+        paper = self.radius_m + LABEL_PROUD_M
         low, high = LABEL_M
         glass = [
             (0, 0),
-            (BODY_RADIUS_M - EDGE_M, 0),
-            (BODY_RADIUS_M, EDGE_M),
-            (BODY_RADIUS_M, BODY_HEIGHT_M - EDGE_M),
-            (BODY_RADIUS_M - EDGE_M, BODY_HEIGHT_M + EDGE_M),
+            (self.radius_m - EDGE_M, 0),
+            (self.radius_m, EDGE_M),
+            (self.radius_m, BODY_HEIGHT_M - EDGE_M),
+            (self.radius_m - EDGE_M, BODY_HEIGHT_M + EDGE_M),
             (SHOULDER_RADIUS_M, BODY_HEIGHT_M + 4 * EDGE_M),
             (NECK_RADIUS_M, NECK_BOTTOM_M),
             (NECK_RADIUS_M, CAP_BOTTOM_M),

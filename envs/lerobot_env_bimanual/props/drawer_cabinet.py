@@ -45,8 +45,6 @@ TRAY_WALL_Z_M = -0.012
 FRONT_GAP_M = 0.001
 HANDLE_STAND_OFF_M = 0.040
 """Between bar and front: room for two fingers."""
-HANDLE_HALF_LENGTH_M = 0.05
-HANDLE_RADIUS_M = 0.0075
 POST_RADIUS_M = 0.005
 FIRM = (0.004, 1.0)
 """Contact of the boards: as hard as the step of physics allows, or a dropped block would sink through the floor."""
@@ -59,9 +57,13 @@ class DrawerCabinet:
 
     Attributes:
         name: body; also the prefix of the drawers' bodies (`..._top`) and slides (`..._top_slide`).
+        handle_half_length_m: of the straight part of a drawer's bar.
+        handle_radius_m: of that bar.
     """
 
     name: str = "cabinet"
+    handle_half_length_m: float = 0.05
+    handle_radius_m: float = 0.0075
 
     @property
     def top_m(self) -> float:
@@ -142,8 +144,9 @@ class DrawerCabinet:
         add_box(body, position, half, mass=PART_MASSES_KG[part], rgba=rgba, solref=FIRM)
 
     def _add_handle(self, drawer) -> None:
-        y, x = _handle_y(), HANDLE_HALF_LENGTH_M
-        add_capsule(drawer, (-x, y, 0, x, y, 0), HANDLE_RADIUS_M, mass=PART_MASSES_KG["bar"], rgba=METAL)
+        y, x = _handle_y(), self.handle_half_length_m
+        bar = (-x, y, 0, x, y, 0)
+        add_capsule(drawer, bar, self.handle_radius_m, mass=PART_MASSES_KG["bar"], rgba=METAL)
         for side in (-x, x):
             post = (side, y, 0, side, y - HANDLE_STAND_OFF_M, 0)
             add_capsule(drawer, post, POST_RADIUS_M, mass=PART_MASSES_KG["post"], rgba=METAL)

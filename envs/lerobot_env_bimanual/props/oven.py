@@ -49,7 +49,6 @@ HANDLE_Z_M = 0.2935
 """Above the hinge."""
 HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
-HANDLE_RADIUS_M = 0.010
 POST_RADIUS_M = 0.008
 
 RACK_M = 0.2885
@@ -75,10 +74,12 @@ class Oven:
         name: body; also the prefix of the door (`..._door`), its hinge (`..._hinge`), the rack (`..._rack`) and
             its slide (`..._slide`).
         handle_y_m: right and left end of the door's handle. It is short, so that a gripper has to aim.
+        handle_radius_m: of that handle.
     """
 
     name: str = "oven"
     handle_y_m: tuple[float, float] = (-0.085, 0.085)
+    handle_radius_m: float = 0.010
 
     @property
     def top_m(self) -> float:
@@ -186,7 +187,7 @@ class Oven:
         right, left = self.handle_y_m
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
         bar = {"mass": 0.05, "friction": (1.0, 0.01, 0.0001), "rgba": METAL}
-        add_capsule(door, (x, right, z, x, left, z), HANDLE_RADIUS_M, **bar)
+        add_capsule(door, (x, right, z, x, left, z), self.handle_radius_m, **bar)
         for y in self.handle_y_m:
             add_capsule(door, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, rgba=METAL)
 

@@ -54,6 +54,7 @@ class ServingTray:
         name: body and board geom.
         size_m: full sizes of the board without handles; its long side lies along y.
         handle_size_m: full width along x and full depth along y of a handle.
+        handle_height_m: full height of a handle; None for that of the board.
         rim_height_m: of the rim above the board.
         mass_kg: everything (PerAct2 code).
         friction: against everything but the grippers' rubber.
@@ -62,6 +63,7 @@ class ServingTray:
     name: str = "tray"
     size_m: tuple[float, float, float] = (0.24, 0.324, 0.006)
     handle_size_m: tuple[float, float] = (0.085, 0.043)
+    handle_height_m: float | None = None
     rim_height_m: float = 0.015
     mass_kg: float = 0.45
     friction: float = 0.6
@@ -76,7 +78,8 @@ class ServingTray:
         board_kg = 4 * x * y * wood_density
         add_box(body, (0, 0, 0), (x, y, z), name=self.name, mass=board_kg, rgba=WOOD, **felt)
         # The handles are felt as boxes, and seen as slabs with rounded corners and an inlay.
-        handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, z)
+        handle_z = z if self.handle_height_m is None else self.handle_height_m / 2
+        handle_half = (self.handle_size_m[0] / 2, self.handle_size_m[1] / 2, handle_z)
         inlay_half = np.subtract(handle_half, (INLAY_INSET_M, INLAY_INSET_M, -SHEET_HALF_THICKNESS_M))
         handle_mesh, inlay_mesh = f"{self.name}_handle", f"{self.name}_inlay"
         add_mesh(spec, handle_mesh, slab(handle_half, CORNER_RADIUS_M))

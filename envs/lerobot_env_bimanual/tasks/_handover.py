@@ -13,6 +13,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -28,8 +29,11 @@ SPOTS = 500
 
 HOVER_M = 0.10
 LIFT_M = 0.10
-EXCHANGE = np.array([0.25, -0.10, 1.105])
-"""Where the item's centre is presented; within easy reach of both arms."""
+EXCHANGE_M, EXCHANGE_SHARE = np.array([0.25, -0.10, 1.075]), np.array([0.9, 0.7, 1.0])
+"""Where the centre of an item is presented that lies in the middle of the area, and by how much an item's offset from there along
+x, y and up shifts it; within easy reach of both arms."""
+YAW_LIFTS_M_RAD = 0.08
+"""An item that is turned is presented higher or lower by this per rad."""
 CLEARANCE_M = 0.12
 """How far the right hand waits before the item and the left one withdraws."""
 LEFT_PRESENTS = Pose.looking((0, 0, 0), approach=(0, -1, 0), opening=(1, 0, 1))
@@ -78,8 +82,9 @@ def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m:
     pose = scene.pose(item)
     down = Pose.looking(pose.position, approach=(0, 0, -1), opening=grasp_axis(pose))
     grasp = down.advanced(-left_behind_m)
-    present = LEFT_PRESENTS.translated(EXCHANGE).advanced(-left_behind_m)
-    wait = RIGHT_RECEIVES.translated(EXCHANGE).advanced(-right_behind_m - CLEARANCE_M)
+    exchange = exchange_m(pose)
+    present = LEFT_PRESENTS.translated(exchange).advanced(-left_behind_m)
+    wait = RIGHT_RECEIVES.translated(exchange).advanced(-right_behind_m - CLEARANCE_M)
     yield Stage("hover", grasp.advanced(-HOVER_M), wait, planned=True)
     yield Stage("grasp", left=grasp, left_open=False, left_holds=item)
     yield Stage("lift", left=grasp.translated((0, 0, LIFT_M)))
@@ -88,6 +93,14 @@ def hand_over(scene: SceneView, item: str, left_behind_m: float, right_behind_m:
     yield Stage("receive", right=receive, right_open=False, right_holds=item)
     yield Stage("release", left_open=True)
     yield Stage("withdraw", left=present.advanced(-CLEARANCE_M))
+
+
+def exchange_m(item: Pose) -> np.ndarray:
+    """(3,) where an item's centre is presented: over its side of the table, at a height that follows from its own and its yaw."""
+    along = grasp_axis(item)
+    offset_m = item.position - (*AREA_CENTER_M, TABLE_HEIGHT_M)
+    lifted_m = YAW_LIFTS_M_RAD * np.arctan2(along[1], along[0])
+    return EXCHANGE_M + EXCHANGE_SHARE * offset_m + (0, 0, lifted_m)
 
 
 def grasp_axis(item: Pose) -> np.ndarray:

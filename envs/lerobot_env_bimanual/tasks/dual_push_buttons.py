@@ -13,6 +13,8 @@ never asked for. Buttons keep 38 cm apart, where the original's may overlap. It 
 of the table, the first colour's in the right one, so that order and places give the answer away; here the right
 hand takes the nearer to its side of the two, whichever is named first. Pressing the third button in addition
 does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
+
+In the setting `varied` each button stands on a pedestal of its own height, up to 8 cm: six numbers decide.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.props.button import Button
+from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
@@ -61,9 +64,10 @@ MAX_DRAWS = 1000
 REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
 """Least and largest distance from an arm's base of buttons that it can be asked to press."""
 
-HOVER_Z_M = 0.865
-PRESS_Z_M = 0.785
-"""Centre of a voxel, at which the fingertips stand 4 mm above the base."""
+HOVER_M, PRESS_M = 0.115, 0.035
+"""Above a button's foot; on the table centres of voxels. At the second the fingertips stand 4 mm above the base."""
+
+STANDS = tuple(Pedestal(f"{button}_stand", (0.10, 0.10), depth_m=0.08) for button in (RIGHT, LEFT, OTHER))
 
 
 @register
@@ -83,6 +87,7 @@ class DualPushButtons(Task):
         ),
         taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
+        varied=((Button(RIGHT), Button(LEFT), Button(OTHER), *STANDS),),
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=160,
         needs_both_arms=True,
@@ -99,6 +104,9 @@ class DualPushButtons(Task):
         for name, pose, rgba in zip(
             (RIGHT, LEFT, OTHER), (*poses, other), (*asked_for, left_alone), strict=True
         ):
+            if scene.is_varied:
+                pose = pose.translated((0, 0, rng.uniform(0, STANDS[0].depth_m)))
+                scene.place(f"{name}_stand", pose)
             scene.place(name, pose)
             scene.set_color(name, rgba)
         return True
@@ -120,9 +128,9 @@ class DualPushButtons(Task):
 
 def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Stage]:
     """Either hand above its button, then both down."""
-    left, right = scene.pose(left_button).position[:2], scene.pose(right_button).position[:2]
-    yield Stage("above", *_hands(left, right, HOVER_Z_M), left_open=False, right_open=False, planned=True)
-    yield Stage("press", *_hands(left, right, PRESS_Z_M))
+    left, right = scene.pose(left_button).position, scene.pose(right_button).position
+    yield Stage("above", *_hands(left, right, HOVER_M), left_open=False, right_open=False, planned=True)
+    yield Stage("press", *_hands(left, right, PRESS_M))
 
 
 def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] | None:
@@ -145,8 +153,9 @@ def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] 
     return None
 
 
-def _hands(left_xy: np.ndarray, right_xy: np.ndarray, height_m: float) -> tuple[Pose, Pose]:
-    """Both hands pointing down, narrow side along y, so that hands over neighbouring buttons do not meet."""
-    left = Pose.looking((*left_xy, height_m), approach=(0, 0, -1), opening=(1, 0, 0))
-    right = Pose.looking((*right_xy, height_m), approach=(0, 0, -1), opening=(-1, 0, 0))
+def _hands(left_button: np.ndarray, right_button: np.ndarray, above_m: float) -> tuple[Pose, Pose]:
+    """Both hands above the feet of two buttons, pointing down, narrow side along y, so that hands over neighbouring buttons do not meet."""
+    up = np.array([0, 0, above_m])
+    left = Pose.looking(left_button + up, approach=(0, 0, -1), opening=(1, 0, 0))
+    right = Pose.looking(right_button + up, approach=(0, 0, -1), opening=(-1, 0, 0))
     return left, right

@@ -10,6 +10,9 @@ receiver could pick most of them up itself. The right hand must have closed its 
 or higher, with no part of the left arm touching any item, as the paper's text says; the original asks for the item
 near the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
 leaves room for the fingers beside it.
+
+In the setting `varied` the items are 5.5 cm wide and stand on pedestals up to 8 cm high: place, heading and height of the named
+item decide, and the places of the others.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
@@ -44,13 +48,22 @@ ITEMS = tuple(f"item{index}" for index in range(len(COLORS)))
 TARGET = ITEMS[0]
 SUCCESS_HEIGHT_M = 0.80
 
-MIN_DISTANCE_M = 0.06
-"""Between the centres of two items; as their diagonal is 5.7 cm, they never touch."""
+VARIED_SIDE_M = 0.055
+STANDS = tuple(Pedestal(f"stand{index}", (0.05, 0.05), depth_m=0.08) for index in range(len(COLORS)))
+VARIED_HEIGHT_M = 0.08
+"""Of all pedestals, which are equally high: palm and fingers stay above what stands beside an item."""
+
+MIN_DISTANCE_SIDES = 1.5
+"""Between the centres of two items, over their width; they never touch."""
 FINGERS_M = np.array([0.065, 0.015])
 """Half of what the open fingers of a hand pointing down take up, along and across their opening."""
 LEFT_BEHIND_M = 0.005
 RIGHT_BEHIND_M = 0.005
 """How far the tool centre points stop short of the item's centre: 1 cm apart, palms 8.4 cm apart."""
+
+
+def _blocks(side_m: float) -> tuple[Block, ...]:
+    return tuple(Block(item, size_m=(side_m, side_m, side_m), mass_kg=0.064) for item in ITEMS)
 
 
 @register
@@ -67,7 +80,8 @@ class HandoverItem(Task):
         ),
         variations=tuple(Variation(index, {"color": color}) for index, color in enumerate(COLORS)),
         taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
-        props=tuple(Block(item, size_m=(SIDE_M, SIDE_M, SIDE_M), mass_kg=0.064) for item in ITEMS),
+        props=_blocks(SIDE_M),
+        varied=((*_blocks(VARIED_SIDE_M), *STANDS),),
         success=(
             Held(TARGET, by=Arm.RIGHT),
             Above(TARGET, SUCCESS_HEIGHT_M),
@@ -80,19 +94,26 @@ class HandoverItem(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Items beyond the right arm's reach, none where the left fingers close around the one to hand over."""
         placed: list[Pose] = []
+        side_m = scene.prop(Block, TARGET).size_m[0]
+        stand_m = rng.uniform(0, VARIED_HEIGHT_M) if scene.is_varied else 0.0
 
         def is_free(pose: Pose) -> bool:
-            apart = all(pose.distance_to(other)[0] >= MIN_DISTANCE_M for other in placed)
-            return apart and not (placed and _between_fingers(pose, placed[0]))
+            apart = all(
+                np.hypot(*(pose.position - other.position)[:2]) >= MIN_DISTANCE_SIDES * side_m
+                for other in placed
+            )
+            return apart and not (placed and _between_fingers(pose, placed[0], side_m))
 
         color = variation.words["color"]
         colors = (color, *rng.permutation([name for name in COLORS if name != color]))
-        for item, name in zip(ITEMS, colors, strict=True):
-            pose = draw_place(scene, rng, TABLE_HEIGHT_M + SIDE_M / 2, np.pi, is_free)
+        for item, stand, name in zip(ITEMS, STANDS, colors, strict=True):
+            pose = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m + side_m / 2, np.pi, is_free)
             if pose is None:
                 return False
             placed.append(pose)
             scene.place(item, pose)
+            if scene.is_varied:
+                scene.place(stand.name, pose.translated((0, 0, -side_m / 2)))
             scene.set_color(item, COLORS[name])
         return True
 
@@ -107,9 +128,9 @@ class HandoverItem(Task):
         return partial(hand_over, item=named[0], **margins) if named else None
 
 
-def _between_fingers(other: Pose, target: Pose) -> bool:
+def _between_fingers(other: Pose, target: Pose, side_m: float) -> bool:
     """Whether another item, at any yaw, may be where the left fingers close around the target."""
     along = grasp_axis(target)
     across = np.array([-along[1], along[0], 0.0])
     offset = np.abs(np.stack([along, across]) @ (other.position - target.position))
-    return bool((offset < FINGERS_M + SIDE_M / np.sqrt(2)).all())
+    return bool((offset < FINGERS_M + side_m / np.sqrt(2)).all())

@@ -9,11 +9,15 @@ Departures from the original: the item lies on the left arm's side of the table,
 the receiver could pick it up itself in most places. The right hand must have closed its fingers on the item, at 0.80 m
 or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
 the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
+
+In the setting `varied` five numbers decide: the item's place and heading, the height of the pedestal on which it stands, up to 10 cm,
+and its own, 7 to 10 cm. It is 5 to 6.5 cm wide and nearly fills the open hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +25,7 @@ from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
@@ -31,6 +36,11 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
 HALF_YAW_RAD = np.deg2rad(22.5)
 SUCCESS_HEIGHT_M = 0.80
+
+VARIED_SIZES_M = ((0.065, 0.08), (0.060, 0.10), (0.065, 0.07), (0.055, 0.09))
+"""Width and height."""
+VARIED_STAND = Pedestal("stand", (0.09, 0.09), depth_m=0.10)
+VARIED_HALF_YAW_RAD = np.deg2rad(40.0)
 
 LEFT_BEHIND_M = 0.025
 RIGHT_BEHIND_M = 0.020
@@ -47,6 +57,10 @@ class HandoverItemEasy(Task):
         instructions=("bring me the item", "hand over the object", "hand over the item"),
         taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(ITEM,),
+        varied=tuple(
+            (replace(ITEM, size_m=(width_m, width_m, height_m)), VARIED_STAND)
+            for width_m, height_m in VARIED_SIZES_M
+        ),
         success=(
             Held("item", by=Arm.RIGHT),
             Untouched("item", by=Arm.LEFT),
@@ -58,10 +72,15 @@ class HandoverItemEasy(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Item upright beyond the right arm's reach."""
-        pose = draw_place(scene, rng, TABLE_HEIGHT_M + ITEM.size_m[2] / 2, HALF_YAW_RAD)
-        if pose is not None:
-            scene.place("item", pose)
-        return pose is not None
+        stand_m = rng.uniform(0, VARIED_STAND.depth_m) if scene.is_varied else 0.0
+        half_yaw_rad = VARIED_HALF_YAW_RAD if scene.is_varied else HALF_YAW_RAD
+        foot = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m, half_yaw_rad)
+        if foot is None:
+            return False
+        if scene.is_varied:
+            scene.place("stand", foot)
+        scene.place("item", foot.translated((0, 0, scene.prop(Block, "item").size_m[2] / 2)))
+        return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Pick up, present, receive, release, withdraw."""

@@ -9,11 +9,16 @@ higher; the original asks for the tray to be near both hands. The tray, a plain 
 placements spread over 28 x 36 cm: on a board with a lip along its whole ends, a motion that ignores the scene
 would succeed too often. The stand is 6 mm higher, which keeps the lower corner of a
 horizontal hand off the table.
+
+In the setting `varied` five numbers decide: the tray's place and heading, its height, up to 8 cm more, and its length, 30 to
+38 cm. Its handles are 3 cm wide and 5.5 cm high, so that they nearly fill the open hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -35,11 +40,13 @@ ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064)
 AREA = PlacementArea(center_m=(0.25, 0.02), half_size_m=(0.14, 0.18), half_yaw_rad=np.deg2rad(22.5))
 SUCCESS_HEIGHT_M = 1.20
 
-TRAY_Z_M = TABLE_HEIGHT_M + STAND.height_m + TRAY.size_m[2] / 2
-"""Centre of a voxel, at which the hands therefore grip exactly."""
-BESIDE_M = 0.235
-GRASP_M = 0.192
-"""Distance from the tray's middle to the tool centre points: the fingertips reach 23 mm over a handle."""
+VARIED_STAND = replace(STAND, height_m=STAND.height_m + 0.08)
+VARIED_SUNK_M = 0.08
+VARIED_LENGTHS_M = (0.30, 0.325, 0.355, 0.38)
+VARIED_HANDLE: dict[str, Any] = {"handle_size_m": (0.03, 0.043), "handle_height_m": 0.055}
+
+BESIDE_M, GRASP_M = 0.073, 0.030
+"""Distance from the board's end to the tool centre points: the fingertips reach 23 mm over a handle."""
 LIFT_TO_M = 1.265
 """Centre of a voxel, too."""
 
@@ -54,6 +61,10 @@ class LiftTray(Task):
         instructions=("lift the tray",),
         taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous prehensile"),
         props=(STAND, TRAY, ITEM),
+        varied=tuple(
+            (VARIED_STAND, replace(TRAY, size_m=(0.24, length_m, 0.006), **VARIED_HANDLE), ITEM)
+            for length_m in VARIED_LENGTHS_M
+        ),
         success=(
             Held("tray", by=Arm.LEFT),
             Held("tray", by=Arm.RIGHT),
@@ -66,19 +77,21 @@ class LiftTray(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Stand on the table, tray on the stand, cube in the middle of the tray."""
-        tray = AREA.sample(rng, TRAY_Z_M)
-        scene.place("stand", tray.translated((0, 0, TABLE_HEIGHT_M - TRAY_Z_M)))
+        stand = AREA.sample(rng, TABLE_HEIGHT_M - (rng.uniform(0, VARIED_SUNK_M) if scene.is_varied else 0.0))
+        tray = stand.translated((0, 0, scene.prop(PegStand, "stand").height_m + TRAY.size_m[2] / 2))
+        scene.place("stand", stand)
         scene.place("tray", tray)
         scene.place("item", tray.translated((0, 0, (TRAY.size_m[2] + ITEM.size_m[2]) / 2)))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Go beside the tray, grasp it, lift it."""
-        tray = scene.pose("tray")
-        beside, grasp = _hands(tray, BESIDE_M, TRAY_Z_M), _hands(tray, GRASP_M, TRAY_Z_M)
+        tray, half_m = scene.pose("tray"), scene.prop(ServingTray, "tray").size_m[1] / 2
+        height_m = tray.position[2]
+        beside, grasp = _hands(tray, half_m + BESIDE_M, height_m), _hands(tray, half_m + GRASP_M, height_m)
         yield Stage("beside", *beside, left_open=True, right_open=True, planned=True)
         yield Stage("grasp", *grasp, left_open=False, right_open=False, left_holds="tray", right_holds="tray")
-        yield Stage("lift", *_hands(tray, GRASP_M, LIFT_TO_M))
+        yield Stage("lift", *_hands(tray, half_m + GRASP_M, LIFT_TO_M))
 
 
 def _hands(tray: Pose, distance_m: float, height_m: float) -> tuple[Pose, Pose]:

@@ -9,12 +9,15 @@ original, whose text asks for a secure grasp, checks the height of the lid alone
 edge; here the left hand pushes it over whichever edge leaves both arms most at ease. Laptop and block slide on each
 other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the friction of
 one gripper holds it. Placements spread over 26 x 35 cm instead of the whole workspace.
+
+In the setting `varied` eight numbers decide: the block's place, heading and height, 8 to 16 cm, the laptop's length and width, and
+where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,8 +36,13 @@ LAPTOP = Laptop("laptop")
 AREA = PlacementArea(center_m=(0.23, -0.075), half_size_m=(0.13, 0.175), half_yaw_rad=np.pi)
 SUCCESS_HEIGHT_M = 1.00
 
-LAPTOP_OFFSET_M = (-0.015, -0.019, (HOLDER.size_m[2] + LAPTOP.base_size_m[2]) / 2)
+LAPTOP_OFFSET_M = (-0.015, -0.019)
 """Position in the holder's axes: the near edge lies 4.5 mm inside the holder's (decoded from RLBench's task file)."""
+
+VARIED_HEIGHTS_M = (0.08, 0.105, 0.13, 0.16)
+VARIED_SIZES_M = ((0.347, 0.253), (0.315, 0.23), (0.347, 0.22), (0.30, 0.253))
+VARIED_THICKNESS_M = 0.045
+VARIED_SHIFT_M = 0.015
 
 NEAR_M = 0.10
 """From here both hands come straight: which edge is meant, and where it lies, may be seen from where they wait."""
@@ -42,17 +50,23 @@ NEAR_M = 0.10
 # The left hand: closed, straight down, its broad side against the edge opposite to the one that goes over.
 OUTSIDE_M = 0.03  # from the holder's edge, when it comes down
 FINGER_HALF_M = 0.0095
-PUSH_Z_M = 0.865
-"""Centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the holder."""
+PUSH_ABOVE_HOLDER_M = 0.015
+"""In `standard` the centre of a voxel; the fingertips, 1 cm beyond, end 5 mm above the holder."""
 OVERHANG_M = 0.055
 AWAY_M = (0.10, 0.12)  # back and up
 
 # The right hand: towards the laptop and 10 degrees down, its fingers opening in the vertical plane.
 TILT_RAD = np.deg2rad(10.0)
 INSIDE_EDGE_M = 0.026
-GRASP_Z_M = 0.865
-"""Centre of a voxel, 7 mm above the base's middle: the lower finger lifts the edge, the upper one does not press."""
+GRASP_ABOVE_MIDDLE_M = 0.0073
+"""In `standard` the centre of a voxel: the lower finger lifts the edge, the upper one does not press."""
 LIFT_M = 0.22
+
+
+def _varied(height_m: float, size_m: tuple[float, float]) -> tuple[Riser, Laptop]:
+    lid_m = (size_m[0] - 0.007, size_m[1] - 0.008, LAPTOP.lid_size_m[2])
+    laptop = replace(LAPTOP, base_size_m=(*size_m, VARIED_THICKNESS_M), lid_size_m=lid_m)
+    return replace(HOLDER, size_m=(*HOLDER.size_m[:2], height_m)), laptop
 
 
 @register
@@ -65,15 +79,19 @@ class PickLaptop(Task):
         instructions=("pick up the laptop",),
         taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(HOLDER, LAPTOP),
+        varied=tuple(map(_varied, VARIED_HEIGHTS_M, VARIED_SIZES_M)),
         success=(Grasped("laptop"), Above("laptop", SUCCESS_HEIGHT_M)),
         horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Holder on the table in any heading that both arms can serve, laptop on the holder."""
-        holder = AREA.sample(rng, TABLE_HEIGHT_M + HOLDER.size_m[2] / 2)
+        height_m, thickness_m = scene.prop(Riser, "holder").size_m[2], _base_m(scene)[2]
+        holder = AREA.sample(rng, TABLE_HEIGHT_M + height_m / 2)
+        shift_m = rng.uniform(-1, 1, 2) * VARIED_SHIFT_M if scene.is_varied else np.zeros(2)
         scene.place("holder", holder)
-        scene.place("laptop", holder @ Pose.upright(LAPTOP_OFFSET_M))
+        offset_m = (*(LAPTOP_OFFSET_M + shift_m), (height_m + thickness_m) / 2)
+        scene.place("laptop", holder @ Pose.upright(offset_m))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
@@ -103,26 +121,37 @@ class Way:
         )
 
 
+def _base_m(scene: SceneView) -> tuple[float, float, float]:
+    return scene.prop(Laptop, "laptop").base_size_m
+
+
 def _over_edge(scene: SceneView, quarter: int) -> Way:
     """The way over the holder's near edge, turned by so many quarters."""
     holder, laptop = scene.pose("holder"), scene.pose("laptop")
     frame = laptop @ Pose.upright((0, 0, 0), quarter * np.pi / 2)  # the edge lies at its -y
     along, inward = frame.rotation[:, 0], frame.rotation[:, 1]
-    half_m, holder_half_m = (prop_m[quarter % 2 == 0] / 2 for prop_m in (LAPTOP.base_size_m, HOLDER.size_m))
+    base_m, holder_m = _base_m(scene), scene.prop(Riser, "holder").size_m
+    half_m, holder_half_m = (size_m[quarter % 2 == 0] / 2 for size_m in (base_m, holder_m))
+    top_m = holder.position[2] + holder_m[2] / 2
     holder_y_m = frame.inverse().apply(holder.position)[1]
     shift_m = holder_half_m - half_m - holder_y_m + OVERHANG_M
 
     def left_hand(y_m: float) -> Pose:
         # Of the two rolls the one whose opening points to the right arm.
         x, y, _ = frame.apply((0, y_m, 0))
-        return Pose.looking((x, y, PUSH_Z_M), approach=(0, 0, -1), opening=along if along[0] > 0 else -along)
+        return Pose.looking(
+            (x, y, top_m + PUSH_ABOVE_HOLDER_M),
+            approach=(0, 0, -1),
+            opening=along if along[0] > 0 else -along,
+        )
 
     behind = left_hand(holder_y_m + holder_half_m + OUTSIDE_M)
     pushed = left_hand(half_m + FINGER_HALF_M - shift_m)
     away = pushed.translated((*(AWAY_M[0] * inward[:2]), AWAY_M[1]))
     x, y, _ = frame.apply((0, INSIDE_EDGE_M - half_m - shift_m, 0))
     approach = np.cos(TILT_RAD) * inward - (0, 0, np.sin(TILT_RAD))
-    grasp = Pose.looking((x, y, GRASP_Z_M), approach=approach, opening=(0, 0, -1))
+    grasp_z_m = top_m + base_m[2] / 2 + GRASP_ABOVE_MIDDLE_M
+    grasp = Pose.looking((x, y, grasp_z_m), approach=approach, opening=(0, 0, -1))
     return Way(
         left=(behind.translated((0, 0, NEAR_M)), behind, pushed, away),
         right=(grasp.advanced(-NEAR_M), grasp, grasp.translated((0, 0, LIFT_M))),

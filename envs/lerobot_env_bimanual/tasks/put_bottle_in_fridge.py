@@ -8,12 +8,17 @@ Departures from the original: the bottle's foot must be in the upper compartment
 touching the bottle; the original asks for any part of the bottle in a lower volume and for two hands that hold
 nothing, and leaves it standing open. The door weighs 0.8 kg instead of 0.085 kg, is shut by 0.6 N m, and opens by 115
 degrees instead of 90. Its handle is round and stands off by 50 mm, so that it can turn in a hand that turns less than the
-door does. Nothing shows the bottle's yaw, so it has none.
+door does. Nothing shows the bottle's yaw, so it has none. The fridge stands within 5 cm and 10 degrees of the original's place, so
+that the right hand has to look, too.
+
+In the setting `varied` seven numbers decide: the bottle's place and the height of its pedestal, up to 8 cm, and the fridge's place,
+heading and height (it reaches up to 8 cm into the table). The bottle is 6 cm wide and nearly fills the open hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +29,7 @@ from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Inside, Once, Touched, Untouched
 from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
+from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
@@ -33,8 +39,11 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 FRIDGE = Fridge("fridge")
 BOTTLE = Bottle("bottle")
 IN_FRIDGE = Inside("bottle", "fridge", *FRIDGE.compartment)
-FRIDGE_POSE = Pose.upright((0.667, 0.292, TABLE_HEIGHT_M), np.deg2rad(45.0))
-"""It never moves (PerAct2 code)."""
+FRIDGE_YAW_RAD = np.deg2rad(45.0)
+FRIDGE_AREA = PlacementArea(center_m=(0.667, 0.292), half_size_m=(0.05, 0.05), half_yaw_rad=np.deg2rad(10.0))
+"""In the original it never moves from the middle of these."""
+VARIED_BOTTLE, VARIED_STAND = replace(BOTTLE, radius_m=0.03), Pedestal("stand", (0.08, 0.08), depth_m=0.08)
+VARIED_SUNK_M = 0.08
 AREA_POSE = Pose.upright((0.05, -0.275, TABLE_HEIGHT_M), np.deg2rad(45.0))
 AREA = PlacementArea(center_m=(0.0, 0.0), half_size_m=(0.225, 0.1125))
 
@@ -44,8 +53,8 @@ PITCH_RAD = np.deg2rad(10.0)
 # The left hand: its fingers to the sides of the bottle.
 BRING_YAW_RAD = np.deg2rad(40.0)
 """Turn from grasp to release; nearly straight into the fridge, and the left arm can do it from everywhere."""
-GRASP_Z_M = 0.815
-"""Centre of a voxel, 65 mm above the table."""
+GRASP_M = 0.065
+"""Above the bottle's foot; on the table the centre of a voxel."""
 FOLD_M = (0.20, 0.10, 1.35)
 """Where the left hand turns first: from home, the arms' ways to bottle and handle cross."""
 ABOVE_BOTTLE_M = 0.15
@@ -53,12 +62,12 @@ LIFT_M = 0.30
 VIA_M = (0.22, -0.02, 1.20)
 RELEASE_M = (0.062, 0.02)
 """Offset behind the plane of the opening and from its middle towards the handle's side, in the fridge's axes."""
-RELEASE_Z_M = 1.215
-"""The bottle drops 2 cm."""
+RELEASE_Z_M = 0.465
+"""Above the fridge's foot; the bottle drops 2 cm."""
 BEFORE_FRIDGE_M = 0.17
 
 # The right hand: its fingers to the sides of the upright bar, turning along by three quarters of the door's angle.
-HANDLE_Z_M = 1.335
+HANDLE_Z_M = 0.585
 BEFORE_HANDLE_M = 0.09
 PULL_YAW_RAD = np.deg2rad(50.0)
 TURN_SHARE = 0.75
@@ -80,6 +89,7 @@ class PutBottleInFridge(Task):
         ),
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(FRIDGE, BOTTLE),
+        varied=((FRIDGE, VARIED_BOTTLE, VARIED_STAND),),
         success=(
             IN_FRIDGE,
             *(Untouched("bottle", by=arm) for arm in ARMS),
@@ -91,25 +101,33 @@ class PutBottleInFridge(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Fridge closed in its corner, bottle in the oblong area before it."""
-        scene.place("fridge", FRIDGE_POSE)
-        bottle = AREA_POSE @ AREA.sample(rng, 0.0)
-        scene.place("bottle", Pose.upright(bottle.position))
+        sunk_m, stand_m = (
+            rng.uniform(0, (VARIED_SUNK_M, VARIED_STAND.depth_m)) if scene.is_varied else (0.0, 0.0)
+        )
+        fridge = FRIDGE_AREA.sample(rng, TABLE_HEIGHT_M - sunk_m)
+        scene.place("fridge", fridge @ Pose.upright((0, 0, 0), FRIDGE_YAW_RAD))
+        bottle = Pose.upright((AREA_POSE @ AREA.sample(rng, stand_m)).position)
+        scene.place("bottle", bottle)
+        if scene.is_varied:
+            scene.place("stand", bottle)
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Fold, approach, grasp both, open the door and hold it, bring the bottle, insert, withdraw."""
         fridge, bottle = scene.pose("fridge"), scene.pose("bottle").position
-        grasp = hand((*bottle[:2], GRASP_Z_M), BRING_YAW_RAD)
-        via = hand(VIA_M, BRING_YAW_RAD)
+        turned_rad = np.arctan2(fridge.rotation[1, 0], fridge.rotation[0, 0]) - FRIDGE_YAW_RAD
+        bring_yaw_rad, pull_yaw_rad = BRING_YAW_RAD + turned_rad, PULL_YAW_RAD + turned_rad
+        grasp = hand(np.add(bottle, (0, 0, GRASP_M)), bring_yaw_rad)
+        via = hand(VIA_M, bring_yaw_rad)
         depth, aside = RELEASE_M
-        release = hand((*fridge.apply((FRIDGE.front_m + depth, aside, 0))[:2], RELEASE_Z_M), BRING_YAW_RAD)
-        before_fridge = release.translated(-BEFORE_FRIDGE_M * heading(BRING_YAW_RAD))
+        release = hand(fridge.apply((FRIDGE.front_m + depth, aside, RELEASE_Z_M)), bring_yaw_rad)
+        before_fridge = release.translated(-BEFORE_FRIDGE_M * heading(bring_yaw_rad))
 
         def pull(door_rad: float) -> Pose:
-            handle = fridge.apply(FRIDGE.handle(door_rad, HANDLE_Z_M - TABLE_HEIGHT_M))
-            return hand(handle, PULL_YAW_RAD + TURN_SHARE * door_rad)
+            handle = fridge.apply(FRIDGE.handle(door_rad, HANDLE_Z_M))
+            return hand(handle, pull_yaw_rad + TURN_SHARE * door_rad)
 
-        yield Stage("fold", left=hand(FOLD_M, BRING_YAW_RAD), planned=True)
+        yield Stage("fold", left=hand(FOLD_M, bring_yaw_rad), planned=True)
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
         closed, opened = pull(0), pull(DOOR_RAD[-1])
         yield Stage("approach", above, closed.advanced(-BEFORE_HANDLE_M), planned=True)

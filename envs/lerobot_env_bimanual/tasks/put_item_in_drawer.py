@@ -10,6 +10,10 @@ and a damping of 2 N s/m keep a drawer where it was left (the original's slide f
 through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 24 x
 20 cm instead of the whole workspace.
 
+In the setting `varied` seven numbers decide: the cabinet's place, heading and height (its legs reach up to 8 cm into the table),
+and where on its top the item lies, and how it is turned. Handles are knobs 4 cm wide, and the item, 6 cm wide, nearly fills
+the open hand.
+
 A hand must have held the item: otherwise an arm that sweeps over the cabinet may push it off the top and pull the top drawer
 open under it in one go.
 """
@@ -17,6 +21,7 @@ open under it in one go.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,15 +45,20 @@ CABINET_OFFSET_M = (0.025, -0.25)
 ITEM_OFFSET_M = (0.025, 0.10)
 """Position in the cabinet's axes."""
 
+VARIED_CABINET = DrawerCabinet("cabinet", handle_half_length_m=0.004, handle_radius_m=0.018)
+VARIED_ITEM = replace(ITEM, size_m=(0.06, 0.06, 0.04))
+VARIED_SUNK_M = 0.08
+VARIED_ITEM_M = ((-0.06, 0.0), (0.10, 0.13))
+VARIED_YAW_RAD = np.deg2rad(30.0)
+
 # The left hand: towards the front, its fingers above and below the bar.
 BEFORE_HANDLE_M = 0.10
 PULL_M = 0.23
 AWAY_M = 0.03
 
 # The right hand: straight down, its fingers side by side along the front.
-HOVER_Z_M = 1.295
-GRASP_Z_M = 1.235
-"""Centre of a voxel; the fingertips, 1 cm beyond, end 8 mm above the cabinet's top."""
+HOVER_M, GRASP_M = 0.078, 0.018
+"""Above the cabinet's top: in `standard` centres of voxels; the fingertips, 1 cm beyond, end 8 mm above it."""
 DROP_OFFSET_M = (0.08, 0.11)
 """Offset from the middle of the drawer's handle before it is pulled, in the cabinet's axes."""
 DROP_ABOVE_HANDLE_M = 0.02
@@ -72,6 +82,7 @@ class PutItemInDrawer(Task):
         variations=tuple(Variation(index, {"level": level}) for index, level in enumerate(LEVELS)),
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(CABINET, ITEM),
+        varied=((VARIED_CABINET, VARIED_ITEM),),
         success=(*(Untouched("item", by=arm) for arm in ARMS), Once((Grasped("item"),))),
         horizon_ticks=420,
     )
@@ -84,24 +95,31 @@ class PutItemInDrawer(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Cabinet on the table, opening towards +y, item on top of it."""
         cabinet = AREA.sample(rng, TABLE_HEIGHT_M) @ Pose.upright((*CABINET_OFFSET_M, 0))
+        item_m, yaw_rad = ITEM_OFFSET_M, 0.0
+        if scene.is_varied:
+            cabinet = cabinet.translated((0, 0, -rng.uniform(0, VARIED_SUNK_M)))
+            item_m, yaw_rad = rng.uniform(*VARIED_ITEM_M), rng.uniform(-1, 1) * VARIED_YAW_RAD
         scene.place("cabinet", cabinet)
-        scene.place("item", cabinet @ Pose.upright((*ITEM_OFFSET_M, CABINET.top_m + ITEM.size_m[2] / 2)))
+        scene.place("item", cabinet @ Pose.upright((*item_m, CABINET.top_m + ITEM.size_m[2] / 2), yaw_rad))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, pull, bring over, drop, withdraw."""
-        cabinet, item = scene.pose("cabinet"), scene.pose("item").position
+        cabinet, item = scene.pose("cabinet"), scene.pose("item")
         across, out = cabinet.rotation[:, 0], cabinet.rotation[:, 1]
         level = variation.words["level"]
         handle = cabinet.apply(CABINET.handle(level))
         bar = Pose.looking(handle, approach=-out, opening=(0, 0, 1))
         pulled = bar.translated(PULL_M * out)
-        grasp = Pose.looking((*item[:2], GRASP_Z_M), approach=(0, 0, -1), opening=across)
-        hover = _at_height(grasp, HOVER_Z_M)
+        top_m = cabinet.position[2] + CABINET.top_m
+        grasp = Pose.looking(
+            (*item.position[:2], top_m + GRASP_M), approach=(0, 0, -1), opening=item.rotation[:, 0]
+        )
+        hover = _at_height(grasp, top_m + HOVER_M)
         # A rehearsal, which moves no drawer, drops the item in front of the cabinet all the same.
         x, y = np.add(DROP_OFFSET_M, (0, CABINET.handle(level)[1]))
         down = (0, 0, -np.cos(DROP_TILT_RAD)) - np.sin(DROP_TILT_RAD) * out
-        over = Pose.looking((*cabinet.apply((x, y, 0))[:2], HOVER_Z_M), approach=down, opening=across)
+        over = Pose.looking((*cabinet.apply((x, y, 0))[:2], top_m + HOVER_M), approach=down, opening=across)
         drop = _at_height(over, handle[2] + DROP_ABOVE_HANDLE_M)
 
         yield Stage("approach", bar.advanced(-BEFORE_HANDLE_M), hover, planned=True)

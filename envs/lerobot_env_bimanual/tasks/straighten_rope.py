@@ -9,6 +9,8 @@ area over its plate; there it is enough that any part of the end touches the are
 thick and its ends are knots of 24 mm: fingers that come down a voxel too high close on nothing at a thin rope's
 end. Ends and plates have matching colours, blue for the tail and red for the head; the original's plates are both
 green. Both ends are held while it counts, as in the original.
+
+In the setting `varied` the rope is shifted and turned from where it lies between the plates: six numbers decide.
 """
 
 from __future__ import annotations
@@ -43,6 +45,9 @@ TAIL_START_M = np.array([0.0795, 0.182])
 HEAD_START_M = np.array([-0.020, -0.067])
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
+
+VARIED_OFFSET_M, VARIED_YAW_RAD = np.array([0.05, 0.04]), np.deg2rad(20.0)
+"""How far the rope lies elsewhere, and is turned, from where it lies in `standard`."""
 
 INSET_M = 0.015
 """Distance from the middle of a plate towards the other one: there the ends are 36 cm apart; the rope is 38 cm long."""
@@ -82,6 +87,9 @@ class StraightenRope(Task):
         middle = AREA.sample(rng, TABLE_HEIGHT_M)
         scene.place("tail_plate", middle @ Pose.upright((0, PLATE_OFFSET_M, 0)))
         scene.place("head_plate", middle @ Pose.upright((0, -PLATE_OFFSET_M, 0)))
+        if scene.is_varied:
+            offset_m, yaw_rad = rng.uniform(-1, 1, 2) * VARIED_OFFSET_M, rng.uniform(-1, 1) * VARIED_YAW_RAD
+            middle @= Pose.upright((*offset_m, 0), yaw_rad)
         along = HEAD_START_M - TAIL_START_M
         heading_rad = np.arctan2(along[1], along[0]) + ROPE.tail_heading_rad
         laid = middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad)

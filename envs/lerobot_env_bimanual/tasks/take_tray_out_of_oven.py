@@ -12,6 +12,9 @@ open by itself when it is let go of half-way: a horizontal hand cannot follow it
 brake is 0.5 N instead of 0.1, and damped by 2 N s/m. The bar of the door and the grip of the tray are short and stand
 proud, the bar by 50 mm, the grip by 43 mm: a bar and a lip as wide as the original's let a motion that ignores the
 scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
+
+In the setting `varied` five numbers decide: the oven's place, heading and height (it reaches up to 6 cm into the table), and how far
+to a side the tray lies on its rack. The bar is 4 cm long, the grip of the tray 4 cm wide and 4.5 cm high.
 """
 
 from __future__ import annotations
@@ -34,6 +37,9 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")
 AREA = PlacementArea(center_m=(0.50, 0.335), half_size_m=(0.085, 0.085), half_yaw_rad=np.deg2rad(20.0))
+VARIED_OVEN = Oven("oven", handle_y_m=(-0.08, -0.04), handle_radius_m=0.015)
+VARIED_TRAY = BakingTray("tray", handle_size_m=(0.043, 0.04), handle_height_m=0.045)
+VARIED_SUNK_M, VARIED_ASIDE_M = 0.06, 0.05
 MEAN_YAW_RAD = np.deg2rad(65.0)
 TRAY_EDGE_M = OVEN.front_m + 0.022
 """Where the tray's handle begins, in the oven's frame: 48 mm of it overhang the rack."""
@@ -88,6 +94,7 @@ class TakeTrayOutOfOven(Task):
         ),
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(OVEN, TRAY),
+        varied=((VARIED_OVEN, VARIED_TRAY),),
         success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),
         horizon_ticks=520,
     )
@@ -95,8 +102,12 @@ class TakeTrayOutOfOven(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Oven closed in its corner, turned a little, tray on the rack."""
         oven = AREA.sample(rng, TABLE_HEIGHT_M) @ Pose.upright((0, 0, 0), MEAN_YAW_RAD)
+        tray = Pose.upright(TRAY_M)
+        if scene.is_varied:
+            oven = oven.translated((0, 0, -rng.uniform(0, VARIED_SUNK_M)))
+            tray = tray.translated((0, rng.uniform(-1, 1) * VARIED_ASIDE_M, 0))
         scene.place("oven", oven)
-        scene.place("tray", oven @ Pose.upright(TRAY_M))
+        scene.place("tray", oven @ tray)
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
@@ -111,7 +122,8 @@ class TakeTrayOutOfOven(Task):
         wait = oven @ hand(
             (OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), -WAIT_DOWN_RAD, fingers_swapped=True
         )
-        grasp = oven @ hand((TRAY_EDGE_M + INSERT_M, 0, TRAY_M[2]), fingers_swapped=True)
+        aside_m = oven.inverse().apply(scene.pose("tray").position)[1]
+        grasp = oven @ hand((TRAY_EDGE_M + INSERT_M, aside_m, TRAY_M[2]), fingers_swapped=True)
         yield Stage("approach", wait, handle(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp handle", right=handle(0), right_open=False)
         for door_rad in DOOR_RAD[:-1]:

@@ -1,0 +1,77 @@
+"""The setting `varied`: several sets of props, of which each episode has one."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.runner import expert, run_episode
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.props.ball import Ball
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+
+
+@pytest.fixture
+def env():
+    return BimanualEnv("lift_ball", obs="state", split="val", setting="varied")
+
+
+def _two_seeds(env):
+    """Seeds whose episodes have different things."""
+    sets = {}
+    for seed in range(20):
+        env.reset(seed=seed)
+        sets.setdefault(env.progress.prop_set, seed)
+    return list(sets.values())[:2]
+
+
+@pytest.mark.parametrize("task", list_tasks())
+def test_all_sets_of_props_have_the_same_names(task):
+    spec = get_task(task).spec
+    names = [tuple(prop.name for prop in props) for props in spec.prop_sets("varied")]
+    assert set(names) == {names[0]}
+    assert {prop.name for prop in spec.props} <= set(names[0])
+
+
+def test_episodes_differ_in_the_size_of_their_things(env):
+    radii = set()
+    for seed in _two_seeds(env):
+        env.reset(seed=seed)
+        radii.add(env.scene.prop(Ball, "ball").radius_m)
+        assert env.scene.pose("ball").position[2] > 0.75 + env.scene.prop(Ball, "ball").radius_m
+    assert len(radii) == 2
+    with pytest.raises(KeyError, match="no Ball called 'bottle'"):
+        env.scene.prop(Ball, "bottle")
+
+
+def test_an_episode_goes_on_bit_for_bit_after_one_with_other_things(env):
+    first, second = _two_seeds(env)
+    env.reset(seed=first)
+    action = env.scene.commanded
+    action[0] += 0.05
+    env.step(action)
+    saved, pickled, hashed = env.save_state(), pickle.dumps(env), env.state_hash()
+    env.step(action)
+    then = env.state_hash()
+    env.reset(seed=second)
+    env.restore_state(saved)
+    assert env.state_hash() == hashed
+    for each in (env, pickle.loads(pickled)):
+        each.step(action)
+        assert each.state_hash() == then
+
+
+def test_the_same_seed_is_another_episode_in_each_setting():
+    layouts = []
+    for setting in ("standard", "varied"):
+        env = BimanualEnv("dual_push_buttons", obs="state", setting=setting)
+        env.reset(seed=0)
+        layouts.append(env.scene.model.body_pos.copy())
+    assert not np.allclose(*layouts)
+    assert world_version("lift_ball") != world_version("lift_ball", setting="varied")
+
+
+def test_the_expert_reads_the_sizes_of_the_scene(env):
+    for seed in _two_seeds(env):
+        assert run_episode(env, seed, expert()).success
