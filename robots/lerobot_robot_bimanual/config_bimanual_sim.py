@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
 
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions, checked_seed
 
 
@@ -52,6 +53,8 @@ class BimanualSimConfig(RobotConfig):
 
         get_task(self.task).spec.variation_index(self.variation)
         checked_seed(self.seed)
+        if self.viewer and self.setting != EnvOptions.setting:  # a window shows one compiled world
+            raise InvalidChoice(f"viewer in the setting {self.setting!r}", self.viewer, ["false"])
         self.env_options()
 
     def env_options(self) -> EnvOptions:

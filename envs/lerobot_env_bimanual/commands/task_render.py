@@ -26,6 +26,9 @@ class TaskRenderConfig:
     task: str = "all"  # task and suite names, comma separated
     variation: str = "any"  # index, or `any` for the one that the seed draws
     split: Literal["train", "val", "test"] = "test"  # a seed is another episode in each split
+    setting: Literal["standard", "varied"] = (
+        "standard"  # in `varied` sizes, heights and places of things differ more
+    )
     first_seed: int = 0  # seed of each task's first episode
     episodes: int = 1  # episodes of each task
     # `clearest` takes the fixed camera that shows most of what the episode moves, and zooms in on it and on the hands.
@@ -81,6 +84,7 @@ def _plan(config: TaskRenderConfig) -> tuple[EnvOptions, list[Job]]:
     options = EnvOptions(
         variation=config.variation,
         split=config.split,
+        setting=config.setting,
         image_size=config.image_size,
         obs="state",
         control_mode="keypose",
