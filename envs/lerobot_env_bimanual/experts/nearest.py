@@ -44,7 +44,7 @@ class Layout:
     def of(cls, env: BimanualEnv) -> Layout:
         """That of the present scene."""
         model, data = env.scene.model, env.scene.data
-        roots = [model.body(prop.name).id for prop in env.task_definition.spec.props]
+        roots = [model.body(prop.name).id for prop in env.scene.props]
         bodies = np.flatnonzero(np.isin(model.body_rootid, roots))
         return cls(
             data.xpos[bodies].copy(),

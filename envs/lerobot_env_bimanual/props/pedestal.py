@@ -1,4 +1,4 @@
-"""A low block that rises out of the table by as much as it is placed high, with posts that leave a hand one way in."""
+"""A low block that rises out of the table by as much as it is placed high, with posts or walls that leave a hand one way in."""
 
 from dataclasses import dataclass
 
@@ -22,12 +22,14 @@ class Pedestal:
         size_m: full sizes of the top along x and y.
         depth_m: from the top down; as high as it can be placed above the table.
         posts_m: x, y and height of upright posts beside the block, in its frame.
+        walls_m: x and y of the middle, full sizes along x and y, and height of walls beside it.
     """
 
     name: str = "pedestal"
     size_m: tuple[float, float] = (0.10, 0.10)
     depth_m: float = 0.06
     posts_m: tuple[tuple[float, float, float], ...] = ()
+    walls_m: tuple[tuple[float, float, float, float, float], ...] = ()
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the block, a light band around its top, and the posts."""
@@ -39,3 +41,6 @@ class Pedestal:
         for post_x, post_y, top in self.posts_m:
             ends = (post_x, post_y, -self.depth_m, post_x, post_y, top)
             add_capsule(body, ends, POST_RADIUS_M, rgba=BRASS)
+        for wall_x, wall_y, size_x, size_y, top in self.walls_m:
+            half = (size_x / 2, size_y / 2, (top + self.depth_m) / 2)
+            add_box(body, (wall_x, wall_y, top - half[2]), half, rgba=BRASS)

@@ -11,7 +11,7 @@ or higher, with no part of the left arm touching any item, as the paper's text s
 near the right fingers and not near the left ones. Items lie 6 cm apart instead of 5 cm, and the one to hand over
 leaves room for the fingers beside it.
 
-In the setting `varied` the items are 5.5 cm wide and stand on pedestals up to 8 cm high: place, heading and height of the named
+In the setting `varied` the items are 5.2 cm wide and stand on pedestals up to 8 cm high: place, heading and height of the named
 item decide, and the places of the others.
 """
 
@@ -48,7 +48,7 @@ ITEMS = tuple(f"item{index}" for index in range(len(COLORS)))
 TARGET = ITEMS[0]
 SUCCESS_HEIGHT_M = 0.80
 
-VARIED_SIDE_M = 0.055
+VARIED_SIDE_M = 0.052
 STANDS = tuple(Pedestal(f"stand{index}", (0.05, 0.05), depth_m=0.08) for index in range(len(COLORS)))
 VARIED_HEIGHT_M = 0.08
 """Of all pedestals, which are equally high: palm and fingers stay above what stands beside an item."""

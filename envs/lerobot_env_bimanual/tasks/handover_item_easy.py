@@ -11,7 +11,8 @@ or higher, with no part of the left arm touching it; the original asks for the i
 the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 
 In the setting `varied` five numbers decide: the item's place and heading, the height of the pedestal on which it stands, up to 10 cm,
-and its own, 7 to 10 cm. It is 5 to 6.5 cm wide and nearly fills the open hand.
+and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand,
+whose fingers come down in slots between walls.
 """
 
 from __future__ import annotations
@@ -39,12 +40,24 @@ SUCCESS_HEIGHT_M = 0.80
 
 VARIED_SIZES_M = ((0.065, 0.08), (0.060, 0.10), (0.065, 0.07), (0.055, 0.09))
 """Width and height."""
-VARIED_STAND = Pedestal("stand", (0.09, 0.09), depth_m=0.10)
 VARIED_HALF_YAW_RAD = np.deg2rad(40.0)
+VARIED_HEIGHT_M = 0.10
+SLOT_HALF_M, WALL_X_M, WALL_SIZE_M, WALL_ABOVE_MIDDLE_M = 0.018, 0.052, (0.024, 0.05), 0.045
+"""Each finger comes down in a slot between two walls, which reach so far above the item's middle."""
 
 LEFT_BEHIND_M = 0.025
 RIGHT_BEHIND_M = 0.020
 """How far the tool centre points stop short of the item's centre: 4.5 cm apart, palms 12 cm apart."""
+
+
+def _varied(size_m: tuple[float, float]) -> tuple[Block, Pedestal]:
+    width_m, height_m = size_m
+    top_m, y_m = height_m / 2 + WALL_ABOVE_MIDDLE_M, SLOT_HALF_M + WALL_SIZE_M[1] / 2
+    walls = tuple(
+        (side_x * WALL_X_M, side_y * y_m, *WALL_SIZE_M, top_m) for side_x in (-1, 1) for side_y in (-1, 1)
+    )
+    stand = Pedestal("stand", (0.09, 0.09), VARIED_HEIGHT_M, walls_m=walls)
+    return replace(ITEM, size_m=(width_m, width_m, height_m)), stand
 
 
 @register
@@ -57,10 +70,7 @@ class HandoverItemEasy(Task):
         instructions=("bring me the item", "hand over the object", "hand over the item"),
         taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(ITEM,),
-        varied=tuple(
-            (replace(ITEM, size_m=(width_m, width_m, height_m)), VARIED_STAND)
-            for width_m, height_m in VARIED_SIZES_M
-        ),
+        varied=tuple(map(_varied, VARIED_SIZES_M)),
         success=(
             Held("item", by=Arm.RIGHT),
             Untouched("item", by=Arm.LEFT),
@@ -72,7 +82,7 @@ class HandoverItemEasy(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Item upright beyond the right arm's reach."""
-        stand_m = rng.uniform(0, VARIED_STAND.depth_m) if scene.is_varied else 0.0
+        stand_m = rng.uniform(0, VARIED_HEIGHT_M) if scene.is_varied else 0.0
         half_yaw_rad = VARIED_HALF_YAW_RAD if scene.is_varied else HALF_YAW_RAD
         foot = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m, half_yaw_rad)
         if foot is None:

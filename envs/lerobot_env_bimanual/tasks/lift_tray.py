@@ -10,8 +10,8 @@ placements spread over 28 x 36 cm: on a board with a lip along its whole ends, a
 would succeed too often. The stand is 6 mm higher, which keeps the lower corner of a
 horizontal hand off the table.
 
-In the setting `varied` five numbers decide: the tray's place and heading, its height, up to 8 cm more, and its length, 30 to
-38 cm. Its handles are 3 cm wide and 5.5 cm high, so that they nearly fill the open hand.
+In the setting `varied` five numbers decide: the tray's place and heading, its height, up to 10 cm more, and its length, 30 to
+38 cm. Its handles are 2 cm wide and 6 cm high, so that they nearly fill the open hand.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064)
 AREA = PlacementArea(center_m=(0.25, 0.02), half_size_m=(0.14, 0.18), half_yaw_rad=np.deg2rad(22.5))
 SUCCESS_HEIGHT_M = 1.20
 
-VARIED_STAND = replace(STAND, height_m=STAND.height_m + 0.08)
-VARIED_SUNK_M = 0.08
+VARIED_SUNK_M = 0.10
+VARIED_STAND = replace(STAND, height_m=STAND.height_m + VARIED_SUNK_M)
 VARIED_LENGTHS_M = (0.30, 0.325, 0.355, 0.38)
-VARIED_HANDLE: dict[str, Any] = {"handle_size_m": (0.03, 0.043), "handle_height_m": 0.055}
+VARIED_HANDLE: dict[str, Any] = {"handle_size_m": (0.02, 0.038), "handle_height_m": 0.06}
 
 BESIDE_M, GRASP_M = 0.073, 0.030
 """Distance from the board's end to the tool centre points: the fingertips reach 23 mm over a handle."""

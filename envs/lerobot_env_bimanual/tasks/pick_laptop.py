@@ -11,7 +11,7 @@ other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 
 one gripper holds it. Placements spread over 26 x 35 cm instead of the whole workspace.
 
 In the setting `varied` eight numbers decide: the block's place, heading and height, 8 to 16 cm, the laptop's length and width, and
-where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
+where it lies on the block. It is 6 cm thick, so that it nearly fills the open hand.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ SUCCESS_HEIGHT_M = 1.00
 LAPTOP_OFFSET_M = (-0.015, -0.019)
 """Position in the holder's axes: the near edge lies 4.5 mm inside the holder's (decoded from RLBench's task file)."""
 
-VARIED_HEIGHTS_M = (0.08, 0.105, 0.13, 0.16)
-VARIED_SIZES_M = ((0.347, 0.253), (0.315, 0.23), (0.347, 0.22), (0.30, 0.253))
-VARIED_THICKNESS_M = 0.045
-VARIED_SHIFT_M = 0.015
+VARIED_HEIGHTS_M = (0.08, 0.112, 0.096, 0.128, 0.16, 0.144)
+VARIED_SIZES_M = ((0.347, 0.253), (0.315, 0.23), (0.347, 0.22), (0.30, 0.253), (0.33, 0.24), (0.36, 0.23))
+VARIED_THICKNESS_M = 0.055
+VARIED_SHIFT_M = 0.02
 
 NEAR_M = 0.10
 """From here both hands come straight: which edge is meant, and where it lies, may be seen from where they wait."""
