@@ -62,7 +62,7 @@ class ServingTray:
 
     name: str = "tray"
     size_m: tuple[float, float, float] = (0.24, 0.324, 0.006)
-    handle_size_m: tuple[float, float] = (0.085, 0.043)
+    handle_size_m: tuple[float, float] = (0.045, 0.043)
     handle_height_m: float | None = None
     rim_height_m: float = 0.015
     mass_kg: float = 0.45

@@ -10,7 +10,7 @@ the receiver could pick it up itself in most places. The right hand must have cl
 or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
 the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 
-In the setting `varied` five numbers decide: the item's place and heading, the height of the pedestal on which it stands, up to 10 cm,
+In the setting `varied` five numbers decide: the item's place and heading, the height of the pedestal on which it stands, up to 15 cm,
 and its own, 7 to 10 cm. It is 5.5 to 6.5 cm wide and nearly fills the open hand,
 whose fingers come down in slots between walls.
 """
@@ -40,8 +40,8 @@ SUCCESS_HEIGHT_M = 0.80
 
 VARIED_SIZES_M = ((0.065, 0.08), (0.060, 0.10), (0.065, 0.07), (0.055, 0.09))
 """Width and height."""
-VARIED_HALF_YAW_RAD = np.deg2rad(40.0)
-VARIED_HEIGHT_M = 0.10
+VARIED_HALF_YAW_RAD = np.deg2rad(44.0)
+VARIED_HEIGHT_M = 0.15
 SLOT_HALF_M, WALL_X_M, WALL_SIZE_M, WALL_ABOVE_MIDDLE_M = 0.018, 0.052, (0.024, 0.05), 0.045
 """Each finger comes down in a slot between two walls, which reach so far above the item's middle."""
 

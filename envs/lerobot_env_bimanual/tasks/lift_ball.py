@@ -5,7 +5,7 @@ both sides and have to stay opposite each other, at the same height, all the way
 
 Departures from the original: the ball must be held between both hands while its centre is at 0.95 m or higher,
 where the original asks for the height alone. The hands are closed and pinch at the equator instead of scooping
-with open fingers, friction is 0.3 instead of 0.5 and placements spread over 34 x 34 cm, for otherwise a motion that
+with open fingers, friction is 0.3 instead of 0.5 and placements spread over 40 x 40 cm, for otherwise a motion that
 ignores the scene lifts the ball almost anywhere. There is no yaw, since nothing on a sphere shows it.
 
 In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to 4 cm, and the
@@ -32,7 +32,7 @@ from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 BALL = Ball("ball", radius_m=0.15, mass_kg=1.0, friction=0.3)
-AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.17, 0.17))
+AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.20, 0.20))
 SUCCESS_HEIGHT_M = 0.95
 
 VARIED_RADII_M = (0.100, 0.115, 0.130, 0.145)

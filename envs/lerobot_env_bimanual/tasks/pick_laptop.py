@@ -8,7 +8,7 @@ Departures from the original: the laptop must be between the fingers of one hand
 original, whose text asks for a secure grasp, checks the height of the lid alone. The original pushes it over its near
 edge; here the left hand pushes it over whichever edge leaves both arms most at ease. Laptop and block slide on each
 other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 1.43 kg: nothing but the friction of
-one gripper holds it. Placements spread over 26 x 35 cm instead of the whole workspace.
+one gripper holds it. Placements spread over 31 x 40 cm instead of the whole workspace.
 
 In the setting `varied` eight numbers decide: the block's place, heading and height, 8 to 16 cm, the laptop's length and width, and
 where it lies on the block. It is 6 cm thick, so that it nearly fills the open hand.
@@ -33,7 +33,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 HOLDER = Riser("holder", size_m=(0.40, 0.30, 0.10))
 LAPTOP = Laptop("laptop")
-AREA = PlacementArea(center_m=(0.23, -0.075), half_size_m=(0.13, 0.175), half_yaw_rad=np.pi)
+AREA = PlacementArea(center_m=(0.23, -0.075), half_size_m=(0.155, 0.20), half_yaw_rad=np.pi)
 SUCCESS_HEIGHT_M = 1.00
 
 LAPTOP_OFFSET_M = (-0.015, -0.019)
