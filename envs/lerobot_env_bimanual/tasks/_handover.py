@@ -28,7 +28,7 @@ SPOTS = 500
 """Places that are drawn for an item before the placement is given up."""
 
 HOVER_M = 0.10
-LIFT_M = 0.10
+LIFT_M = 0.18
 EXCHANGE_M, EXCHANGE_SHARE = np.array([0.25, -0.10, 1.075]), np.array([0.9, 0.7, 1.0])
 """Where the centre of an item is presented that lies in the middle of the area, and by how much an item's offset from there along
 x, y and up shifts it; within easy reach of both arms."""

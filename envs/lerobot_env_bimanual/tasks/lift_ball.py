@@ -53,7 +53,7 @@ def _stand(radius_m: float) -> Pedestal:
 
 APPROACH_GAP_M = 0.06
 """Distance from the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
-SQUEEZE_DEPTH_M = 0.010
+SQUEEZE_SHARE = 1 / 15
 """The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
 
@@ -91,7 +91,7 @@ class LiftBall(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Go beside the ball, squeeze it, lift it."""
         ball, radius_m = scene.pose("ball"), scene.prop(Ball, "ball").radius_m
-        apart, pressed = radius_m + APPROACH_GAP_M, radius_m - SQUEEZE_DEPTH_M
+        apart, pressed = radius_m + APPROACH_GAP_M, radius_m * (1 - SQUEEZE_SHARE)
         lifted = ball.translated((0, 0, LIFT_TO_M - ball.position[2]))
         yield Stage("beside", *_hands(ball, apart), left_open=False, right_open=False, planned=True)
         yield Stage("squeeze", *_hands(ball, pressed), presses="ball")
