@@ -27,10 +27,10 @@ type Frame = dict[str, NDArray[np.float64]]
 
 
 def clearest_camera(scene: Scene, states: Sequence[SceneState]) -> str:
-    """The fixed camera that shows most of the objects that an episode moves.
+    """The fixed camera that shows most of the objects that an episode moves, and of the hands.
 
-    Each object has one vote, split in proportion to the rays of each camera that meet it first; so a small thing
-    counts as much as a large one, and one that a camera does not see does not count for it.
+    Each has one vote, split in proportion to how much of it, in m2, each camera sees; so a small thing counts as much as
+    a large one, a camera's zoom does not count, and nothing counts for a camera that does not see it.
 
     Args:
         scene: the scene; it is left in the last state.
@@ -44,8 +44,9 @@ def clearest_camera(scene: Scene, states: Sequence[SceneState]) -> str:
         scene.restore_state(state)
         places[:] = data.xipos
         for row, camera in zip(seen, FIXED_CAMERAS, strict=True):
-            trees = objects[_first_geoms(scene, camera.name)]
-            row += np.bincount(trees[trees >= 0], minlength=len(row))
+            geoms, areas_m2 = _first_geoms(scene, camera.name)
+            trees = objects[geoms]
+            row += np.bincount(trees[trees >= 0], areas_m2[trees >= 0], minlength=len(row))
     moved = np.unique(model.body_treeid[_moved(places_m)])
     votes = (seen / np.maximum(seen.sum(axis=0), 1))[:, moved]
     return FIXED_CAMERAS[int(votes.sum(axis=1).argmax())].name
@@ -98,15 +99,16 @@ def _moved(places_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _objects(scene: Scene) -> NDArray[np.int_]:
-    """(ngeom + 1,) the movable object, a kinematic tree, of each geom; -1 of arms, of what cannot move, of nothing."""
+    """(ngeom + 1,) the object, a kinematic tree, of each geom; -1 of links, of what cannot move, of nothing."""
     trees = np.append(scene.model.body_treeid[scene.model.geom_bodyid], -1)
     for arm in ARMS:
-        trees[:-1][scene.geoms(scene.arm_pair.base_body(arm))] = -1
+        pair = scene.arm_pair
+        trees[:-1][scene.geoms(pair.base_body(arm)) & ~scene.geoms(pair.hand_body(arm))] = -1
     return trees
 
 
-def _first_geoms(scene: Scene, camera: str) -> NDArray[np.int32]:
-    """The geom that each ray of a camera meets first, -1 for none."""
+def _first_geoms(scene: Scene, camera: str) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The geom that each ray of a camera meets first, -1 for none, and the area that the ray stands for there, m2."""
     model, data = scene.model, scene.data
     index = model.camera(camera).id
     rows, columns = RAYS
@@ -131,4 +133,4 @@ def _first_geoms(scene: Scene, camera: str) -> NDArray[np.int32]:
         len(rays),
         model.vis.map.zfar * model.stat.extent,
     )
-    return geoms
+    return geoms, np.square(2 * half_height / rows * distances)
