@@ -59,7 +59,7 @@ class Quality:
 
 
 class Pixels(NamedTuple):
-    """What one camera sees, top row first, as it was drawn: twice as large where edges are soft.
+    """What one camera sees as OpenGL draws it: bottom row first, and twice as large where edges are soft.
 
     Attributes:
         rgb: (rows, columns, 3) uint8.
@@ -127,7 +127,7 @@ class Offscreen:
         self._gl.make_current()
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, camera_id: int) -> Pixels:
-        """A fresh image of a scene from one of the model's cameras."""
+        """What one of the model's cameras sees of a scene."""
         rgb = np.empty((*self._shape, 3), np.uint8)
         nearness = np.empty(self._shape, np.float32)
         self._camera.fixedcamid = camera_id
@@ -139,12 +139,12 @@ class Offscreen:
             )
         mujoco.mjr_render(self._rect, scene, self._mjr)
         mujoco.mjr_readPixels(rgb, nearness, self._rect, self._mjr)
-        return Pixels(np.ascontiguousarray(rgb[::-1]), np.ascontiguousarray(nearness[::-1]))
+        return Pixels(rgb, nearness)
 
     def rgb(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The colours of an image (height, width, 3) from those that were drawn."""
+        """The colours of an image (height, width, 3), top row first, from those that were drawn."""
         if not self.is_soft:
-            return drawn
+            return np.ascontiguousarray(drawn[::-1])
         # 1 2 1 along columns, then along rows; as lines of bytes NumPy goes several times as fast.
         lines = drawn.reshape(len(drawn), -1)
         sums = lines[1::2].astype(np.uint16)
@@ -156,12 +156,12 @@ class Offscreen:
         means += sums[:, 6:]
         means += 8
         means >>= 4
-        every_second = means.astype(np.uint8).view("V3")[:, ::2]
+        every_second = means.astype(np.uint8).view("V3")[::-1, ::2]
         return np.ascontiguousarray(every_second).view(np.uint8).reshape(len(means), -1, 3)
 
     def centres[Number: np.generic](self, drawn: NDArray[Number]) -> NDArray[Number]:
-        """What was drawn (rows, columns) at the middles of an image's pixels."""
-        return drawn[1::2, 1::2] if self.is_soft else drawn
+        """What was drawn (rows, columns) at the middles of an image's pixels, top row first."""
+        return drawn[::-1][1::2, 1::2] if self.is_soft else drawn[::-1]
 
     def depth_m(self, nearness: NDArray[np.float32]) -> NDArray[np.float32]:
         """Metres along the optical axis, of the same shape."""
