@@ -21,6 +21,8 @@ type Moves = Iterator[Move]
 JOINT_SPEED_RAD_S = 1.9
 TURN_RAD_S = 2.5
 DAMPING = 1e-4
+SLOWER = 1.3
+"""Of a motion that starts and ends smoothly, against one at the same speed all the way."""
 
 
 class OutOfReach(Exception):
@@ -83,12 +85,13 @@ class Hand:
         yield from self.follow(line, JOINT_SPEED_RAD_S, way_m / speed_m_s)
 
     def follow(self, knots: NDArray, speed_rad_s: float, least_s: float = 0.0) -> Moves:
-        """Through joints (n, 7), and wait until the arm has caught up."""
+        """Through joints (n, 7) with a smooth start and end, and wait until the arm has caught up."""
         path = np.vstack([self.joints, knots])
         steps = np.abs(np.diff(path, axis=0)).max(axis=1)
         shares = np.append(0.0, np.cumsum(steps)) / max(steps.sum(), 1e-9)
-        ticks = int(np.ceil(max(steps.sum() / speed_rad_s, least_s) / TICK_S))
-        for share in np.arange(1, ticks + 1) / max(ticks, 1):
+        ticks = int(np.ceil(SLOWER * max(steps.sum() / speed_rad_s, least_s) / TICK_S))
+        times = np.arange(1, ticks + 1) / max(ticks, 1)
+        for share in times**2 * (3 - 2 * times):
             yield self.tick([np.interp(share, shares, column) for column in path.T])
         yield from self.hold(2)
 
