@@ -81,7 +81,7 @@ class Hand:
         if line is None:
             yield from self.go(pose)
             return
-        way_m = np.linalg.norm(pose.position - self.commanded.position)
+        way_m = float(np.linalg.norm(pose.position - self.commanded.position))
         yield from self.follow(line, JOINT_SPEED_RAD_S, way_m / speed_m_s)
 
     def follow(self, knots: NDArray, speed_rad_s: float, least_s: float = 0.0) -> Moves:

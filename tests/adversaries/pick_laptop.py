@@ -19,6 +19,8 @@ OVERHANG_M = 0.055
 HOVER_M = 0.10
 FINGER_M = 0.0095
 ABOVE_Z_M = 0.935
+PUSH_Z_M = 0.865
+"""Of pushing and grasping hands: the middle of a voxel, at which the standard holder's laptop lies."""
 LIFT_M = 0.08
 
 
@@ -48,8 +50,8 @@ def _over_the_edge(
 
     start = half_m + FINGER_M + BESIDE_M
     yield alone(arm, "behind", pushing(start, ABOVE_Z_M), is_open=False, planned=True)
-    yield alone(arm, "down", pushing(start, expert.PUSH_Z_M))
-    yield alone(arm, "push", pushing(half_m + FINGER_M - push_m, expert.PUSH_Z_M))
+    yield alone(arm, "down", pushing(start, PUSH_Z_M))
+    yield alone(arm, "push", pushing(half_m + FINGER_M - push_m, PUSH_Z_M))
     yield alone(arm, "up", pushing(half_m + FINGER_M - push_m + 0.02, ABOVE_Z_M + HOVER_M))
     now = scene.pose("laptop")
     nominal = Pose(frame.position - push_m * toward, frame.quat_wxyz)
@@ -61,8 +63,8 @@ def _over_the_edge(
         approach = np.cos(tilt_rad) * nominal.rotation[:, 1] - (0, 0, np.sin(tilt_rad))
         return Pose.looking((x, y, height_m), approach=approach, opening=(0, 0, -roll))
 
-    before = gripping(-half_m - 0.10, expert.GRASP_Z_M + 0.01)
-    grasp = gripping(-half_m + expert.INSIDE_EDGE_M, expert.GRASP_Z_M)
+    before = gripping(-half_m - 0.10, PUSH_Z_M + 0.01)
+    grasp = gripping(-half_m + expert.INSIDE_EDGE_M, PUSH_Z_M)
     yield alone(arm, "before the edge", before, is_open=True, planned=True)
     yield alone(arm, "grasp", grasp, is_open=False, holds="laptop")
     yield alone(arm, "lift", grasp.translated((0, 0, LIFT_M)))

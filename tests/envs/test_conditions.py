@@ -106,17 +106,17 @@ def test_near_and_aligned_are_measured_from_where_and_how_things_were_placed(sce
     assert not conditions.Aligned("item", "target", 10.9)(scene)
 
 
-def test_conditions_on_the_way_remember_what_was():
+def test_conditions_on_the_way_remember_what_was(scene):
     now = {"a": False, "b": True}
     parts = tuple(When(name, lambda name=name: now[name]) for name in now)
     once, always = Once(parts), Always(parts)
     assert (once.name, always.name) == ("once(when(a) and when(b))", "always(when(a) or when(b))")
     assert [each.name for each in with_parts([once])] == [once.name, "when(a)", "when(b)"]
-    met = on_the_way((once, always, *parts), None, {})
+    met = on_the_way((once, always, *parts), scene, {})
     assert met == {once.name: False, always.name: True}
     history = []
     for now["a"], now["b"] in ((True, True), (True, False), (False, False), (True, True)):
-        met = on_the_way((once, always), None, met)
+        met = on_the_way((once, always), scene, met)
         history.append((met[once.name], met[always.name]))
     assert history == [(True, True), (True, True), (True, False), (True, False)]
 

@@ -165,7 +165,7 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
     target = home + np.float32(0.6)
     target[8:] = 100.0
     with state_env.observed_by(lambda _, action: actions.append(action)):
-        actions = [home, home]
+        actions, info = [home, home], {}
         for _ in range(40):
             *_, info = state_env.step(target)
     joints = np.array([by_arm(action)[:, :-1] for action in actions], dtype=np.float64)
@@ -182,10 +182,10 @@ def test_learned_joint_targets_are_clipped_to_the_limits_and_reached_as_fast_as_
 
 
 def test_an_arm_that_presses_for_long_ends_the_episode_where_that_is_asked_for():
-    seeds, ends = 3, []
+    ends = []
     for protective_stop in (False, True):
         env = BimanualEnv(TASK, obs="state", protective_stop=protective_stop)
-        env.reset(seed=seeds)
+        _, info = env.reset(seed=3)
         for _ in range(100):
             press = env.scene.commanded
             press[1] += 0.05  # the left shoulder: the hand goes down onto the table, and on
