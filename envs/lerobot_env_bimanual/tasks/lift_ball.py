@@ -53,8 +53,8 @@ def _stand(radius_m: float) -> Pedestal:
 
 APPROACH_GAP_M = 0.06
 """Distance from the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
-SQUEEZE_SHARE = 1 / 15
-"""The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
+SQUEEZE_SHARE = 1 / 18
+"""Of the radius. The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
 
 

@@ -12,7 +12,7 @@ hand approaches at 58 degrees below the horizontal, nearly in the plane of the r
 degrees, since the plate strikes an upright one when it swings.
 
 In the setting `varied` five numbers decide: the plate, 14 to 17 cm wide, lies on a pedestal of any height up to 8 cm, and the
-fingers reach its rim only between two posts, which forgive a centimetre and turn with the pedestal by 30 degrees.
+fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ RIM_RISE = 0.49
 """Of varied plates: rise of the rim over its run, so that all of them tip, and are pinched, at the same angles."""
 VARIED_HEIGHT_M = 0.08
 VARIED_YAW_RAD = np.deg2rad(15.0)
-POSTS_M = ((0.009, -0.024, 0.066), (0.009, 0.024, 0.066))
-"""Behind the rim's edge, aside, and their height."""
+SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
+"""Walls stand this far aside of where the rim is pinched, as thick, wide and high as this, 4 mm from the rim's edge."""
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-20.0)
@@ -76,8 +76,9 @@ RAISE_TO_M = 1.125
 
 def _varied(radius_m: float) -> tuple[Prop, ...]:
     height_m = WELL_Z_M + RIM_RISE * (radius_m - WELL_RADIUS_M)
-    posts = tuple((radius_m + x, y, z) for x, y, z in POSTS_M)
-    stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, posts_m=posts)
+    x, (thick, wide, high) = radius_m + WALL_M[0] / 2 + 0.004, WALL_M
+    walls = tuple((x, side * (SLOT_HALF_M + wide / 2), thick, wide, high) for side in (-1, 1))
+    stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, walls_m=walls)
     return replace(PLATE, radius_m=radius_m, height_m=height_m), stand
 
 
