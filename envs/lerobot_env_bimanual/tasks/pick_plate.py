@@ -51,7 +51,7 @@ SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
 """Walls stand this far aside of where the rim is pinched, as thick, wide and high as this, 4 mm from the rim's edge."""
 
 # Positions are in the plate's axes while it lies flat.
-ASIDE_RAD = np.deg2rad(-20.0)
+ASIDE_RAD = np.deg2rad(-25.0)
 """Angle from the direction of the right arm to the plate's x axis; the arm cannot lift a pitched hand straight before itself."""
 
 # The left hand: closed, leaning back, on the far side of the rim.
