@@ -12,6 +12,7 @@ from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 
 def sleepers(scene: Scene) -> int:
@@ -29,6 +30,17 @@ def test_a_thing_at_rest_sleeps_until_a_reset_and_the_arms_never_do():
     assert sleepers(scene) == 0
     scene.place("item", Pose.upright((0.1, -0.2, 0.9)))
     assert scene.pose("item").position == pytest.approx((0.1, -0.2, 0.9))
+
+
+def test_a_rope_is_laid_down_at_rest_and_sleeps_after_a_tick():
+    env = BimanualEnv("straighten_rope", split="val", obs="state")
+    env.reset(seed=0)
+    scene, ends_m = env.scene, [env.scene.pose(body).position for body in ("rope", "rope_17")]
+    assert sleepers(scene) == 1
+    assert scene.data.time == pytest.approx(TICK_S)  # of settling
+    env.step(scene.commanded)
+    assert np.allclose([scene.pose(body).position for body in ("rope", "rope_17")], ends_m, atol=1e-6)
+    env.close()
 
 
 @pytest.mark.sim
