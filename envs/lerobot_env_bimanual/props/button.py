@@ -13,7 +13,6 @@ STEEL = (0.70, 0.71, 0.73, 1.0)
 
 HALF_SIDE_M = 0.05
 BASE_HEIGHT_M = 0.021
-CAP_RADIUS_M = 0.028
 CAP_HEIGHT_M = 0.014
 CAP_MASS_KG = 0.0685
 STROKE_M = CAP_HEIGHT_M
@@ -38,9 +37,11 @@ class Button:
     Attributes:
         name: body and geom of the base, which carries the button's colour. The cap's body and joint are called
             `<name>_cap`; the joint is 0 m at rest and negative when pressed.
+        cap_radius_m: of that cap.
     """
 
     name: str
+    cap_radius_m: float = 0.028
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the base, its trimmings, and the cap on its spring."""
@@ -59,15 +60,15 @@ class Button:
             springref=CAP_MASS_KG * GRAVITY_M_S2 / STIFFNESS_N_M,  # carries the cap, so that it rests at 0
         )
         add_cylinder(
-            cap, (0, 0, CAP_HEIGHT_M / 2), CAP_RADIUS_M, CAP_HEIGHT_M / 2, mass=CAP_MASS_KG, rgba=RED
+            cap, (0, 0, CAP_HEIGHT_M / 2), self.cap_radius_m, CAP_HEIGHT_M / 2, mass=CAP_MASS_KG, rgba=RED
         )
-        top = (0.75 * CAP_RADIUS_M, COLLAR_HALF_HEIGHT_M / 3)
+        top = (0.75 * self.cap_radius_m, COLLAR_HALF_HEIGHT_M / 3)
         add_cylinder(cap, (0, 0, CAP_HEIGHT_M), *top, rgba=HIGHLIGHT, **VISUAL_ONLY)
         spec.add_exclude(bodyname1=self.name, bodyname2=cap.name)  # the cap sinks into the base
 
     def _add_trimmings(self, base) -> None:
         """A collar around the cap and a screw in each corner."""
-        collar = (CAP_RADIUS_M + COLLAR_MARGIN_M, COLLAR_HALF_HEIGHT_M)
+        collar = (self.cap_radius_m + COLLAR_MARGIN_M, COLLAR_HALF_HEIGHT_M)
         add_cylinder(base, (0, 0, BASE_HEIGHT_M), *collar, rgba=COLLAR, **VISUAL_ONLY)
         screw = (SCREW_RADIUS_M, COLLAR_HALF_HEIGHT_M / 2)
         for x, y in product((-SCREW_OFFSET_M, SCREW_OFFSET_M), repeat=2):

@@ -14,7 +14,8 @@ of the table, the first colour's in the right one, so that order and places give
 hand takes the nearer to its side of the two, whichever is named first. Pressing the third button in addition
 does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
 
-In the setting `varied` each button stands on a pedestal of its own height, up to 8 cm: six numbers decide.
+In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide
+instead of 56.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
 HOVER_M, PRESS_M = 0.115, 0.035
 """Above a button's foot; on the table centres of voxels. At the second the fingertips stand 4 mm above the base."""
 
+VARIED_CAP_RADIUS_M = 0.012
 STANDS = tuple(Pedestal(f"{button}_stand", (0.10, 0.10), depth_m=0.08) for button in (RIGHT, LEFT, OTHER))
 
 
@@ -87,7 +89,7 @@ class DualPushButtons(Task):
         ),
         taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
         props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
-        varied=((Button(RIGHT), Button(LEFT), Button(OTHER), *STANDS),),
+        varied=((*(Button(name, VARIED_CAP_RADIUS_M) for name in (RIGHT, LEFT, OTHER)), *STANDS),),
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=160,
         needs_both_arms=True,
