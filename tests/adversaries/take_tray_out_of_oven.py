@@ -49,9 +49,8 @@ def _in_turn(
         yield alone(arm, "open", handle(door))
     yield alone(arm, "open", handle(door_rad[-1]), is_open=True)
     yield alone(arm, "back", handle(door_rad[-1]).advanced(-expert.BACK_M))
-    grasp = oven @ expert.hand(
-        (expert.TRAY_EDGE_M + expert.INSERT_M, 0, expert.TRAY_M[2]), fingers_swapped=tray_swapped
-    )
+    near_m = expert.INSERT_M - expert.TRAY.size_m[0] / 2
+    grasp = scene.pose("tray") @ expert.hand((near_m, 0, 0), fingers_swapped=tray_swapped)
     outside = (OVEN.front_m + expert.WAIT_M[0], 0, expert.WAIT_M[2])  # of the door's sweep, until it is down
     yield alone(arm, "wait", oven @ expert.hand(outside, fingers_swapped=tray_swapped))
     yield alone(arm, "before the tray", grasp.advanced(-expert.BEFORE_TRAY_M))

@@ -59,11 +59,13 @@ class DrawerCabinet:
         name: body; also the prefix of the drawers' bodies (`..._top`) and slides (`..._top_slide`).
         handle_half_length_m: of the straight part of a drawer's bar.
         handle_radius_m: of that bar.
+        longer_legs_m: by how much the legs go on below the frame, so that the cabinet can be placed higher.
     """
 
     name: str = "cabinet"
-    handle_half_length_m: float = 0.05
+    handle_half_length_m: float = 0.0375
     handle_radius_m: float = 0.0075
+    longer_legs_m: float = 0.0
 
     @property
     def top_m(self) -> float:
@@ -111,10 +113,11 @@ class DrawerCabinet:
     def _add_legs(self, spec, body) -> None:
         top, foot = LEG_RADIUS_M
         mesh = f"{self.name}_leg"
-        add_mesh(spec, mesh, lathe([(0, 0), (foot, 0), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)]))
+        low, half = -self.longer_legs_m, (LEG_HEIGHT_M + self.longer_legs_m) / 2
+        add_mesh(spec, mesh, lathe([(0, low), (foot, low), (top, LEG_HEIGHT_M), (0, LEG_HEIGHT_M)]))
         for x, y in product((-(SIDE_M / 2 - LEG_INSET_M), SIDE_M / 2 - LEG_INSET_M), repeat=2):
             draw_mesh(body, mesh, pos=(x, y, 0), rgba=LEG)
-            add_cylinder(body, (x, y, LEG_HEIGHT_M / 2), top, LEG_HEIGHT_M / 2, **UNSEEN)
+            add_cylinder(body, (x, y, low + half), top, half, **UNSEEN)
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))

@@ -51,8 +51,6 @@ HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
 POST_RADIUS_M = 0.008
 
-RACK_M = 0.2885
-"""Middle of the rack, above the table."""
 RACK_BEHIND_FRONT_M = 0.07
 RACK_HALF_M = (0.145, 0.235, 0.005)
 RACK_MASS_KG = 1.363
@@ -75,11 +73,13 @@ class Oven:
             its slide (`..._slide`).
         handle_y_m: right and left end of the door's handle. It is short, so that a gripper has to aim.
         handle_radius_m: of that handle.
+        rack_m: height of the rack's middle above the table.
     """
 
     name: str = "oven"
     handle_y_m: tuple[float, float] = (-0.085, 0.085)
     handle_radius_m: float = 0.010
+    rack_m: float = 0.2885
 
     @property
     def top_m(self) -> float:
@@ -94,7 +94,7 @@ class Oven:
     @property
     def rack_top_m(self) -> float:
         """Height of what lies on the rack, above the table."""
-        return RACK_M + RACK_HALF_M[2]
+        return self.rack_m + RACK_HALF_M[2]
 
     def handle(self, door_rad: float, y_m: float, beyond_m: float = 0.0) -> NDArray[np.float64]:
         """(3,) a point of the door's handle in the oven's frame, m.
@@ -152,7 +152,7 @@ class Oven:
         ):
             draw_box(body, position, size, material=liner)
         draw_box(body, (0.03, 0, CEILING_M - 0.006), (0.035, 0.06, 0.006), material=f"{self.name}_lamp")
-        rail_z = RACK_M - RACK_HALF_M[2] - RAIL_HALF_M[2]
+        rail_z = self.rack_m - RACK_HALF_M[2] - RAIL_HALF_M[2]
         for side in (-1, 1):
             add_box(body, (0.02, side * (y - RAIL_HALF_M[1]), rail_z), RAIL_HALF_M, rgba=WIRE)
 
@@ -194,7 +194,7 @@ class Oven:
     def _add_rack(self, oven) -> None:
         """A plate in physics, a grid of wires for the eye."""
         rack_x = self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]
-        rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, RACK_M))
+        rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, self.rack_m))
         rack.add_joint(
             name=f"{self.name}_slide",
             type=mujoco.mjtJoint.mjJNT_SLIDE,

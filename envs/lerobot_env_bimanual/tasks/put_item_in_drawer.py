@@ -7,11 +7,11 @@ item up from the cabinet's top, and holds it over the drawer as soon as that is 
 Departures from the original: the item must lie inside the drawer with no arm touching it; the original is satisfied
 as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a brake of 0.6 N
 and a damping of 2 N s/m keep a drawer where it was left (the original's slide freely), and cabinet and drawers pass
-through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 24 x
-20 cm instead of the whole workspace.
+through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 40 x
+20 cm, as far as both arms reach, instead of the whole workspace.
 
-In the setting `varied` seven numbers decide: the cabinet's place, heading and height (its legs reach up to 8 cm into the table),
-and where on its top the item lies, and how it is turned. Handles are knobs 4 cm wide, and the item, 6 cm wide, nearly fills
+In the setting `varied` seven numbers decide: the cabinet's place, heading and height (legs longer by up to 8 cm), and where on
+its top the item lies, and how it is turned. Handles are round knobs, 56 mm wide, and the item is 6 cm wide: both nearly fill
 the open hand.
 
 A hand must have held the item: otherwise an arm that sweeps over the cabinet may push it off the top and pull the top drawer
@@ -39,16 +39,20 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))
-AREA = PlacementArea(center_m=(0.25, -0.03), half_size_m=(0.12, 0.10), half_yaw_rad=np.deg2rad(22.5))
+AREA = PlacementArea(center_m=(0.28, -0.11), half_size_m=(0.20, 0.10), half_yaw_rad=np.deg2rad(22.5))
 CABINET_OFFSET_M = (0.025, -0.25)
 """Offset from the point that is drawn, about which the cabinet is turned, to its middle (decoded from RLBench's task file)."""
 ITEM_OFFSET_M = (0.025, 0.10)
 """Position in the cabinet's axes."""
 
-VARIED_CABINET = DrawerCabinet("cabinet", handle_half_length_m=0.004, handle_radius_m=0.018)
+VARIED_RISE_M = 0.08
+VARIED_CABINET = DrawerCabinet(
+    "cabinet", handle_half_length_m=0.002, handle_radius_m=0.028, longer_legs_m=VARIED_RISE_M
+)
 VARIED_ITEM = replace(ITEM, size_m=(0.06, 0.06, 0.04))
-VARIED_SUNK_M = 0.08
-VARIED_ITEM_M = ((-0.06, 0.0), (0.10, 0.13))
+VARIED_AREA = PlacementArea(center_m=(0.34, -0.12), half_size_m=(0.14, 0.09), half_yaw_rad=np.deg2rad(22.5))
+"""Nearer to the right arm, so that it reaches all of the top."""
+VARIED_ITEM_M = ((-0.06, 0.02), (0.13, 0.14))
 VARIED_YAW_RAD = np.deg2rad(30.0)
 
 # The left hand: towards the front, its fingers above and below the bar.
@@ -94,10 +98,11 @@ class PutItemInDrawer(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Cabinet on the table, opening towards +y, item on top of it."""
-        cabinet = AREA.sample(rng, TABLE_HEIGHT_M) @ Pose.upright((*CABINET_OFFSET_M, 0))
+        area = VARIED_AREA if scene.is_varied else AREA
+        cabinet = area.sample(rng, TABLE_HEIGHT_M) @ Pose.upright((*CABINET_OFFSET_M, 0))
         item_m, yaw_rad = ITEM_OFFSET_M, 0.0
         if scene.is_varied:
-            cabinet = cabinet.translated((0, 0, -rng.uniform(0, VARIED_SUNK_M)))
+            cabinet = cabinet.translated((0, 0, rng.uniform(0, VARIED_RISE_M)))
             item_m, yaw_rad = rng.uniform(*VARIED_ITEM_M), rng.uniform(-1, 1) * VARIED_YAW_RAD
         scene.place("cabinet", cabinet)
         scene.place("item", cabinet @ Pose.upright((*item_m, CABINET.top_m + ITEM.size_m[2] / 2), yaw_rad))

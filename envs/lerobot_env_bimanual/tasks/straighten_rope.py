@@ -10,12 +10,14 @@ thick and its ends are knots of 24 mm: fingers that come down a voxel too high c
 end. Ends and plates have matching colours, blue for the tail and red for the head; the original's plates are both
 green. Both ends are held while it counts, as in the original.
 
-In the setting `varied` the rope is shifted and turned from where it lies between the plates: six numbers decide.
+In the setting `varied` seven numbers decide: the plates' place, direction and distance, which is that of a rope 35 to 41 cm long,
+and how the rope is shifted and turned from where it lies between them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,6 +48,7 @@ HEAD_START_M = np.array([-0.020, -0.067])
 ON_PLATE_M = ((-0.05, -0.03, -0.002), (0.05, 0.03, 0.018))
 """The box in which an end counts, in the plate's frame (PerAct2 code)."""
 
+VARIED_PITCHES_M = (0.0205, 0.0225, 0.024)
 VARIED_OFFSET_M, VARIED_YAW_RAD = np.array([0.05, 0.04]), np.deg2rad(20.0)
 """How far the rope lies elsewhere, and is turned, from where it lies in `standard`."""
 
@@ -75,6 +78,9 @@ class StraightenRope(Task):
         ),
         taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
         props=(TAIL_PLATE, HEAD_PLATE, ROPE),
+        varied=tuple(
+            (TAIL_PLATE, HEAD_PLATE, replace(ROPE, pitch_m=pitch_m)) for pitch_m in VARIED_PITCHES_M
+        ),
         success=(
             Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),
             Inside(ROPE.head, "head_plate", *ON_PLATE_M),
@@ -84,17 +90,18 @@ class StraightenRope(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Two plates in any direction, the rope in the shape of an S beside the line between them."""
-        middle = AREA.sample(rng, TABLE_HEIGHT_M)
-        scene.place("tail_plate", middle @ Pose.upright((0, PLATE_OFFSET_M, 0)))
-        scene.place("head_plate", middle @ Pose.upright((0, -PLATE_OFFSET_M, 0)))
+        middle, rope = AREA.sample(rng, TABLE_HEIGHT_M), scene.prop(Rope, ROPE.name)
+        scale = rope.pitch_m / ROPE.pitch_m
+        scene.place("tail_plate", middle @ Pose.upright((0, scale * PLATE_OFFSET_M, 0)))
+        scene.place("head_plate", middle @ Pose.upright((0, -scale * PLATE_OFFSET_M, 0)))
         if scene.is_varied:
             offset_m, yaw_rad = rng.uniform(-1, 1, 2) * VARIED_OFFSET_M, rng.uniform(-1, 1) * VARIED_YAW_RAD
             middle @= Pose.upright((*offset_m, 0), yaw_rad)
         along = HEAD_START_M - TAIL_START_M
-        heading_rad = np.arctan2(along[1], along[0]) + ROPE.tail_heading_rad
-        laid = middle @ Pose.upright((*TAIL_START_M, ROPE.knot_radius_m), heading_rad)
-        at_rest_from_laid, joints = at_rest(ROPE, ROPE.knot_radius_m)
-        scene.place("rope", laid @ at_rest_from_laid, joints)
+        heading_rad = np.arctan2(along[1], along[0]) + rope.tail_heading_rad
+        laid = middle @ Pose.upright((*scale * TAIL_START_M, rope.knot_radius_m), heading_rad)
+        at_rest_from_laid, joints = at_rest(rope, rope.knot_radius_m)
+        scene.place(ROPE.name, laid @ at_rest_from_laid, joints)
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:

@@ -5,21 +5,23 @@ opens the door and makes way, while the left hand already waits where it reaches
 
 Departures from the original: every point of the tray must be above the oven's top while both fingers of one hand hold
 it, as the paper's text has it; the original's code asks only that the tray has left its rack and is released. The
-oven turns by 20 degrees to either side of 65 and moves by 17 cm along x and y; the original turns it by 45 degrees to
-either side of 53 and moves it by 30 x 55 cm, most of which is out of reach of one arm or the other. The door weighs
+oven turns by 32 degrees to either side of 70, about a point 48 cm before its middle that lies anywhere in 30 x 28 cm, so that
+its middle moves by 65 x 40 cm; the original turns it by 45 degrees to either side of 53. The door weighs
 0.8 kg instead of 0.1, its brake holds 0.15 N m instead of 1.0, and its hinge is damped by 3 N m s, so that it sinks
 open by itself when it is let go of half-way: a horizontal hand cannot follow its handle all the way down. The rack's
 brake is 0.5 N instead of 0.1, and damped by 2 N s/m. The bar of the door and the grip of the tray are short and stand
 proud, the bar by 50 mm, the grip by 43 mm: a bar and a lip as wide as the original's let a motion that ignores the
 scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
 
-In the setting `varied` five numbers decide: the oven's place, heading and height (it reaches up to 6 cm into the table), and how far
-to a side the tray lies on its rack. The bar is 4 cm long, the grip of the tray 4 cm wide and 4.5 cm high.
+In the setting `varied` six numbers decide: the oven's place and heading, on which of four heights its rack is, and how far to
+a side, and how much turned, the tray lies on it. The bar is 4 cm long and thick, the grip of the tray 4 cm wide and 54 mm
+high, so that an open hand has a centimetre to spare.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,14 +38,18 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 OVEN = Oven("oven")
 TRAY = BakingTray("tray")
-AREA = PlacementArea(center_m=(0.50, 0.335), half_size_m=(0.085, 0.085), half_yaw_rad=np.deg2rad(20.0))
-VARIED_OVEN = Oven("oven", handle_y_m=(-0.08, -0.04), handle_radius_m=0.015)
-VARIED_TRAY = BakingTray("tray", handle_size_m=(0.043, 0.04), handle_height_m=0.045)
-VARIED_SUNK_M, VARIED_ASIDE_M = 0.06, 0.05
-MEAN_YAW_RAD = np.deg2rad(65.0)
+AREA = PlacementArea(center_m=(0.32, 0.02), half_size_m=(0.15, 0.14), half_yaw_rad=np.deg2rad(32.0))
+"""Of a point before the oven, about which it is turned towards both arms."""
+MEAN_YAW_RAD, BEHIND_M = np.deg2rad(70.0), 0.48
+"""Heading of the oven, and distance of its middle from that point."""
 TRAY_EDGE_M = OVEN.front_m + 0.022
 """Where the tray's handle begins, in the oven's frame: 48 mm of it overhang the rack."""
-TRAY_M = (TRAY_EDGE_M + TRAY.size_m[0] / 2, 0.0, OVEN.rack_top_m + TRAY.size_m[2] / 2)
+TRAY_X_M = TRAY_EDGE_M + TRAY.size_m[0] / 2
+
+VARIED_RACKS_M = (0.225, 0.255, 0.285, 0.315)
+VARIED_OVEN = Oven("oven", handle_y_m=(-0.08, -0.04), handle_radius_m=0.02)
+VARIED_TRAY = BakingTray("tray", handle_size_m=(0.043, 0.04), handle_height_m=0.054)
+VARIED_ASIDE_M, VARIED_YAW_RAD = 0.05, np.deg2rad(10.0)
 
 # The right hand: its fingers above and below the bar, pitched up with the door by a share of its angle, because
 # below a hand that followed all the way there would be no room for it.
@@ -94,7 +100,7 @@ class TakeTrayOutOfOven(Task):
         ),
         taxonomy=Taxonomy.of("temporal prehensile"),
         props=(OVEN, TRAY),
-        varied=((VARIED_OVEN, VARIED_TRAY),),
+        varied=tuple((replace(VARIED_OVEN, rack_m=rack_m), VARIED_TRAY) for rack_m in VARIED_RACKS_M),
         success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),
         horizon_ticks=520,
     )
@@ -102,10 +108,11 @@ class TakeTrayOutOfOven(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Oven closed in its corner, turned a little, tray on the rack."""
         oven = AREA.sample(rng, TABLE_HEIGHT_M) @ Pose.upright((0, 0, 0), MEAN_YAW_RAD)
-        tray = Pose.upright(TRAY_M)
+        oven @= Pose.upright((BEHIND_M, 0, 0))
+        tray = Pose.upright((TRAY_X_M, 0, scene.prop(Oven, "oven").rack_top_m + TRAY.size_m[2] / 2))
         if scene.is_varied:
-            oven = oven.translated((0, 0, -rng.uniform(0, VARIED_SUNK_M)))
-            tray = tray.translated((0, rng.uniform(-1, 1) * VARIED_ASIDE_M, 0))
+            aside_m, yaw_rad = rng.uniform(-1, 1, 2) * (VARIED_ASIDE_M, VARIED_YAW_RAD)
+            tray @= Pose.upright((0, aside_m, 0), yaw_rad)
         scene.place("oven", oven)
         scene.place("tray", oven @ tray)
         return True
@@ -122,8 +129,7 @@ class TakeTrayOutOfOven(Task):
         wait = oven @ hand(
             (OVEN.front_m + WAIT_M[0], WAIT_M[1], WAIT_M[2]), -WAIT_DOWN_RAD, fingers_swapped=True
         )
-        aside_m = oven.inverse().apply(scene.pose("tray").position)[1]
-        grasp = oven @ hand((TRAY_EDGE_M + INSERT_M, aside_m, TRAY_M[2]), fingers_swapped=True)
+        grasp = scene.pose("tray") @ hand((INSERT_M - TRAY.size_m[0] / 2, 0, 0), fingers_swapped=True)
         yield Stage("approach", wait, handle(0).advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage("grasp handle", right=handle(0), right_open=False)
         for door_rad in DOOR_RAD[:-1]:
