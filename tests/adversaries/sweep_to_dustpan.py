@@ -87,14 +87,15 @@ def _sweep(env: BimanualEnv, arm: Arm, speed_m_s: float, yaw_rad: float) -> Move
     hand, scene = Hand(env, arm), env.scene
     x, y, _ = scene.pose(expert.BROOM.name).position
     pan = scene.pose(expert.PAN.name)
-    grasp = Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=(-1, 0, 0))
+    grip_z_m = TABLE_HEIGHT_M + expert.BROOM.height_m - expert.BELOW_END_M
+    grasp = Pose.looking((x, y, grip_z_m), approach=(0, 0, -1), opening=(-1, 0, 0))
 
     def sweeping(ahead_m: float) -> Pose:
         x, y, _ = pan.apply((0, ahead_m, 0))
         along = pan.rotation @ (-np.cos(yaw_rad), -np.sin(yaw_rad), 0)
-        return Pose.looking((x, y, expert.GRIP_Z_M), approach=(0, 0, -1), opening=along)
+        return Pose.looking((x, y, grip_z_m), approach=(0, 0, -1), opening=along)
 
-    behind = sweeping(expert.SWEEP_FROM_M)
+    behind = sweeping(expert.DIRT_HALF_M[1] - expert.PAN_Y_M + expert.BEHIND_DIRT_M)
     yield from hand.go(grasp.advanced(-expert.ABOVE_M))
     yield from hand.line(grasp)
     yield from hand.grip(0.0)

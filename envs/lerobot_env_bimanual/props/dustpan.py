@@ -137,11 +137,11 @@ class Crumb:
     Attributes:
         name: body.
         radius_m: of the ball.
-        mass_kg: about that of water; the original's half milligram is too light to simulate.
+        mass_kg: that of dry earth; the original's half milligram is too light to simulate.
     """
 
     name: str
-    radius_m: float = 0.015
+    radius_m: float = 0.019
     mass_kg: float = 0.015
 
     def add_to(self, spec: mujoco.MjSpec) -> None:

@@ -50,6 +50,8 @@ HANDLE_Z_M = 0.2935
 HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
 POST_RADIUS_M = 0.008
+SHORT_BAR_M = 0.06
+"""Up to which length a bar has one post, in the middle, instead of two at its ends."""
 
 RACK_BEHIND_FRONT_M = 0.07
 RACK_HALF_M = (0.145, 0.235, 0.005)
@@ -188,7 +190,7 @@ class Oven:
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
         bar = {"mass": 0.05, "friction": (1.0, 0.01, 0.0001), "rgba": METAL}
         add_capsule(door, (x, right, z, x, left, z), self.handle_radius_m, **bar)
-        for y in self.handle_y_m:
+        for y in self.handle_y_m if left - right > SHORT_BAR_M else [(right + left) / 2]:
             add_capsule(door, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, rgba=METAL)
 
     def _add_rack(self, oven) -> None:

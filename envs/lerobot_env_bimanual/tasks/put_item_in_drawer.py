@@ -8,7 +8,7 @@ Departures from the original: the item must lie inside the drawer with no arm to
 as soon as the item passes the drawer's volume, in the hand or not. The handle stands off by 40 mm, a brake of 0.6 N
 and a damping of 2 N s/m keep a drawer where it was left (the original's slide freely), and cabinet and drawers pass
 through each other, so that they never jam. The item falls 4 cm onto the drawer's floor. Placements spread over 40 x
-20 cm, as far as both arms reach, instead of the whole workspace.
+24 cm, as far as both arms reach, instead of the whole workspace.
 
 In the setting `varied` seven numbers decide: the cabinet's place, heading and height (legs longer by up to 8 cm), and where on
 its top the item lies, and how it is turned. Handles are round knobs, 56 mm wide, and the item is 6 cm wide: both nearly fill
@@ -39,7 +39,7 @@ from lerobot_env_bimanual.world.scene_view import SceneView
 
 CABINET = DrawerCabinet("cabinet")
 ITEM = Block("item", size_m=(0.04, 0.04, 0.04), mass_kg=0.064, rgba=(0.45, 0.45, 0.95, 1.0))
-AREA = PlacementArea(center_m=(0.28, -0.11), half_size_m=(0.20, 0.10), half_yaw_rad=np.deg2rad(22.5))
+AREA = PlacementArea(center_m=(0.29, -0.14), half_size_m=(0.20, 0.12), half_yaw_rad=np.deg2rad(22.5))
 CABINET_OFFSET_M = (0.025, -0.25)
 """Offset from the point that is drawn, about which the cabinet is turned, to its middle (decoded from RLBench's task file)."""
 ITEM_OFFSET_M = (0.025, 0.10)

@@ -8,14 +8,18 @@ Departures from the original: broom and pan are real bodies, held by friction, a
 contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
 latter turned by up to 15 degrees; there they never move, so that a motion that ignores the scene would sweep
 every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper
-end from above, since the stick cannot pass through a palm. Lumps of dirt are 30 mm wide instead of 10 mm, to be
+end from above, since the stick cannot pass through a palm. Lumps of dirt are 38 mm wide instead of 10 mm, to be
 seen, round instead of square, and weigh 15 g. Collision filters: the bristles touch dirt alone and the pan's lip is
 touched by dirt alone, the broom's feet and the pan's gliders touch the table alone; all four are thin or yield.
+
+In the setting `varied` eight numbers decide: place and heading of stand and pan, the broom, 33 to 37 cm high, and how far
+before the pan the dirt begins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +43,9 @@ DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M = np.array([0.09675, 0.1356])
 """How far crumbs lie from that middle (decoded from RLBench's task file)."""
+VARIED_DIRT_HALF_M, VARIED_ASIDE_M, VARIED_DISTANCE_M = np.array([0.075, 0.10]), 0.025, (0.20, 0.30)
+"""In `varied`: how far crumbs lie from the middle of the dirt, and how far that is beside and before the pan's."""
+VARIED_HEIGHTS_M, VARIED_STAND_YAW_RAD = (0.33, 0.35, 0.37), np.deg2rad(20.0)
 CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.055, 100
 """Between two crumbs, so that no hand spans both, and how often a place is drawn for them."""
 PAN_Y_M = -0.25
@@ -51,11 +58,11 @@ MAX_SHIFT_M = 0.04
 # The left hand: straight down on the broom's stick. With its fingers the other way round the arm would have to pass
 # near a singularity in some sweeps.
 ABOVE_M = 0.095
-GRIP_Z_M = 1.085
-"""Centre of a voxel, 15 mm below the stick's end; grasp and sweep share it, so that rounding cancels out."""
+BELOW_END_M = 0.015
+"""From the stick's end down to where it is held: centres of voxels; grasp and sweep share them, so that rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
-SWEEP_FROM_M, SWEEP_TO_M = 0.445, 0.025
-"""Distance in front of the pan's middle: behind the dirt, and where the pan has room for three lumps behind each other."""
+BEHIND_DIRT_M, SWEEP_TO_M = 0.06, 0.015
+"""How far behind the last lump a sweep starts, and how far in front of the pan's middle it ends."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD_Z_M = 0.25
@@ -83,6 +90,9 @@ class SweepToDustpan(Task):
         ),
         taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
+        varied=tuple(
+            (STAND, replace(BROOM, height_m=height_m), PAN, *CRUMBS) for height_m in VARIED_HEIGHTS_M
+        ),
         success=(
             *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
             Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
@@ -95,21 +105,28 @@ class SweepToDustpan(Task):
         """Broom in its stand behind, pan in front, dirt scattered between them."""
         stand = STAND_AREA.sample(rng, TABLE_HEIGHT_M)
         dirt = DIRT_AREA.sample(rng, TABLE_HEIGHT_M)
-        spots = _scattered(rng)
+        half_m, pan_m = DIRT_HALF_M, (0.0, PAN_Y_M)
+        if scene.is_varied:
+            stand @= Pose.upright((0, 0, 0), rng.uniform(-1, 1) * VARIED_STAND_YAW_RAD)
+            pan_m = (rng.uniform(-1, 1) * VARIED_ASIDE_M, -rng.uniform(*VARIED_DISTANCE_M))
+            half_m = VARIED_DIRT_HALF_M
+        spots = _scattered(rng, half_m)
         if spots is None:
             return False
         scene.place(STAND.name, stand)
         scene.place(BROOM.name, stand)
-        scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
+        scene.place(PAN.name, dirt @ Pose.upright((*pan_m, 0.0)))
         for crumb, (x, y) in zip(CRUMBS, spots, strict=True):
             scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m)))
         return True
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
-        x, y, _ = scene.pose(BROOM.name).position
-        pan = scene.pose(PAN.name)
-        grasp = Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=(-1, 0, 0))
+        broom, pan = scene.pose(BROOM.name), scene.pose(PAN.name)
+        grip_z_m = TABLE_HEIGHT_M + scene.prop(Broom, BROOM.name).height_m - BELOW_END_M
+        grasp = Pose.looking(
+            (*broom.position[:2], grip_z_m), approach=(0, 0, -1), opening=-broom.rotation[:, 0]
+        )
         hold = Pose.looking(
             pan.apply((0.0, PAN.handle_y_m, HOLD_Z_M)), pan.rotation @ APPROACH, pan.rotation @ OPENING
         )
@@ -123,23 +140,24 @@ class SweepToDustpan(Task):
             left_holds=BROOM.name,
             right_holds=PAN.name,
         )
-        yield Stage("take out", left=grasp.translated(TAKE_OUT_M))
-        behind = _sweeping(pan, SWEEP_FROM_M)
+        yield Stage("take out", left=grasp.translated(broom.rotation @ TAKE_OUT_M))
+        last_m = max(pan.inverse().apply(scene.pose(crumb.name).position)[1] for crumb in CRUMBS)
+        behind = _sweeping(pan, last_m + BEHIND_DIRT_M, grip_z_m)
         yield Stage("behind", left=behind.translated((0, 0, TAKE_OUT_M[2])))
         yield Stage("lower", left=behind)
-        yield Stage("sweep", left=_sweeping(pan, SWEEP_TO_M))
+        yield Stage("sweep", left=_sweeping(pan, SWEEP_TO_M, grip_z_m))
 
 
-def _scattered(rng: np.random.Generator) -> list[np.ndarray] | None:
+def _scattered(rng: np.random.Generator, half_m: np.ndarray) -> list[np.ndarray] | None:
     """Where crumbs lie, from the middle of the dirt, (2,) each; None if not all find a place beside the others."""
     spots: list[np.ndarray] = []
-    for spot in rng.uniform(-1.0, 1.0, (CRUMB_DRAWS, 2)) * DIRT_HALF_M:
+    for spot in rng.uniform(-1.0, 1.0, (CRUMB_DRAWS, 2)) * half_m:
         if all(np.linalg.norm(spot - other) >= CRUMB_DISTANCE_M for other in spots):
             spots.append(spot)
     return spots[: len(CRUMBS)] if len(spots) >= len(CRUMBS) else None
 
 
-def _sweeping(pan: Pose, y_m: float) -> Pose:
+def _sweeping(pan: Pose, y_m: float, height_m: float) -> Pose:
     """The left hand while it holds the broom square to the pan, `y_m` in front of the pan's middle."""
     x, y, _ = pan.apply((0.0, y_m, 0.0))
-    return Pose.looking((x, y, GRIP_Z_M), approach=(0, 0, -1), opening=-pan.rotation[:, 0])
+    return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=-pan.rotation[:, 0])

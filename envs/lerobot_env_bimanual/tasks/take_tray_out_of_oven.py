@@ -14,7 +14,7 @@ proud, the bar by 50 mm, the grip by 43 mm: a bar and a lip as wide as the origi
 scene take the tray too often. Door and rack pass through the oven's body, so that they never jam.
 
 In the setting `varied` six numbers decide: the oven's place and heading, on which of four heights its rack is, and how far to
-a side, and how much turned, the tray lies on it. The bar is 4 cm long and thick, the grip of the tray 4 cm wide and 54 mm
+a side, and how much turned, the tray lies on it. The bar is 4 cm long and 3 thick, the grip of the tray 4 cm wide and 54 mm
 high, so that an open hand has a centimetre to spare.
 """
 
@@ -47,7 +47,7 @@ TRAY_EDGE_M = OVEN.front_m + 0.022
 TRAY_X_M = TRAY_EDGE_M + TRAY.size_m[0] / 2
 
 VARIED_RACKS_M = (0.225, 0.255, 0.285, 0.315)
-VARIED_OVEN = Oven("oven", handle_y_m=(-0.08, -0.04), handle_radius_m=0.02)
+VARIED_OVEN = Oven("oven", handle_y_m=(-0.08, -0.04), handle_radius_m=0.015)
 VARIED_TRAY = BakingTray("tray", handle_size_m=(0.043, 0.04), handle_height_m=0.054)
 VARIED_ASIDE_M, VARIED_YAW_RAD = 0.05, np.deg2rad(10.0)
 
