@@ -11,7 +11,7 @@ other at friction 0.35 instead of 0.5, and the laptop weighs 0.78 kg instead of 
 one gripper holds it. Placements spread over 31 x 40 cm instead of the whole workspace.
 
 In the setting `varied` eight numbers decide: the block's place, heading and height, 8 to 16 cm, the laptop's length and width, and
-where it lies on the block. It is 6 cm thick, so that it nearly fills the open hand.
+where it lies on the block. It is 5 cm thick, so that it nearly fills the open hand.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LAPTOP_OFFSET_M = (-0.015, -0.019)
 
 VARIED_HEIGHTS_M = (0.08, 0.112, 0.096, 0.128, 0.16, 0.144)
 VARIED_SIZES_M = ((0.347, 0.253), (0.315, 0.23), (0.347, 0.22), (0.30, 0.253), (0.33, 0.24), (0.36, 0.23))
-VARIED_THICKNESS_M = 0.055
+VARIED_THICKNESS_M = 0.048
 VARIED_SHIFT_M = 0.02
 
 NEAR_M = 0.10
@@ -58,7 +58,7 @@ AWAY_M = (0.10, 0.12)  # back and up
 # The right hand: towards the laptop and 10 degrees down, its fingers opening in the vertical plane.
 TILT_RAD = np.deg2rad(10.0)
 INSIDE_EDGE_M = 0.026
-GRASP_ABOVE_MIDDLE_M = 0.0073
+GRASP_ABOVE_MIDDLE_M, VARIED_ABOVE_MIDDLE_M = 0.0073, 0.004
 """In `standard` the centre of a voxel: the lower finger lifts the edge, the upper one does not press."""
 LIFT_M = 0.22
 
@@ -150,7 +150,8 @@ def _over_edge(scene: SceneView, quarter: int) -> Way:
     away = pushed.translated((*(AWAY_M[0] * inward[:2]), AWAY_M[1]))
     x, y, _ = frame.apply((0, INSIDE_EDGE_M - half_m - shift_m, 0))
     approach = np.cos(TILT_RAD) * inward - (0, 0, np.sin(TILT_RAD))
-    grasp_z_m = top_m + base_m[2] / 2 + GRASP_ABOVE_MIDDLE_M
+    above_m = VARIED_ABOVE_MIDDLE_M if scene.is_varied else GRASP_ABOVE_MIDDLE_M
+    grasp_z_m = top_m + base_m[2] / 2 + above_m
     grasp = Pose.looking((x, y, grasp_z_m), approach=approach, opening=(0, 0, -1))
     return Way(
         left=(behind.translated((0, 0, NEAR_M)), behind, pushed, away),
