@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.schema import state_hash_column
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.options import STANDARD
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
@@ -85,9 +86,9 @@ def replay(
 
 
 @lru_cache(maxsize=1)
-def _environment(task: str, split: str, mode: ReplayMode, **world: str) -> BimanualEnv:
+def _environment(task: str, split: str, mode: ReplayMode, perturb: str, setting: str) -> BimanualEnv:
     """The environment of the last recorded episode of this process, kept for the next one of its kind."""
-    return BimanualEnv(task, split=split, obs="state", control_mode=mode, **world)
+    return BimanualEnv(task, split=split, obs="state", control_mode=mode, perturb=perturb, setting=setting)
 
 
 def replay_recorded(
@@ -102,10 +103,10 @@ def replay_recorded(
         index: of the episode.
     """
     episode, view, provenance = dataset.episode(index), dataset.view, dataset.provenance
-    meta, world = episode.meta, {}
+    meta, world = episode.meta, ("", STANDARD)
     if provenance is not None:
-        world = {"perturb": provenance.perturb, "setting": provenance.setting}
-    env = _environment(meta.task, meta.split, mode, **world)
+        world = provenance.perturb, provenance.setting
+    env = _environment(meta.task, meta.split, mode, *world)
     actions = episode.columns[schema.ACTION] if mode == "joint" else keyposes_of(episode, view)
     return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
 

@@ -82,7 +82,7 @@ def open_loop(keyposes: Sequence[ArrayLike]) -> Player:
 
 def nearest(env: BimanualEnv) -> Iterator[Move]:
     """The keyposes of the training demonstration whose scene is most like this one, unchanged."""
-    return open_loop(nearest_keyposes(env))(env)
+    return open_loop([*nearest_keyposes(env)])(env)
 
 
 def language_ablated(rng: np.random.Generator) -> Player:

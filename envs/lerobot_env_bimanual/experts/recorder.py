@@ -115,7 +115,7 @@ class Recorder:
 
 
 def recording_options(
-    split: str, cameras: Iterable[str], image_size: tuple[int, int], **world: str
+    split: str, cameras: Iterable[str], image_size: tuple[int, int], perturb: str, setting: str
 ) -> EnvOptions:
     """Options of an environment in which episodes are recorded.
 
@@ -123,7 +123,8 @@ def recording_options(
         split: of the seeds.
         cameras: whose images are asked for.
         image_size: height and width in pixels.
-        world: `perturb` and `setting`.
+        perturb: perturbations of the world.
+        setting: "standard" or "varied".
     """
     return EnvOptions(
         split=split,
@@ -131,7 +132,8 @@ def recording_options(
         image_size="{}x{}".format(*image_size),
         obs="state",
         control_mode="keypose",
-        **world,
+        perturb=perturb,
+        setting=setting,
     )
 
 

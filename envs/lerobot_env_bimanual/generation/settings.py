@@ -117,8 +117,8 @@ class GenerationSettings(Record):
     @property
     def options(self) -> EnvOptions:
         """Options of the environments in which the episodes are recorded."""
-        size, world = (self.height, self.width), {"perturb": self.perturb, "setting": self.setting}
-        return recording_options(self.split, self.cameras, size, **world)
+        size = (self.height, self.width)
+        return recording_options(self.split, self.cameras, size, self.perturb, self.setting)
 
     @property
     def total_episodes(self) -> int:

@@ -75,15 +75,14 @@ class EpisodeSpec:
 
 
 @lru_cache(maxsize=1)
-def _environment(task: str, **options: str) -> BimanualEnv:
+def _environment(task: str, variation: str, split: str, perturb: str, setting: str) -> BimanualEnv:
     """The environment of the last episode of this process, kept for the next one of its kind."""
-    return BimanualEnv(task, obs="state", **options)
+    return BimanualEnv(task, obs="state", variation=variation, split=split, perturb=perturb, setting=setting)
 
 
 def play(spec: EpisodeSpec) -> EpisodeOutcome:
     """Play one episode in this process."""
-    options = {name: getattr(spec, name) for name in ("variation", "split", "perturb", "setting")}
-    env = _environment(spec.task, **options)
+    env = _environment(spec.task, spec.variation, spec.split, spec.perturb, spec.setting)
     codec = KeyposeCodec(voxels=spec.discretise) if spec.discretise else None
     player = make_player(spec.player, spec.seed, codec, spec.mean_keyposes)
     try:

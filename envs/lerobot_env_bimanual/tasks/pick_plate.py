@@ -11,7 +11,7 @@ a gram and is slippery, with a friction of 0.35 instead of 1.0 against everythin
 hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
 
-In the setting `varied` five numbers decide: the plate, 14 to 17 cm wide, lies on a pedestal of any height up to 8 cm, and the
+In the setting `varied` five numbers decide: the plate, 15 to 17 cm wide, lies on a pedestal of any height up to 8 cm, and the
 fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
 """
 
@@ -42,13 +42,13 @@ SUCCESS_HEIGHT_M = 1.00
 MAX_SHIFT_M, LIFTED_M = 0.10, 0.06
 """How far the plate may be moved before it is lifted, and from which height on it is."""
 
-VARIED_RADII_M = (0.070, 0.075, 0.080, 0.085)
+VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
 RIM_RISE = 0.49
 """Of varied plates: rise of the rim over its run, so that all of them tip, and are pinched, at the same angles."""
 VARIED_HEIGHT_M = 0.08
 VARIED_YAW_RAD = np.deg2rad(15.0)
 SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
-"""Walls stand this far aside of where the rim is pinched, as thick, wide and high as this, 4 mm from the rim's edge."""
+"""Walls stand this far aside of where the rim is pinched, as thick, wide and high as this, 6 mm from the rim's edge."""
 
 # Positions are in the plate's axes while it lies flat.
 ASIDE_RAD = np.deg2rad(-25.0)
@@ -76,7 +76,7 @@ RAISE_TO_M = 1.125
 
 def _varied(radius_m: float) -> tuple[Prop, ...]:
     height_m = WELL_Z_M + RIM_RISE * (radius_m - WELL_RADIUS_M)
-    x, (thick, wide, high) = radius_m + WALL_M[0] / 2 + 0.004, WALL_M
+    x, (thick, wide, high) = radius_m + WALL_M[0] / 2 + 0.006, WALL_M
     walls = tuple((x, side * (SLOT_HALF_M + wide / 2), thick, wide, high) for side in (-1, 1))
     stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, walls_m=walls)
     return replace(PLATE, radius_m=radius_m, height_m=height_m), stand

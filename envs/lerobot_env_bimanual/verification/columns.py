@@ -95,8 +95,8 @@ class Player:
         Raises:
             BimanualError: it cannot be played, or is not solved.
         """
-        world = {"perturb": setting(dataset, "perturb", ""), "setting": setting(dataset, "setting", STANDARD)}
-        options = recording_options(meta.split, dataset.cameras, image_size, **world)
+        world = setting(dataset, "perturb", ""), setting(dataset, "setting", STANDARD)
+        options = recording_options(meta.split, dataset.cameras, image_size, *world)
         voxels = setting(dataset, "discretise", 0)
         which = meta.task, options, meta.seed, meta.variation, voxels
         if self._last is None or self._last[0] != which:
