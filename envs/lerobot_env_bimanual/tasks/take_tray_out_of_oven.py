@@ -62,7 +62,7 @@ PITCH_SHARE = 0.3
 BEYOND_BAR_M = 0.003
 """From one of these angles to the next the bar goes along an arc and the hand along its chord, which is 3 mm nearer to
 the hinge in the middle. With ends beyond the arc the bar is pressed half as hard (31 N against 65 N in ten episodes)."""
-BACK_M = 0.12
+BACK_M, BACK_DOWN_RAD = 0.12, np.deg2rad(20.0)
 ASIDE_M = (0.58, -0.40, 1.165)
 """Where it then waits, world frame: above the door's right, and out of the tray's way."""
 ASIDE_UP_RAD = np.deg2rad(12.0)
@@ -135,8 +135,11 @@ class TakeTrayOutOfOven(Task):
         for door_rad in DOOR_RAD[:-1]:
             yield Stage("open", right=handle(door_rad), presses="oven_door")
         yield Stage("open", right=handle(DOOR_RAD[-1]), right_open=True, presses="oven_door")
-        # Along its fingers, or the bar would be hooked between them.
-        back = handle(DOOR_RAD[-1]).advanced(-BACK_M)
+        # Down with the sinking bar, or the fingers would be caught between that and the door's edge.
+        down_rad = PITCH_SHARE * DOOR_RAD[-1] + BACK_DOWN_RAD
+        back = handle(DOOR_RAD[-1]).translated(
+            oven.rotation @ (-BACK_M * np.cos(down_rad), 0, -BACK_M * np.sin(down_rad))
+        )
         yield Stage("back", right=back)
         x, y, _ = grasp.position - ASIDE_M
         aside = Pose.upright(ASIDE_M, np.arctan2(y, x)) @ hand((0, 0, 0), ASIDE_UP_RAD)
