@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import (
@@ -48,6 +49,8 @@ FLOOR_MASS_KG, LIP_MASS_KG, SIDE_MASS_KG, BACK_MASS_KG = 0.035, 0.004, 0.006, 0.
 HANDLE_MASS_KG, SOCKET_MASS_KG, GLIDER_MASS_KG = 0.014, 0.003, 0.001
 
 EARTH = (0.26, 0.16, 0.08, 1.0)
+DRAWS = 100
+"""How often a place is drawn for crumbs."""
 SLIDING_FRICTION = 0.5
 ROLLING_FRICTION_M = 0.003
 """Of a crumb. Large for a ball of this size: it only starts to roll on a slope of 11 degrees."""
@@ -158,3 +161,24 @@ class Crumb:
             contype=COMMON_LAYER,
             conaffinity=COMMON_LAYER | DIRT_ONLY,
         )
+
+
+def scattered(
+    rng: np.random.Generator, middles_m: NDArray[np.float64], half_m: NDArray[np.float64], distance_m: float
+) -> list[NDArray[np.float64]] | None:
+    """Where crumbs lie, (2,) each, around their middles (n, 2); None if not all find a place beside the others.
+
+    Args:
+        rng: drawn from.
+        middles_m: (n, 2) in the axes in which the places are wanted.
+        half_m: (2,) how far from its middle a crumb may lie along x and y.
+        distance_m: least distance of two crumbs.
+    """
+    spots: list[NDArray[np.float64]] = []
+    for offset in rng.uniform(-1.0, 1.0, (DRAWS, 2)) * half_m:
+        spot = middles_m[len(spots)] + offset
+        if all(np.linalg.norm(spot - other) >= distance_m for other in spots):
+            spots.append(spot)
+        if len(spots) == len(middles_m):
+            return spots
+    return None

@@ -12,8 +12,8 @@ end from above, since the stick cannot pass through a palm. Lumps of dirt are 38
 seen, round instead of square, and weigh 15 g. Collision filters: the bristles touch dirt alone and the pan's lip is
 touched by dirt alone, the broom's feet and the pan's gliders touch the table alone; all four are thin or yield.
 
-In the setting `varied` eight numbers decide: place and heading of stand and pan, the broom, 33 to 37 cm high, and how far
-before the pan the dirt begins.
+In the setting `varied` eleven numbers decide. The dirt lies in two heaps, too far apart for one stroke: the broom is led slantwise
+from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Always, Inside, Near, Unhandled
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
-from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan
+from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan, scattered
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
@@ -43,11 +43,12 @@ DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M = np.array([0.09675, 0.1356])
 """How far crumbs lie from that middle (decoded from RLBench's task file)."""
-VARIED_DIRT_HALF_M, VARIED_ASIDE_M, VARIED_DISTANCE_M = np.array([0.075, 0.10]), 0.025, (0.20, 0.30)
-"""In `varied`: how far crumbs lie from the middle of the dirt, and how far that is beside and before the pan's."""
+VARIED_AREA = PlacementArea(center_m=(0.17, 0.0), half_size_m=(0.11, 0.05), half_yaw_rad=np.deg2rad(15.0))
+HEAP_M, HEAP_HALF_M = ((0.115, 0.0), (0.13, 0.06)), np.array([0.03, 0.075])
+"""In `varied`: the middle of the heap on the right, from the middle of the dirt; and how far crumbs lie from that of theirs."""
 VARIED_HEIGHTS_M, VARIED_STAND_YAW_RAD = (0.33, 0.35, 0.37), np.deg2rad(20.0)
-CRUMB_DISTANCE_M, CRUMB_DRAWS = 0.055, 100
-"""Between two crumbs, so that no hand spans both, and how often a place is drawn for them."""
+CRUMB_DISTANCE_M = 0.055
+"""Between two crumbs, so that no hand spans both."""
 PAN_Y_M = -0.25
 """Offset from the middle of the dirt to the pan (decoded from RLBench's task file)."""
 INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
@@ -63,6 +64,11 @@ BELOW_END_M = 0.015
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
 BEHIND_DIRT_M, SWEEP_TO_M = 0.06, 0.015
 """How far behind the last lump a sweep starts, and how far in front of the pan's middle it ends."""
+TURN_BEHIND_M = 0.2
+"""A broom that is turned starts further behind, by this share of the heap's distance from the middle."""
+TOWARDS_M, ACROSS_M = 0.05, 0.02
+"""A slanting stroke starts square to the way to a point this far before the pan's middle; it ends square to the pan, and so far
+beyond its middle that the trailing broom goes between the pan's sides."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
 HOLD_Z_M = 0.25
@@ -98,24 +104,24 @@ class SweepToDustpan(Task):
             Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
             Always((Near(PAN.name, MAX_SHIFT_M),)),
         ),
-        horizon_ticks=220,
+        horizon_ticks=340,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Broom in its stand behind, pan in front, dirt scattered between them."""
         stand = STAND_AREA.sample(rng, TABLE_HEIGHT_M)
-        dirt = DIRT_AREA.sample(rng, TABLE_HEIGHT_M)
-        half_m, pan_m = DIRT_HALF_M, (0.0, PAN_Y_M)
+        dirt = (VARIED_AREA if scene.is_varied else DIRT_AREA).sample(rng, TABLE_HEIGHT_M)
+        middles_m, half_m = np.zeros((len(CRUMBS), 2)), DIRT_HALF_M
         if scene.is_varied:
             stand @= Pose.upright((0, 0, 0), rng.uniform(-1, 1) * VARIED_STAND_YAW_RAD)
-            pan_m = (rng.uniform(-1, 1) * VARIED_ASIDE_M, -rng.uniform(*VARIED_DISTANCE_M))
-            half_m = VARIED_DIRT_HALF_M
-        spots = _scattered(rng, half_m)
+            heaps_m, half_m = rng.uniform(*HEAP_M, (2, 2)) * ((-1, 1), (1, 1)), HEAP_HALF_M
+            middles_m = heaps_m[rng.permutation(np.append((0, 1, 0, 1), rng.integers(2)))]
+        spots = scattered(rng, middles_m, half_m, CRUMB_DISTANCE_M)
         if spots is None:
             return False
         scene.place(STAND.name, stand)
         scene.place(BROOM.name, stand)
-        scene.place(PAN.name, dirt @ Pose.upright((*pan_m, 0.0)))
+        scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
         for crumb, (x, y) in zip(CRUMBS, spots, strict=True):
             scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m)))
         return True
@@ -124,9 +130,7 @@ class SweepToDustpan(Task):
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
         broom, pan = scene.pose(BROOM.name), scene.pose(PAN.name)
         grip_z_m = TABLE_HEIGHT_M + scene.prop(Broom, BROOM.name).height_m - BELOW_END_M
-        grasp = Pose.looking(
-            (*broom.position[:2], grip_z_m), approach=(0, 0, -1), opening=-broom.rotation[:, 0]
-        )
+        grasp = _hand(broom, grip_z_m)
         hold = Pose.looking(
             pan.apply((0.0, PAN.handle_y_m, HOLD_Z_M)), pan.rotation @ APPROACH, pan.rotation @ OPENING
         )
@@ -141,23 +145,27 @@ class SweepToDustpan(Task):
             right_holds=PAN.name,
         )
         yield Stage("take out", left=grasp.translated(broom.rotation @ TAKE_OUT_M))
-        last_m = max(pan.inverse().apply(scene.pose(crumb.name).position)[1] for crumb in CRUMBS)
-        behind = _sweeping(pan, last_m + BEHIND_DIRT_M, grip_z_m)
-        yield Stage("behind", left=behind.translated((0, 0, TAKE_OUT_M[2])))
-        yield Stage("lower", left=behind)
-        yield Stage("sweep", left=_sweeping(pan, SWEEP_TO_M, grip_z_m))
+        up, end = np.array([0, 0, TAKE_OUT_M[2]]), None
+        for start, last in _strokes(scene, pan):
+            if end is not None:
+                yield Stage("raise", left=end.translated(up))
+            behind, end = _hand(pan @ start, grip_z_m), _hand(pan @ last, grip_z_m)
+            yield Stage("behind", left=behind.translated(up))
+            yield Stage("lower", left=behind)
+            yield Stage("sweep", left=end)
 
 
-def _scattered(rng: np.random.Generator, half_m: np.ndarray) -> list[np.ndarray] | None:
-    """Where crumbs lie, from the middle of the dirt, (2,) each; None if not all find a place beside the others."""
-    spots: list[np.ndarray] = []
-    for spot in rng.uniform(-1.0, 1.0, (CRUMB_DRAWS, 2)) * half_m:
-        if all(np.linalg.norm(spot - other) >= CRUMB_DISTANCE_M for other in spots):
-            spots.append(spot)
-    return spots[: len(CRUMBS)] if len(spots) >= len(CRUMBS) else None
+def _strokes(scene: SceneView, pan: Pose) -> Iterator[tuple[Pose, Pose]]:
+    """Where the broom starts and ends in each stroke, in the pan's axes: straight on, or in `varied` from either heap."""
+    lumps_m = np.array([pan.inverse().apply(scene.pose(crumb.name).position)[:2] for crumb in CRUMBS])
+    for side in (-1, 1) if scene.is_varied else (0,):
+        heap_m = lumps_m[side * lumps_m[:, 0] >= 0]
+        x_m = abs(side) * (heap_m[:, 0].min() + heap_m[:, 0].max()) / 2
+        y_m = heap_m[:, 1].max() + BEHIND_DIRT_M + TURN_BEHIND_M * abs(x_m)
+        start = Pose.upright((x_m, y_m, 0.0), -np.arctan2(x_m, y_m - TOWARDS_M))
+        yield start, Pose.upright((-side * ACROSS_M, SWEEP_TO_M, 0.0))
 
 
-def _sweeping(pan: Pose, y_m: float, height_m: float) -> Pose:
-    """The left hand while it holds the broom square to the pan, `y_m` in front of the pan's middle."""
-    x, y, _ = pan.apply((0.0, y_m, 0.0))
-    return Pose.looking((x, y, height_m), approach=(0, 0, -1), opening=-pan.rotation[:, 0])
+def _hand(broom: Pose, height_m: float) -> Pose:
+    """The left hand while it holds an upright broom, from above."""
+    return Pose.looking((*broom.position[:2], height_m), approach=(0, 0, -1), opening=-broom.rotation[:, 0])
