@@ -38,6 +38,8 @@ SOCKET_HALF_M = (0.020, 0.012, 0.012)
 HANDLE_RADIUS_M = 0.0105
 HANDLE_BOTTOM_M = 0.020
 RIBS = 5
+FIRM = (0.006, 1.0)
+"""Contact of the sides, which a broom may strike."""
 GAP_M = 0.002
 """Height of everything but the gliders above the table."""
 GLIDER_RADIUS_M = 0.002
@@ -79,7 +81,7 @@ class Dustpan:
         self._add_lip(body)
         for side in (-1, 1):
             place = (side * (FLOOR_HALF_M[0] + 0.001), 0, GAP_M + SIDE_HALF_M[2])
-            add_box(body, place, SIDE_HALF_M, mass=SIDE_MASS_KG, rgba=BLUE)
+            add_box(body, place, SIDE_HALF_M, mass=SIDE_MASS_KG, rgba=BLUE, solref=FIRM)
         back = (0, BACK_Y_M, GAP_M + BACK_HALF_M[2])
         add_box(body, back, BACK_HALF_M, mass=BACK_MASS_KG, rgba=BLUE)
         socket = (0, self.handle_y_m + 0.005, 0.018)
