@@ -3,8 +3,7 @@
 The hash covers what LeRobot's loader gives a policy, in the order of the episodes: every vector and scalar, LeRobot's
 own columns (time, row, episode), the sentence, every decoded image, rows per second and the unit of depth. File
 layout, shards, order of columns, compression of tables and packing of videos do not enter. Neither do the numbers of
-files and sentences and the statistics: they follow from the rest, and `dataset verify` recomputes them. So two datasets
-with the same hash that both pass `dataset verify` train the same policy.
+files and sentences and the statistics: they follow from the rest.
 """
 
 import hashlib

@@ -91,13 +91,3 @@ class Provenance(Record):
             for package in SIMULATION_PACKAGES
             if (recorded := self.versions.get(package, "none")) != installed[package]
         }
-
-
-def other_lerobot(provenance: Provenance | None) -> str:
-    """Which version of LeRobot wrote a dataset, if not the installed one; "" where it is the installed one.
-
-    Versions differ in how they estimate quantiles.
-    """
-    recorded = "unknown" if provenance is None else provenance.versions.get("lerobot", "unknown")
-    installed = installed_versions(["lerobot"])["lerobot"]
-    return "" if recorded == installed else f"{recorded} (installed: {installed})"

@@ -8,6 +8,7 @@ import pytest
 import torch
 from lerobot.configs.recipe import MessageTurn, TrainingRecipe
 from lerobot.datasets import LeRobotDataset
+from lerobot.datasets.language import LANGUAGE_COLUMNS
 from lerobot.lerobot_types import TransitionKey
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.processor.converters import batch_to_transition
@@ -19,7 +20,6 @@ from tiny_clip import save_clip
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
-from lerobot_env_bimanual.verification.metadata import LANGUAGE_COLUMNS
 from lerobot_policy_bimanual.inspection.loading import batch_of
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
