@@ -10,6 +10,7 @@ from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
+from lerobot_env_bimanual import play_expert
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
@@ -145,3 +146,14 @@ def test_no_colour_of_a_button_tells_whether_it_is_meant():
     assert len(set(answers)) == len(answers)
     for triple in TRIPLES:
         assert sum(set(triple) == set(other) for other in TRIPLES) > 1
+
+
+def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
+    frames = list(play_expert("lift_ball", seed=3, obs="state"))
+    env = BimanualEnv("lift_ball", obs="state")
+    observation, info = env.reset(seed=3)
+    for frame in frames:
+        np.testing.assert_array_equal(frame.observation["ee_pose"], observation["ee_pose"])
+        observation, *_, info = env.step(frame.action)
+    assert info["is_success"]
+    assert {frame.keypose.shape for frame in frames} == {(18,)}
