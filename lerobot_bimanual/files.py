@@ -4,6 +4,7 @@ A rename is one step for every reader, but after a power failure the disk may ha
 So the content is brought to the disk first, and the new name after it.
 """
 
+import glob
 import json
 import os
 import tempfile
@@ -54,6 +55,8 @@ def check_output_folder(folder: Path) -> None:
 def write_file(path: Path, content: str | bytes) -> None:
     """Replace a file in one move, so that an interruption leaves the old one or the new one.
 
+    What a process that was killed meanwhile has left beside it is removed.
+
     Args:
         path: the file; its folder is made.
         content: new content; a text is written as UTF-8.
@@ -62,14 +65,22 @@ def write_file(path: Path, content: str | bytes) -> None:
         UnwritableOutput: it cannot be written; the old file is unchanged.
     """
     check_output_file(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = _partial(path, str(os.getpid()))
     try:
+        for other in path.parent.glob(_partial(Path(glob.escape(path.name)), "[0-9]*").name):
+            if not Path("/proc", other.suffixes[-2][1:]).exists():
+                other.unlink(missing_ok=True)
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
         move_durably(partial, path)
     except OSError as error:
         raise UnwritableOutput(path, error.strerror or str(error)) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _partial(path: Path, process: str) -> Path:
+    """Where a process of this machine, or of this container, prepares a file."""
+    return path.with_name(f".{path.name}.{os.uname().nodename}.{process}.partial")
 
 
 def share_files(folder: Path, pattern: str) -> None:

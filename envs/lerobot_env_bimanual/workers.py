@@ -7,11 +7,9 @@ one by one, so that the one that kills its worker is known and named.
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 import traceback
 from collections import deque
@@ -28,13 +26,12 @@ from typing import Any, Self
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import worker_count
 
 START_METHOD = "forkserver"
 POLL_S = 0.1
 """Interval at which the parent looks for parts that workers have done."""
-PR_SET_PDEATHSIG = 1
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
@@ -241,8 +238,8 @@ def _prepare_worker(lifeline: Connection) -> None:
 
 
 def _end_with(lifeline: Connection | int) -> None:
-    if sys.platform == "linux":  # at once, however busy: the process that forked us ends with our parent
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    # At once, however busy: the process that forked us ends with our parent.
+    end_when_parent_ends(signal.SIGKILL)
 
     def await_end() -> None:
         connection.wait([lifeline])

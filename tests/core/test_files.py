@@ -1,11 +1,22 @@
 """What has its final name is on the disk."""
 
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.files import move_durably, share_files
+from lerobot_bimanual.files import move_durably, share_files, write_file
+
+KILLED_WHILE_WRITING = """
+import os, sys
+from pathlib import Path
+from lerobot_bimanual import files
+files.move_durably = lambda *_: os.kill(os.getpid(), 9)
+files.write_file(Path(sys.argv[1]), "cut")
+"""
 
 
 @pytest.fixture
@@ -46,6 +57,20 @@ def test_a_file_takes_the_place_of_an_older_one(tmp_path, steps) -> None:
     move_durably(tmp_path / "new", tmp_path / "final")
     assert steps == [("sync", "new"), ("rename", "final"), ("sync", tmp_path.name)]
     assert (tmp_path / "final").read_text() == "new"
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write_is_not(tmp_path) -> None:
+    child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
+    assert child.wait() == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    others = [
+        left.with_name(left.name.replace(str(child.pid), str(os.getppid()))),
+        tmp_path / ".b.json.1.partial",
+    ]
+    for other in others:
+        other.touch()
+    write_file(tmp_path / "a[1].json", "new")
+    assert {*tmp_path.iterdir()} == {tmp_path / "a[1].json", *others}
 
 
 def test_files_are_shared_as_the_umask_says(tmp_path) -> None:

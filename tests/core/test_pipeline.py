@@ -211,15 +211,21 @@ sys.exit(command_line.main())
 """
 
 
-def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(tmp_path):
-    benchmark = subprocess.Popen(
+@pytest.fixture
+def benchmark(tmp_path) -> subprocess.Popen:
+    """A process that runs a program, whose first line is that program's id."""
+    return subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
-    assert benchmark.stdout is not None
+
+
+def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(
+    tmp_path, benchmark
+):
     program = int(benchmark.stdout.readline())
     os.killpg(benchmark.pid, signal.SIGINT)  # as a terminal does
     _, errors = benchmark.communicate(timeout=30)
@@ -228,3 +234,9 @@ def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_ho
     with pytest.raises(ProcessLookupError):
         os.kill(program, 0)
     assert not json.loads((tmp_path / "sleep.command.json").read_text())["done"]
+
+
+def test_a_killed_benchmark_takes_its_program_with_it(benchmark):
+    assert benchmark.stdout.readline()
+    benchmark.kill()
+    benchmark.communicate(timeout=30)  # the program has the other end of the pipes

@@ -48,7 +48,7 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
 
 
 def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
-    """Rows as LeRobot's loaders collate them: without language columns, whose length differs from row to row."""
+    """Rows as LeRobot's loaders collate them."""
     found: list[Any] = [dataset[row] for row in rows]
     return cast(Batch, lerobot_collate_fn(found))
 
