@@ -4,10 +4,13 @@ A rename is one step for every reader, but after a power failure the disk may ha
 So the content is brought to the disk first, and the new name after it.
 """
 
+import fcntl
 import glob
 import json
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -37,6 +40,39 @@ def check_output_file(path: Path) -> None:
     if path.is_dir():
         raise UnwritableOutput(path, "it is a folder, but must be a file")
     check_output_folder(path.parent)
+
+
+def keep_others_out(descriptor: int, path: Path) -> None:
+    """Keep other processes out of an open file or folder until it is closed, or this process has ended.
+
+    Raises:
+        BimanualError: another process has it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise BimanualError(
+            f"{path} is being written by another process; wait for it, or choose another folder"
+        ) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+@contextmanager
+def owned(folder: Path) -> Iterator[None]:
+    """Make a folder, if it is not there, and keep other processes that own it out.
+
+    Raises:
+        UnwritableOutput: nothing can be written there.
+        BimanualError: another process owns it.
+    """
+    check_output_folder(folder)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        keep_others_out(descriptor, folder)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def check_output_folder(folder: Path) -> None:

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import owned
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
 RESUMED = ["--trust_checkpoint=true", "--resume=true"]
@@ -59,6 +60,13 @@ def test_a_command_runs_again_when_its_words_output_or_input_changed(tmp_path, p
     pipeline.run(command)
     pipeline.run(counting(tmp_path, f"open({str(output)!r}, 'w').close()", inputs=(weights,), output=output))
     assert count(tmp_path) == 4
+
+
+def test_a_second_process_in_the_same_folder_is_refused(tmp_path, pipeline):
+    with owned(tmp_path / "chain"), pytest.raises(BimanualError, match="by another process; wait for it"):
+        pipeline.run(counting(tmp_path))
+    pipeline.run(counting(tmp_path))
+    assert count(tmp_path) == 1
 
 
 def test_an_input_that_is_gone_and_a_damaged_marker_are_named(tmp_path, pipeline):
@@ -212,31 +220,33 @@ sys.exit(command_line.main())
 
 
 @pytest.fixture
-def benchmark(tmp_path) -> subprocess.Popen:
-    """A process that runs a program, whose first line is that program's id."""
-    return subprocess.Popen(
+def benchmark(tmp_path) -> tuple[subprocess.Popen[str], int]:
+    """A process that runs a program, and that program's id."""
+    process = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
+    assert process.stdout is not None
+    return process, int(process.stdout.readline())
 
 
 def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(
     tmp_path, benchmark
 ):
-    program = int(benchmark.stdout.readline())
-    os.killpg(benchmark.pid, signal.SIGINT)  # as a terminal does
-    _, errors = benchmark.communicate(timeout=30)
+    process, program = benchmark
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    _, errors = process.communicate(timeout=30)
     assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
-    assert benchmark.returncode == 130
+    assert process.returncode == 130
     with pytest.raises(ProcessLookupError):
         os.kill(program, 0)
     assert not json.loads((tmp_path / "sleep.command.json").read_text())["done"]
 
 
 def test_a_killed_benchmark_takes_its_program_with_it(benchmark):
-    assert benchmark.stdout.readline()
-    benchmark.kill()
-    benchmark.communicate(timeout=30)  # the program has the other end of the pipes
+    process, _ = benchmark
+    process.kill()
+    process.communicate(timeout=30)  # the program has the other end of the pipes

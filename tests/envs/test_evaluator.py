@@ -69,6 +69,14 @@ def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
 
 
+def test_a_second_evaluation_into_the_same_file_is_refused(tmp_path):
+    config = ExpertEvaluateConfig("lift_ball", output=tmp_path / "expert.json")
+    log = EpisodeLog(tmp_path / "expert.partial.jsonl", exclusive=True)
+    with pytest.raises(BimanualError, match="by another process; wait for it"):
+        expert_evaluate(config)
+    log.remove()
+
+
 def test_a_seed_without_a_placement_is_a_failed_episode_and_not_the_end(monkeypatch):
     def start(*_):
         raise PlacementFailure("lift_ball: none of 200 drawn placements can be rehearsed")
