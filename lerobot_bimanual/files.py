@@ -177,12 +177,8 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def read_yaml(path: Path, as_texts: bool = False) -> Any:
+def read_yaml(path: Path) -> Any:
     """The value in a YAML file of another program: no anchors, which let a short file stand for an endless one.
-
-    Args:
-        path: the file.
-        as_texts: whether every scalar is its text, as it stands in the file.
 
     Raises:
         BimanualError: the file cannot be read, is not YAML, is too large or too deep, or has an anchor; the message names it.
@@ -195,7 +191,7 @@ def read_yaml(path: Path, as_texts: bool = False) -> Any:
                 raise BimanualError(
                     f"YAML with anchors, or of more than {MAX_YAML_DEPTH} levels, is not read"
                 )
-        return yaml.load(content, yaml.BaseLoader if as_texts else yaml.SafeLoader)
+        return yaml.safe_load(content)
     except (ValueError, yaml.YAMLError, BimanualError) as error:
         raise BimanualError(f"{path}: {' '.join(str(error).split())}") from error
 

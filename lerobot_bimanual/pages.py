@@ -25,15 +25,11 @@ def render(package: str, template: str, **values: object) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    is_html = template.endswith(".html")
-    escape = plain if is_html else markdown
-
     def escaped(value: object) -> object:
-        return escape(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        return markdown(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     environment = Environment(
         loader=PackageLoader(package),
-        autoescape=is_html,
         finalize=escaped,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -46,9 +42,8 @@ def render(package: str, template: str, **values: object) -> str:
         "fence": lambda text: Markup(
             plain(" ".join(map(plain, text.split(" "))), MAX_MESSAGE).replace("`", "'")
         ),
+        "join": lambda values, by: Markup(by.join(map(markdown, values))),
     }
-    if not is_html:
-        environment.filters["join"] = lambda values, by: Markup(by.join(map(markdown, values)))
     return environment.get_template(template).render(values)
 
 

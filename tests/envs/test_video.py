@@ -13,7 +13,7 @@ def read_frames(path) -> np.ndarray:
 
 def test_a_video_holds_every_frame_in_order_in_a_format_that_browsers_play(tmp_path):
     shades = np.linspace(20, 230, 12).astype(np.uint8)
-    writer = VideoWriter(tmp_path / "new", "shades", fps=20)
+    writer = VideoWriter(tmp_path / "new", "shades")
     for shade in shades:
         writer.add(np.full((48, 64, 3), shade, dtype=np.uint8))
     assert not list(tmp_path.rglob("*.mp4"))  # before it is complete

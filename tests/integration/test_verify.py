@@ -1,6 +1,5 @@
 """A generated dataset passes every check, and each corruption is found by the check that is meant for it."""
 
-import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -86,11 +85,10 @@ def test_a_link_is_told_and_nothing_behind_it_is_read(copy) -> None:
     assert "README.md" in found["readable"][0].text
 
 
-def test_a_generated_dataset_passes_and_its_hashes_are_printed(generated, capsys) -> None:
+def test_a_generated_dataset_passes(generated, capsys) -> None:
     assert dataset_verify(DatasetVerifyConfig(root=generated, render="2", workers=1)) == 0
     printed = capsys.readouterr().out
     assert "not replayed" not in printed
-    assert len(set(re.findall(r"content hash: ([0-9a-f]{64})\n", printed))) == 2
     for check in ("replay", "rendered RGB", "rendered depth"):
         assert check in printed
 
@@ -106,7 +104,6 @@ def test_the_command_fails_and_says_where(generated, tmp_path, capsys) -> None:
     assert "checksums: " in printed
     assert "\x1b[2J" not in printed  # a terminal would obey it
     assert "readable: " in printed  # of the view that cannot be opened
-    assert printed.count("content hash: ") == 1
     shutil.rmtree(root / "frames")
     assert dataset_verify(DatasetVerifyConfig(root=root, workers=1, render="0")) == 1
     assert "frames" in capsys.readouterr().out

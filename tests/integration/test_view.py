@@ -9,7 +9,7 @@ from PIL import Image
 
 from lerobot_bimanual.cli import main
 from lerobot_env_bimanual.commands import task_view
-from lerobot_env_bimanual.rendering import side_by_side
+from lerobot_env_bimanual.rendering import episode_pictures
 from lerobot_env_bimanual.rendering.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.viewer import Performance
 from lerobot_env_bimanual.window import no_window
@@ -21,7 +21,7 @@ CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 def a_desk_without_a_screen(monkeypatch, tmp_path) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(side_by_side, "SIZE", (48, 64))
+    monkeypatch.setattr(episode_pictures, "SIZE", (48, 64))
     monkeypatch.chdir(tmp_path)
 
 
@@ -41,7 +41,7 @@ def test_without_a_display_one_line_says_so_and_a_video_is_written(capsys) -> No
     pictures = frames(film)
     assert len(pictures) > 50
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
-    assert Image.open(sheet).width == side_by_side.N_MOMENTS * (PANEL_WIDTH + GAP) + GAP
+    assert Image.open(sheet).width == episode_pictures.COLUMNS * (PANEL_WIDTH + GAP) + GAP
 
 
 @pytest.mark.sim

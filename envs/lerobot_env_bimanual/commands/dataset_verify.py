@@ -45,8 +45,8 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
     """Check files, columns, images and replay of a dataset.
 
     Every file is hashed, every image decoded, every episode played again and every column compared with it; images of
-    a few random rows of every episode are rendered again. Prints how many episodes passed each check, what is wrong and
-    where, and one hash per view for all its content.
+    a few random rows of every episode are rendered again. Prints how many episodes passed each check, and what is wrong
+    and where.
 
     Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
     not replayed, because the dataset names other versions of the simulation than are installed, or none.
@@ -75,7 +75,7 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
 
         def unverified(index: int, reason: str) -> list[EpisodeReport]:
             """The reports of an episode whose checks came to no end."""
-            return [EpisodeReport(index, "", Findings({READABLE: [Fault(reason)]}))] * len(readable)
+            return [EpisodeReport(index, Findings({READABLE: [Fault(reason)]}))] * len(readable)
 
         # Both views of an episode are verified in one go, which plays it once.
         verify = partial(_verify, tuple(view.root for view in readable), plans)
@@ -133,7 +133,6 @@ class _ViewReport:
         from lerobot_env_bimanual.verification.verifier import check_files
 
         self.root, self.n_episodes, self.remark = root, 0, ""
-        self._episodes: list[EpisodeReport] = []
         self._faults: dict[str, list[tuple[int | None, list[Fault]]]] = defaultdict(list)
         found = check_files(root)
         if READABLE not in found:
@@ -147,7 +146,6 @@ class _ViewReport:
 
     def add(self, report: EpisodeReport) -> None:
         """Add what was found in an episode."""
-        self._episodes.append(report)
         for check, faults in report.faults.items():
             self._faults[check].append((report.index, faults))
 
@@ -157,10 +155,8 @@ class _ViewReport:
         return any(faults for outcomes in self._faults.values() for _, faults in outcomes)
 
     def print(self) -> None:
-        """The table, the list of what is wrong, and the hash."""
+        """The table, and the list of what is wrong."""
         import pandas as pd
-
-        from lerobot_bimanual.dataset.content_hash import combined_hash
 
         rows = {
             check: [sum(not faults for _, faults in outcomes), sum(bool(faults) for _, faults in outcomes)]
@@ -176,10 +172,6 @@ class _ViewReport:
                 say(f"{check}: {line}")
             if len(lines) > MAX_LINES_PER_CHECK:
                 print(f"{check}: {len(lines) - MAX_LINES_PER_CHECK} more")
-        is_whole = [report.index for report in self._episodes] == [*range(self.n_episodes)]
-        hashes = [report.content_hash for report in self._episodes]
-        if is_whole and hashes and all(hashes):
-            print(f"content hash: {combined_hash(hashes)}")
 
 
 def _line(episode: int | None, fault: Fault) -> str:

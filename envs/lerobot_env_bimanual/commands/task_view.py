@@ -68,8 +68,8 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
+    from lerobot_env_bimanual.rendering.episode_pictures import write_pictures
     from lerobot_env_bimanual.rendering.rollout import rollout
-    from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
     from lerobot_env_bimanual.viewer import KEYS, Performance
 
     players = {"expert": expert()}
@@ -92,7 +92,10 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
-        files = write_side_by_side(env, rollouts, config.output)
+        perturb = env.options.perturb.replace(":", "").replace(",", "_")
+        episode = f"{env.task}_v{env.variation}_{config.split}_seed{seed}"
+        name = "_".join(filter(None, (episode, perturb, "_and_".join(players))))
+        files = write_pictures(env, rollouts, config.output / name)
         for name, (recording, outcome) in rollouts.items():
             verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
             print(f"{name}: {verdict} after {recording.duration_s:.1f} s")

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset.checksums import checksum_problems, plain_files
-from lerobot_bimanual.dataset.content_hash import EpisodeHash
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.episode import Demonstration
@@ -44,12 +43,10 @@ class EpisodeReport:
 
     Attributes:
         index: of the episode.
-        content_hash: of its columns and decoded images, empty if they cannot be read.
         faults: what is wrong, by check.
     """
 
     index: int
-    content_hash: str
     faults: Findings
 
 
@@ -82,36 +79,32 @@ class Verifier:
 
     def verify(self, index: int) -> EpisodeReport:
         """All checks of one episode."""
-        faults, episode, played, content_hash = Findings(), None, None, ""
+        faults, episode, played = Findings(), None, None
         with faults.of(READABLE):
             episode = self._dataset.episode(index)
         if episode is None:
-            return EpisodeReport(index, "", faults)
+            return EpisodeReport(index, faults)
         if self._thoroughness.simulate:
             with faults.of("replay") as found:
                 height, width, _ = next(iter(self._reader.shapes.values()))
                 played = self._player.play(self._dataset, episode.meta, (height, width))
                 found += check_replay(self._dataset, episode, played)
         with faults.of("images"):
-            content_hash = self._check_images(episode, played, faults)
-        return EpisodeReport(index, content_hash, faults)
+            self._check_images(episode, played, faults)
+        return EpisodeReport(index, faults)
 
-    def _check_images(self, episode: RecordedEpisode, played: Demonstration | None, faults: Findings) -> str:
-        """Decode every image once for all checks; the content hash of the episode, empty if it has not all images."""
-        digest, how, rendered = EpisodeHash(episode, self._reader.units), self._thoroughness, None
+    def _check_images(self, episode: RecordedEpisode, played: Demonstration | None, faults: Findings) -> None:
+        """Decode every image once, and compare those of some rows with new ones."""
+        how, rendered, incomplete = self._thoroughness, None, faults.setdefault(COMPLETE, [])
         if played is not None and how.rendered_rows:
             is_video = self._dataset.view == "frames"
             compared = draw_rows(episode, how.rendered_rows, how.seed)
             rendered = RenderedRows(episode, played, compared, is_video)
-        for key, row, image in _inspected_images(
-            self._reader, episode.index, len(episode), faults.setdefault(COMPLETE, [])
-        ):
-            digest.add_image(key, image)
+        for key, row, image in _inspected_images(self._reader, episode.index, len(episode), incomplete):
             if rendered is not None:
                 rendered.see(key, row, image)
         if rendered is not None:
             faults |= rendered.faults()
-        return "" if faults[COMPLETE] else digest.hexdigest()
 
     @cached_property
     def _dataset(self) -> RecordedDataset:

@@ -14,7 +14,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.joint_action import CONTROL_HZ
 
 CRF = "20"
-"""Default quality: visually clean at about 100 kB per second of video."""
+"""Constant rate factor of H.264: visually clean at about 100 kB per second of video."""
 
 
 class VideoWriter:
@@ -23,16 +23,11 @@ class VideoWriter:
     Args:
         folder: created if absent.
         stem: beginning of the file name; `close` adds the outcome.
-        fps: frames per second.
-        crf: constant rate factor of H.264; 6 more is about half the size.
     """
 
-    def __init__(self, folder: Path, stem: str, fps: int = CONTROL_HZ, crf: str = CRF):
-        self.frames = 0
+    def __init__(self, folder: Path, stem: str):
         self._folder = folder
         self._stem = stem
-        self._fps = fps
-        self._crf = crf
         self._container: Any = None
         self._stream: Any = None
 
@@ -52,12 +47,11 @@ class VideoWriter:
             if self._container is None:
                 self._folder.mkdir(parents=True, exist_ok=True)
                 self._container = av.open(str(self._partial), "w", format="mp4")
-                self._stream = self._container.add_stream("libx264", rate=self._fps)
+                self._stream = self._container.add_stream("libx264", rate=CONTROL_HZ)
                 self._stream.height, self._stream.width = rgb.shape[:2]
                 self._stream.pix_fmt = "yuv420p"
-                self._stream.options = {"crf": self._crf, "preset": "veryfast"}
+                self._stream.options = {"crf": CRF, "preset": "veryfast"}
             self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
-        self.frames += 1
 
     def close(self, outcome: str) -> Path | None:
         """Finish the file as `<stem>_<outcome>.mp4`, replacing an older one of that name.
