@@ -1,7 +1,7 @@
 """What MkDocs asks for while it builds the site: pages that are generated, and files of the repository that pages name.
 
 The home page is README.md. Every page of a task is written from the registry, the expert reports and the board of results.
-What a page links to outside docs/ becomes a page, too, below repository/.
+A link to what the site does not have becomes its text.
 
 As a program it films the experts for these pages, where that has not been done in their present world.
 """
@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 from functools import cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -28,9 +28,9 @@ RESULTS = ROOT / "results"
 FILMS = ROOT / "build/films"
 TASKS_ENTRY = "Tasks"
 """Of the navigation, to which the tasks' pages are added."""
-LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")
-CODE = {".py": "python", ".sh": "bash", ".yaml": "yaml", ".toml": "toml", ".cff": "yaml", "": "text"}
-"""Suffixes of files that are shown as a page, and their languages; others are copied as they are."""
+SOURCES = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+"""Pages from outside docs/, and where they come from."""
+LINK = re.compile(r"\[([^\[\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 FILM = """\
 <video controls muted loop playsinline preload="metadata"><source src="{name}.mp4" type="video/mp4"></video>
 
@@ -51,49 +51,30 @@ def on_config(config: MkDocsConfig) -> None:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> None:
-    """Add the home page, the tasks' pages with their films, and the files of the repository."""
-    for name, text in _task_pages().items():
+    """Add the pages from outside docs/, and the tasks' pages with their films."""
+    pages = {uri: (ROOT / source).read_text(encoding="utf-8") for uri, source in SOURCES.items()}
+    for name, text in (pages | _task_pages()).items():
         files.append(File.generated(config, name, content=text))
     for film in FILMS.glob("*.*"):
         files.append(File.generated(config, f"tasks/{film.name}", abs_src_path=str(film)))
-    known = {Path("README.md"), *(path.relative_to(ROOT) for path in ROOT.glob("docs/**/*.md"))}
-    left = list(known)
-    while left:
-        source = left.pop()
-        for link, _ in LINK.findall(_text(source)) if (ROOT / source).suffix in ("", ".md") else ():
-            target = Path(posixpath.normpath((source.parent if (ROOT / source).is_file() else source) / link))
-            if target not in known and (ROOT / target).exists():
-                known.add(target)
-                left.append(target)
-    for path in known:
-        if path.parts[0] != "docs":
-            uri = _uri(path)
-            content = {"content": _text(path)} if uri.endswith(".md") else {"abs_src_path": str(ROOT / path)}
-            files.append(File.generated(config, uri, **content))
-            _SOURCES[uri] = path
-        elif path.suffix == ".md":
-            _SOURCES[_uri(path)] = path
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links lead to where the site has what the repository has elsewhere."""
     uri = page.file.src_uri
-    if uri not in _SOURCES:
-        return markdown
-    source = _SOURCES[uri]
-    folder = source.parent if (ROOT / source).is_file() else source
+    folder = posixpath.dirname(SOURCES.get(uri, f"docs/{uri}"))
+    uris = {source: page_uri for page_uri, source in SOURCES.items()}
 
     def moved(link: re.Match[str]) -> str:
-        target = Path(posixpath.normpath(folder / link[1]))
+        text, target, place = link[1], posixpath.normpath(posixpath.join(folder, link[2])), link[3] or ""
         if not (ROOT / target).exists():
             return link[0]
-        return f"]({posixpath.relpath(_uri(target), posixpath.dirname(uri) or '.')}{link[2] or ''})"
+        if not target.startswith("docs/") and target not in uris:
+            return text
+        there = uris.get(target, target.removeprefix("docs/"))
+        return f"[{text}]({posixpath.relpath(there, posixpath.dirname(uri) or '.')}{place})"
 
     return LINK.sub(moved, markdown)
-
-
-_SOURCES: dict[str, Path] = {}
-"""Where in the repository the text of a page comes from."""
 
 
 @cache
@@ -130,31 +111,6 @@ def _task_pages() -> dict[str, str]:
         pictures[task] = FILM.format(name=name) if (FILMS / f"{name}.mp4").is_file() else ""
         policies[task] = ROWS.format(table=markdown_table(success_table(scored))) if scored else NO_ROWS
     return {f"tasks/{task}.md": page for task, page in task_pages(reports, pictures, policies).items()}
-
-
-def _uri(path: Path) -> str:
-    """Where the site has a file or folder of the repository."""
-    if path == Path("README.md"):
-        return "index.md"
-    if path.parts[0] == "docs":
-        return PurePosixPath(*path.parts[1:]).as_posix()
-    place = f"repository/{path.as_posix()}"
-    if (ROOT / path).is_dir():
-        return f"{place}/index.md"
-    return f"{place}.md" if path.suffix in CODE else place
-
-
-def _text(path: Path) -> str:
-    """What a page shows of a file or folder: Markdown as it is, a folder's README or names, a program as one."""
-    whole = ROOT / path
-    if whole.is_dir():
-        readme = whole / "README.md"
-        names = sorted(each.name for each in whole.iterdir() if not each.name.startswith((".", "_")))
-        listing = "\n".join(f"- [`{name}`]({name})" for name in names if name != "README.md")
-        head = readme.read_text(encoding="utf-8") if readme.is_file() else f"# {path.as_posix()}\n"
-        return f"{head}\n{listing}\n"
-    text = whole.read_text(encoding="utf-8") if whole.suffix in (*CODE, ".md") else ""
-    return f"# {path.as_posix()}\n\n```{CODE[whole.suffix]}\n{text}\n```\n" if whole.suffix in CODE else text
 
 
 if __name__ == "__main__":

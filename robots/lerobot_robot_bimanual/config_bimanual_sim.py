@@ -39,8 +39,6 @@ class BimanualSimConfig(RobotConfig):
     # Off: an action is one tick of 50 ms, and the same actions lead to the same state, bit for bit. On: the simulation
     # follows the clock, and repeats the last action until the next one.
     real_time: bool = False
-    # Open a window that shows the simulation; needs a display.
-    viewer: bool = False
     # Folder for a video of every episode.
     video_dir: str | None = None
 

@@ -12,7 +12,6 @@ from lerobot_env_bimanual.commands import task_view
 from lerobot_env_bimanual.rendering import episode_pictures
 from lerobot_env_bimanual.rendering.layout import GAP, PANEL_WIDTH
 from lerobot_env_bimanual.viewer import Performance
-from lerobot_env_bimanual.window import no_window
 
 CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
@@ -67,13 +66,13 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
 
 def test_a_window_needs_a_display_that_opens(monkeypatch, capsys) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
-    assert no_window() == "the display cannot be opened"
+    assert task_view.no_window() == "the display cannot be opened"
     played: list[str] = []
     monkeypatch.setattr(task_view, "no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
     assert main(["task", "view", "--task=lift_ball"]) == 0
     assert played == ["expert"]
-    assert "space: pause" in capsys.readouterr().out
+    assert "right/left: " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

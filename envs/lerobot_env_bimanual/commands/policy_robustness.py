@@ -48,7 +48,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     on these seeds. The expert and the open-loop baseline play the same episodes; for axes that change only what is seen or
     said, their nominal episodes count. A condition is valid if the expert solves 97 %; others are played, shown hatched and
     counted in no sum. Prints for each condition the success, the paired difference to the nominal world and McNemar's exact
-    p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, a figure, and one
+    p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, and one
     record per condition that `results verify` plays again. The loader builds what the checkpoint names, as `lerobot-eval`
     does, so a checkpoint that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
@@ -64,7 +64,6 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from tqdm import tqdm
 
     from lerobot_bimanual.checkpoint_trust import require_safe
-    from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_table import print_robustness
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
@@ -95,10 +94,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
         raise KeyboardInterrupt("the same command continues where it stopped") from None
     result = sweep.played()
     assert result is not None  # it has the nominal condition at least
-    figure = sweep.output.with_suffix(".png")
-    heat_map({sweep.output.stem: result}).save(figure)
     print_robustness(result)
-    console.print(f"result  {sweep.output}\nfigure  {figure}\nrecords {sweep.records}")
+    console.print(f"result  {sweep.output}\nrecords {sweep.records}")
     show_next("lerobot-bimanual", "results", "diagnose", f"--results={sweep.records}")
 
 

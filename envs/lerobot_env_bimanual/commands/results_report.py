@@ -17,7 +17,7 @@ class ResultsReportConfig:
 
     # A file, or a folder of files, that `policy benchmark` or `policy robustness` has written.
     results: Path = field(kw_only=True)
-    # The page, Markdown, with a figure beside it; without it the page is printed.
+    # The page, Markdown, beside it the figure of success; without it the page is printed.
     output: Path | None = None
 
 
@@ -25,7 +25,7 @@ def results_report(config: ResultsReportConfig) -> None:
     """Write a page of results: success of policies side by side, or their robustness.
 
     Results of `policy benchmark` become the table of success of all policies on all tasks, and results of `policy robustness`
-    the tables of what each condition costs each policy. The figure is written beside the page.
+    the tables of what each condition costs each policy.
 
     Every file is checked first, by itself and against the others; nothing is written if one is wrong.
 
@@ -35,7 +35,6 @@ def results_report(config: ResultsReportConfig) -> None:
         lerobot-bimanual results report --results=results/robustness --output=docs/robustness_results.md
     """
     from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
-    from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_pages import robustness_page
     from lerobot_bimanual.reports.success_figure import success_figure
     from lerobot_bimanual.results.record import result_paths
@@ -43,16 +42,16 @@ def results_report(config: ResultsReportConfig) -> None:
 
     if config.output is not None:
         check_output_file(config.output)
-    paths, figure = result_paths(config.results), config.output and config.output.with_suffix(".png")
-    link = figure and quote(figure.name)
+    paths, files = result_paths(config.results), [config.output]
     if is_robustness_result(paths[0]):
-        results = {path.stem: RobustnessResult.read(path) for path in paths}
-        page, chart = robustness_page(results, link), heat_map(results)
+        page = robustness_page({path.stem: RobustnessResult.read(path) for path in paths})
     else:
-        rows = read_results(config.results)
-        page, chart = benchmark_page(rows, config.results, link), success_figure([*rows.values()])
+        rows, figure = read_results(config.results), config.output and config.output.with_suffix(".png")
+        page = benchmark_page(rows, config.results, figure and quote(figure.name))
+        if figure is not None:
+            success_figure([*rows.values()]).save(figure)
+            files.append(figure)
     write_page(page, config.output)
-    if figure is not None:
-        chart.save(figure)
-        print(f"page   {config.output}\nfigure {figure}")
+    if config.output is not None:
+        print(*files, sep="\n")
         show_next("lerobot-bimanual", "results", "verify", f"--results={config.results}")

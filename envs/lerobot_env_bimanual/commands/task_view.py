@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +12,6 @@ from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.window import mujoco_window, no_window
 
 
 @dataclass
@@ -37,7 +37,7 @@ def task_view(config: TaskViewConfig) -> None:
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
-    before, up and down another variation; space pauses, backspace plays again. Closing the window ends the command.
+    before. Closing the window ends the command.
 
     Where there is none, or with `--video`, a video and a contact sheet are written instead.
 
@@ -64,13 +64,23 @@ def task_view(config: TaskViewConfig) -> None:
     )
 
 
+def no_window() -> str:
+    """Why no window can be opened; empty if one can."""
+    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
+        return "there is no display"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW's own text of the same
+        import glfw
+
+        return "" if glfw.init() else "the display cannot be opened"
+
+
 def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
     from lerobot_env_bimanual.rendering.episode_pictures import write_pictures
     from lerobot_env_bimanual.rendering.rollout import rollout
-    from lerobot_env_bimanual.viewer import KEYS, Performance
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
@@ -84,9 +94,11 @@ def _play(config: TaskViewConfig, reason: str) -> None:
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
     if not reason:
+        from lerobot_env_bimanual.viewer import KEYS, Performance
+
         print(KEYS)
         name, player = players.popitem()
-        Performance(env, player, name, config.first_seed, mujoco_window).run()
+        Performance(env, player, name, config.first_seed).run()
         env.close()
         return
     print(f"{reason}, so a video of {' and '.join(players)} is written")
