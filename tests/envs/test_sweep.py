@@ -120,7 +120,7 @@ def test_an_interrupted_sweep_keeps_its_conditions_and_continues(tmp_path, monke
     [
         ({"episodes": 6}, "has episodes 4, but here it is 6"),
         ({"first_seed": 1}, "has first_seed 0"),
-        ({"batch_size": 1}, "has batch_size 2, but here it is 1"),
+        ({"eval_batch_size": 1}, "has batch_size 2, but here it is 1"),
         ({"split": "val"}, "has options"),
         ({"task": "lift_ball"}, "has task"),
     ],

@@ -1,5 +1,6 @@
 """The command line: groups of commands, their help, exit codes, flags, and one line for every mistake."""
 
+import dataclasses
 import json
 import os
 import re
@@ -163,8 +164,18 @@ def test_every_flag_is_explained_and_means_the_same_as_in_other_commands(command
         "variation": "any",
         "split": "test",
         "perturb": "",
+        "first_seed": 0,
+        "episodes": 100,
+        "video": True,
+        "task": "all",
     }
-    exceptions = {("dataset generate", "split"): "train", ("demo", "output"): Path("outputs/demo")}
+    exceptions: dict[tuple[str, str], object] = {("dataset generate", "split"): "train"}
+    exceptions |= {(f"task {what}", "episodes"): 1 for what in ("view", "render")}  # pictures of each
+    exceptions[("policy robustness", "episodes")] = 20  # of some sixty conditions
+    one_task = ("demo", "policy benchmark", "task view")
+    exceptions |= {(command, "task"): "lift_ball" for command in one_task}
+    required = ("dataset generate", "policy robustness")  # hours of work
+    exceptions |= {(command, "task"): dataclasses.MISSING for command in required}
     exceptions |= {
         (f"{what} verify", "sample_seed"): None for what in ("dataset", "results")
     }  # drawn anew in every run

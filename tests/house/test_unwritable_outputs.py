@@ -18,7 +18,7 @@ NEEDED = {
     "results diagnose": [ROWS],
     "results report": [ROWS],
     "task render": ["--task=lift_ball"],
-    "task view": ["--task=lift_ball", "--video=true"],
+    "task view": ["--task=lift_ball", "--window=false"],
 }
 """Further flags of a command."""
 COMMANDS = [

@@ -28,12 +28,12 @@ class PolicyRobustnessConfig:
     split: Literal["val", "test"] = "test"  # the same seeds mean other episodes in each
     variation: str = "any"  # index, or `any` to draw one per episode
     # Environments side by side; a network's answers differ in their last bits between sizes.
-    batch_size: int = 2
+    eval_batch_size: int = 2
     device: str | None = None  # device of the policy; by default that of its config, or what there is
     # Mixed precision of the policy; by default as in its training. On a CPU LeRobot's loop cannot take every policy's actions then.
     use_amp: bool | None = None
     workers: int = 0  # processes for the expert and the open-loop baseline; 0 takes one per core
-    # The result, a JSON file; by default outputs/robustness/TASK_POLICY_HASH.json. Its figure and records are written beside it.
+    # The result, a JSON file; by default outputs/robustness/TASK_POLICY_HASH.json. Its records are written beside it.
     output: Path | None = None
     # Folder of `expert evaluate --axes`: the expert on many more seeds, which then decides which conditions are valid.
     expert_reports: Path | None = None
@@ -105,7 +105,7 @@ def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
     from lerobot_env_bimanual.sweep.conditions import conditions_of
 
-    for name, minimum in (("episodes", 1), ("batch_size", 1), ("first_seed", 0)):
+    for name, minimum in (("episodes", 1), ("eval_batch_size", 1), ("first_seed", 0)):
         check_range(name, getattr(config, name), minimum)
     get_task(config.task).spec.variation_index(config.variation)
     checkpoint = Checkpoint.read(config.checkpoint)
@@ -125,7 +125,7 @@ def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
         ),
         conditions=conditions,
         seeds=range(config.first_seed, config.first_seed + config.episodes),
-        batch_size=min(config.batch_size, config.episodes),
+        batch_size=min(config.eval_batch_size, config.episodes),
         policy_flags=tuple(
             f"--{name}={str(value).lower()}"  # LeRobot reads true and false
             for name in ("device", "use_amp")

@@ -28,7 +28,7 @@ class TaskViewConfig:
     # side by side in the same episode.
     checkpoint: Path | None = None
     trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
-    video: bool = False  # write a video although there is a display
+    window: bool = True  # open a window where there is a display; otherwise a video is written
     output: Path = Path("outputs/view")  # folder of the videos and their contact sheets
 
 
@@ -39,21 +39,21 @@ def task_view(config: TaskViewConfig) -> None:
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
     before. Closing the window ends the command.
 
-    Where there is none, or with `--video`, a video and a contact sheet are written instead.
+    Where there is none, or with `--window=false`, a video and a contact sheet are written instead.
 
     A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
     name, so one that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
-        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --video
-        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --video
-        lerobot-bimanual task view --task=handover_item_easy --video \
+        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --window=false
+        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --window=false
+        lerobot-bimanual task view --task=handover_item_easy --window=false \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    reason = "--video was given" if config.video else no_window()
+    reason = no_window() if config.window else "--window=false was given"
     if reason:
         # Before MuJoCo is loaded; a display may be there that does not open.
         os.environ.setdefault("MUJOCO_GL", "egl")
