@@ -81,7 +81,7 @@ def random_batch(samples: int, image_size: int, device: str) -> dict[str, Any]:
     batch[schema.STATE] = torch.rand(samples, 16)
     batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
     batch[schema.KEYPOSE_STEP] = torch.zeros(samples, 1)
-    batch[schema.NEXT_KEYPOSE] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
+    batch[schema.ACTION] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
     return {key: value.to(device) for key, value in batch.items()} | {"task": ["lift the ball"] * samples}
 
 

@@ -14,7 +14,9 @@ from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.layout import view_of
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import IMAGE_TYPES, RecordedDataset, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
@@ -39,19 +41,25 @@ MEANINGS = {
     schema.EE_POSE: "tool centre points in the world: metres, quaternion wxyz; z is the approach, y the opening",
     schema.GRIPPER_FINGERS: "travel of each finger in metres, 0 closed",
     schema.KEYPOSE_STEP: "keyposes completed so far",
-    schema.CAMERA_EXTRINSICS: "world_T_camera of every camera, 4x4 row-major, OpenCV axes (x right, y down, z forward)",
+    schema.CAMERA_EXTRINSICS: "world_T_camera of each camera that is not in `meta/info.json`, 4x4 row-major, OpenCV axes "
+    "(x right, y down, z forward)",
     schema.CAMERA_INTRINSICS: "pinhole matrix of every camera in pixels, 3x3 row-major",
-    schema.NEXT_KEYPOSE: "the keypose under way: **the label** of keypose policies",
-    schema.ACTION: "joint targets in rad and gripper command of the tick, 0 closed to 1 open",
     schema.KEYFRAME: "first observation after a completed keypose, or last row of the episode",
-    schema.TICK: "control tick within the episode",
+    schema.TICK: "control ticks since the episode's start",
+    schema.TIME: "seconds since the episode's start",
     schema.STATE_HASH: "first 64 bits of the hash of the simulation's state after the tick",
     schema.TASK_NAME: "recipe of the episode: task ...",
     schema.SPLIT: "... split of the seed ...",
     schema.VARIATION: "... variation ...",
     schema.SEED: "... and seed",
 }
-"""Each column in words."""
+"""Each column in words, but `action`."""
+
+ACTION_MEANINGS: dict[schema.View, str] = {
+    "frames": "joint targets in rad and gripper command of the tick, 0 closed to 1 open",
+    "keyframes": "the next keypose: where both hands go from here",
+}
+"""What an action is, by view."""
 
 
 def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
@@ -88,9 +96,11 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
         episodes=pd.DataFrame(rows),
         columns=_columns(info),
+        depth=any(map(is_depth, info["features"].values())),
         schema=schema,
         keypose_names=ARM_KEYPOSE_NAMES,
         cameras=CAMERA_NAMES,
+        calibrated=Calibration.of_features(info["features"]) is not None,
         versions=[f"{package} {version}" for package, version in provenance.versions.items()],
         seeds=[key.seed for key in provenance.episodes],
         license=LICENSE,
@@ -104,8 +114,9 @@ def _columns(info: dict) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
+    meanings = MEANINGS | {schema.ACTION: ACTION_MEANINGS[view_of(info["features"])]}
     for key, feature in info["features"].items():
-        meaning = MEANINGS.get(key)
+        meaning = meanings.get(key)
         if meaning is None and feature["dtype"] in IMAGE_TYPES:
             meaning = "depth along the optical axis" if is_depth(feature) else "RGB"
         if meaning is not None:  # the others are LeRobot's own bookkeeping

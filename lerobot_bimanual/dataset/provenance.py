@@ -1,9 +1,9 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field
+from pydantic import Field, PositiveInt
 
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.results.record import Record
@@ -49,7 +49,7 @@ class Provenance(Record):
     """Everything needed to make a dataset again.
 
     Attributes:
-        schema_version: version of the feature table.
+        schema_version: version of the feature table; a dataset of any is made anew in the present one.
         view: which rows and images are stored.
         versions: package -> version, of `versions.STAMPED_PACKAGES`.
         worlds: task -> version of the world in which it was played.
@@ -59,7 +59,7 @@ class Provenance(Record):
         skipped: seeds that failed, with the reason.
     """
 
-    schema_version: Literal[2]
+    schema_version: PositiveInt
     view: View
     versions: dict[str, Version]
     worlds: dict[str, Version]

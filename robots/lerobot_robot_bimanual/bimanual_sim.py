@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction
-from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
@@ -25,7 +25,7 @@ from lerobot_robot_bimanual.leader_arms import HOME
 
 logger = logging.getLogger(__name__)
 
-TICK_S = 1 / schema.FPS
+TICK_S = 1 / CONTROL_HZ
 AT_HOME_RAD = 1e-3
 """Both hands count as sent home when no joint target is further from it than this."""
 AWAY_RAD = 0.05

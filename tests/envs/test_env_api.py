@@ -56,7 +56,7 @@ def test_observation_has_the_names_and_shapes_of_the_dataset(rgbd_env):
     pixels = names.pop("observation.pixels")
     names |= {schema.image_key(camera): image for camera, image in pixels.items()}
     for key, feature in schema.features(CAMERA_NAMES, 24, 32, "frames").items():
-        if key == schema.NEXT_KEYPOSE or not key.startswith("observation."):
+        if not key.startswith("observation."):
             assert key not in names
             continue
         value = names.pop(key)

@@ -43,7 +43,10 @@ def test_the_table_of_the_schema_names_every_column() -> None:
     from lerobot_bimanual.dataset import schema
 
     text = (ROOT / "docs/schema.md").read_text()
-    for key, elements in schema.VECTORS.items():
+    for key, elements in (
+        *schema.VECTORS.items(),
+        *((schema.ACTION, names) for names in schema.ACTIONS.values()),
+    ):
         assert f"| `{key}` | ({len(elements)},) |" in text
     assert all(re.search(rf"^\|.*`{key}`.* \| \(1,\) \|", text, re.MULTILINE) for key in schema.SCALARS)
 

@@ -210,7 +210,6 @@ CORRUPTIONS = (
     Corruption("one state hash", "replay", column(schema.STATE_HASH, lambda v: v ^ 1, [2])),
     Corruption("one tick", "replay", column(schema.TICK, lambda v: v + 1, [-1])),
     Corruption("one action by 1e-6", "replay", column(schema.ACTION, plus(1e-6), [2])),
-    Corruption("a label by a micrometre", "replay", column(schema.NEXT_KEYPOSE, plus(1e-6), [2])),
     Corruption("a keyframe too many", "replay", column(schema.KEYFRAME, lambda _: True, [0])),
     Corruption("not a number", "replay", column(schema.STATE, plus(float("nan")), [2])),
     Corruption("video is gone", "images complete", lambda root: (root / VIDEO).unlink(), FRAMES),

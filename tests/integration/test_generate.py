@@ -44,7 +44,7 @@ def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_ask
         ticks = some_ticks.columns[schema.TICK]
         assert ticks[0] == 0
         assert ticks[-1] == len(every_tick)
-        for key in (schema.STATE, schema.ACTION, schema.NEXT_KEYPOSE, schema.STATE_HASH, schema.KEYPOSE_STEP):
+        for key in (schema.STATE, schema.TIME, schema.STATE_HASH, schema.KEYPOSE_STEP):
             assert np.array_equal(some_ticks.columns[key][:-1], every_tick.columns[key][ticks[:-1]]), key
         starts = {0, *(np.flatnonzero(np.diff(every_tick.columns[schema.KEYPOSE_STEP])) + 1)}
         assert starts < {*ticks}
@@ -56,7 +56,8 @@ def test_both_views_hold_the_same_episodes_and_keyframes_the_stages_with_the_ask
 def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
     cameras = ("front", "left_wrist")
     keyframes = LeRobotDataset("local/small", root=generated / "keyframes")
-    recorded = RecordedDataset(generated / "frames").episode(1)
+    dataset = RecordedDataset(generated / "frames")
+    recorded = dataset.episode(1)
     rows = [i for i, index in enumerate(keyframes.hf_dataset["episode_index"]) if index == 1]
     items = {int(item["tick"]): item for i in rows if isinstance(item := keyframes[i], dict)}
     env = BimanualEnv(
@@ -70,8 +71,9 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
                 assert np.array_equal(np.rint(rgb), observation["pixels"][camera])
                 depth_mm = observation[env_key(schema.depth_key(camera))]
                 assert np.abs(item[schema.depth_key(camera)].numpy() - depth_mm).max() < 1
-            for key in (schema.STATE, schema.EE_POSE, schema.CAMERA_EXTRINSICS, schema.CAMERA_INTRINSICS):
-                assert np.array_equal(item[key], observation[env_key(key)]), key
+            seen = dataset.calibration.rest({key: observation[env_key(key)] for key in schema.VECTORS})
+            for key in (schema.STATE, schema.EE_POSE, schema.CAMERA_EXTRINSICS):
+                assert np.array_equal(item[key], seen[key]), key
         if action is not None:
             observation, *_ = env.step(action)
     assert len(recorded) in items
@@ -111,8 +113,8 @@ def test_a_single_view_lies_in_the_root_itself(generated, small_generation, tmp_
     assert f"next: lerobot-bimanual dataset verify --root={config.root}" in said.err
     one, small = RecordedDataset(config.root).episode(0), RecordedDataset(generated / "keyframes").episode(0)
     assert one.meta == small.meta
-    positions = one.columns[schema.NEXT_KEYPOSE][:, :3]
-    assert not np.array_equal(positions, small.columns[schema.NEXT_KEYPOSE][:, :3])
+    positions = one.columns[schema.ACTION][:, :3]
+    assert not np.array_equal(positions, small.columns[schema.ACTION][:, :3])
     assert np.allclose((positions * 100) % 1, 0.5, atol=1e-3)  # centres of voxels of 1 cm
 
 

@@ -71,4 +71,4 @@ def training(root: Path) -> list[str]:
 
 def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated_once):
     batch = batch_of(LeRobotDataset("local/annotated", root=annotated_once / "keyframes"), range(3))
-    assert batch[schema.NEXT_KEYPOSE].shape == (3, 18)
+    assert batch[schema.ACTION].shape == (3, 18)

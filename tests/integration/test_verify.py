@@ -120,13 +120,15 @@ def test_not_replayed_is_not_passed(copy, capsys) -> None:
     assert "replay  " not in printed
 
 
-def test_a_dataset_without_depth_holds_colours_alone_and_passes(small_generation, tmp_path, capsys) -> None:
-    root = tmp_path / "colours"
-    dataset_generate(small_generation(root, episodes=1, depth=False))
+def test_depth_is_in_keyframes_alone_unless_asked_for_and_both_views_pass(
+    small_generation, tmp_path, capsys
+) -> None:
+    root = tmp_path / "default"
+    dataset_generate(small_generation(root, episodes=1, depth=None))
     for view in schema.VIEWS:
         stored = read_info(root / view)["features"].keys()
         assert schema.image_key("front") in stored
-        assert schema.depth_key("front") not in stored
+        assert (schema.depth_key("front") in stored) == (view == "keyframes")
     assert dataset_verify(DatasetVerifyConfig(root=root, workers=1)) == 0
     assert "not replayed" not in capsys.readouterr().out
 

@@ -12,12 +12,12 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset.schema import (
+    ACTION,
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     EE_POSE,
     GRIPPER_FINGERS,
     KEYPOSE_STEP,
-    NEXT_KEYPOSE,
     STATE,
     depth_key,
     image_key,
@@ -183,8 +183,7 @@ def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., 
         batch[EE_POSE] = torch.rand(samples, 14)
         batch[GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
         batch[KEYPOSE_STEP] = torch.arange(samples).float()[:, None] % 5
-        batch[NEXT_KEYPOSE] = random_keyposes(samples)
-        batch["action"] = torch.rand(samples, 16)
+        batch[ACTION] = random_keyposes(samples)
         batch["task"] = [f"lift the ball {sample}" for sample in range(samples)]
         return batch
 

@@ -53,7 +53,7 @@ def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
 
 def test_cloud_and_labels_move_by_the_same_transform(make_batch):
     batch = make_batch(samples=3)
-    motion = sample(batch["observation.next_keypose"])
+    motion = sample(batch["action"])
     still = observe(batch, cameras=("front",), keypose_horizon=25).points
     moved = observe(batch, cameras=("front",), keypose_horizon=25, motion=motion).points
     expected = motion[:, :3, :3] @ still + motion[:, :3, 3:]

@@ -5,7 +5,7 @@ import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 
-from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, VECTORS, depth_key, image_key
+from lerobot_bimanual.dataset.schema import EE_POSE, VECTORS, depth_key, image_key
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig
 from lerobot_policy_bimanual.errors import BadConfig
@@ -17,8 +17,7 @@ def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
         inputs[image_key(camera)] = PolicyFeature(FeatureType.VISUAL, (3, 16, 16))
         inputs[depth_key(camera)] = PolicyFeature(FeatureType.VISUAL, (1, 16, 16))
     for key, names in VECTORS.items():
-        if key.startswith("observation."):
-            inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
+        inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
     return inputs
 
 
@@ -83,7 +82,7 @@ def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_
     config = PerAct2Config(device="cpu", cameras=("front",))
     config.input_features = dataset_inputs(("front", "left_wrist"))
     config.validate_features()
-    assert NEXT_KEYPOSE not in config.input_features
+    assert EE_POSE not in config.input_features
     assert set(config.image_features) == {image_key("front"), depth_key("front")}
     del config.input_features[depth_key("front")]
     with pytest.raises(DatasetError, match=r"observation\.images\.front_depth"):

@@ -13,7 +13,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE, depth_key
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual import PerAct2Config
@@ -77,9 +77,9 @@ def test_action_is_a_valid_keypose_of_both_arms(make_policy, make_batch, decode)
 def test_labels_and_recorded_actions_do_not_change_the_action(make_policy, make_batch):
     policy = make_policy()
     batch = make_batch()
-    observation = {key: value for key, value in batch.items() if key not in (NEXT_KEYPOSE, "action")}
+    observation = {key: value for key, value in batch.items() if key != ACTION}
     action = policy.select_action(observation)
-    batch[NEXT_KEYPOSE] = batch[NEXT_KEYPOSE].flip(0)
+    batch[ACTION] = batch[ACTION].flip(0)
     assert torch.equal(policy.select_action(batch), action)
     assert torch.equal(policy.predict_action_chunk(batch)[:, 0], action)
 
@@ -206,7 +206,7 @@ def test_flags_must_not_contradict_a_checkpoint_and_a_longer_dataset_is_warned_o
         with pytest.raises(BadConfig, match=rf"leave out --policy\.{name}"):
             type(policy).from_pretrained(tmp_path, config=replace(config, **{name: other}))
     labels = {"min": -np.ones(18), "max": np.ones(18)}
-    longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, NEXT_KEYPOSE: labels}
+    longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, ACTION: labels}
     restored = type(policy).from_pretrained(tmp_path, config=config, dataset_stats=longer)
     assert restored.config.keypose_horizon == 6
     steps, workspace = (record.getMessage() for record in caplog.records)
@@ -245,7 +245,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
     assert loss < 0.05
     predicted, truth = (
         policy.codec.encode(policy.select_action(batch)),
-        policy.codec.encode(batch[NEXT_KEYPOSE]),
+        policy.codec.encode(batch[ACTION]),
     )
     assert (predicted.voxel - truth.voxel).abs().max() <= 1
     turn = (predicted.rotation - truth.rotation).abs() % 72

@@ -17,6 +17,7 @@ from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.reader import INFO_FILE
 from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
+from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual.inspection.accuracy import measure
 from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy, open_dataset
@@ -24,13 +25,14 @@ from lerobot_policy_bimanual.inspection.sheet import ARM_COLORS, INK, draw_sheet
 from lerobot_policy_bimanual.keypose.losses import keypose_errors
 
 ROWS = 3
+NO_JOINT_ACTION = np.zeros(JOINT_ACTION_DIM, np.float32)
 
 
 def record(root: Path, batch: dict, cameras: tuple[str, ...]) -> Path:
     """A dataset of one made-up episode of two stages, whose rows are those of a batch."""
 
     def observation(row: int) -> dict[str, np.ndarray]:
-        return {key: batch[key][row].numpy() for key in schema.VECTORS if key.startswith("observation.")}
+        return {key: batch[key][row].numpy() for key in schema.VECTORS}
 
     def images(row: int) -> dict[str, np.ndarray]:
         rgb = {
@@ -41,8 +43,8 @@ def record(root: Path, batch: dict, cameras: tuple[str, ...]) -> Path:
 
     episode = Demonstration(
         meta=EpisodeMeta("lift_ball", 0, "train", 0, "lift the ball"),
-        keyposes=batch[schema.NEXT_KEYPOSE][:2].numpy(),
-        steps=tuple(Step(observation(row), batch["action"][row].numpy(), row, row) for row in range(2)),
+        keyposes=batch[schema.ACTION][:2].numpy(),
+        steps=tuple(Step(observation(row), NO_JOINT_ACTION, row, row) for row in range(2)),
         final_observation=observation(2),
         images=images,
     )
@@ -96,7 +98,7 @@ def test_accuracy_is_that_of_each_policys_actions(
     dataset_rows = open_dataset(dataset)
     for row in range(ROWS):
         batch = preprocess(batch_of(dataset_rows, [row]))
-        action, label = policy.select_action(batch), batch[schema.NEXT_KEYPOSE]
+        action, label = policy.select_action(batch), batch[schema.ACTION]
         predicted, true = BimanualKeypose.from_vector(action[0]), BimanualKeypose.from_vector(label[0])
         for arm in ARMS:
             (line,) = found[(found["after"] == row) & (found["arm"] == arm)].itertuples()
@@ -114,7 +116,7 @@ def test_what_is_shown_is_the_prediction_and_its_errors(make_policy, make_batch)
     policy, batch = make_policy(), make_batch(samples=1)
     _, prediction, chosen = policy.infer(batch)
     predicted = BimanualKeypose.from_vector(chosen[0])
-    errors = keypose_errors(chosen, batch[schema.NEXT_KEYPOSE])
+    errors = keypose_errors(chosen, batch[schema.ACTION])
     (legend,) = draw_sheet(policy, batch, "a test").legends
     texts = [text.get_text() for text in legend.get_texts()]
     for arm, volume in zip(ARMS, prediction.translation.probabilities()[0], strict=True):
@@ -166,7 +168,7 @@ def test_a_dataset_without_depth_or_label_is_refused_by_name(
     assert schema.depth_key("left_wrist") in refusal(capsys, peract_checkpoint, few)
     copy = shutil.copytree(dataset, tmp_path / "copy")
     info = json.loads((copy / INFO_FILE).read_text())
-    del info["features"][schema.NEXT_KEYPOSE]
+    del info["features"][schema.ACTION]
     (copy / INFO_FILE).write_text(json.dumps(info))
-    assert f"{schema.NEXT_KEYPOSE} is missing" in refusal(capsys, peract_checkpoint, copy)
+    assert f"{schema.ACTION} is missing" in refusal(capsys, peract_checkpoint, copy)
     assert "no dataset at" in refusal(capsys, peract_checkpoint, tmp_path / "nowhere")

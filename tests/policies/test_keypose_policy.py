@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from lerobot_bimanual.dataset.schema import CAMERA_INTRINSICS, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, CAMERA_INTRINSICS
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
@@ -48,8 +48,8 @@ def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
 
 def test_training_without_labels_is_refused(tiny, make_batch):
     batch = make_batch()
-    del batch[NEXT_KEYPOSE]
-    with pytest.raises(DatasetError, match=NEXT_KEYPOSE):
+    del batch[ACTION]
+    with pytest.raises(DatasetError, match=ACTION):
         PerAct2Policy(PerAct2Config(**tiny))(batch)
 
 

@@ -5,7 +5,7 @@ import torch
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_bimanual.dataset.schema import GRIPPER_FINGERS, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, GRIPPER_FINGERS
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
@@ -58,7 +58,7 @@ def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the
     seen, batch = spy(policy), make_batch(samples=4)
     policy(batch)
     assert seen["follower"].shape == (4, 4 + 8)
-    moved = batch[NEXT_KEYPOSE].view(-1, 2, 9).clone()
+    moved = batch[ACTION].view(-1, 2, 9).clone()
     moved[..., :3] += torch.tensor(shift_m)
     label = policy.codec.encode(moved.flatten(1))
     torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
@@ -88,7 +88,7 @@ def test_predictions_come_left_arm_first(policy, leader, make_batch):
 def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leader, make_batch):
     policy.eval()
     batch = make_batch()
-    observation, bins = policy.observe(batch), policy.target_bins(batch[NEXT_KEYPOSE])
+    observation, bins = policy.observe(batch), policy.target_bins(batch[ACTION])
 
     def turned(arm) -> KeyposeBins:
         rotation = bins.rotation.clone()
@@ -104,7 +104,7 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
 
 def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch):
     batch = make_batch()
-    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    target = policy.target_bins(batch[ACTION])
     prediction = policy.predict(policy.observe(batch), target)
     follower = leader.other.ordinal
     loss = prediction.translation.cross_entropy(target.voxel)[:, follower].sum()
@@ -117,7 +117,7 @@ def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch
 def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch):
     policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny, translation_head="factorised")).eval()
     batch = make_batch()
-    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    target = policy.target_bins(batch[ACTION])
     before = policy.predict(policy.observe(batch), target)
     batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
     other = KeyposeBins(

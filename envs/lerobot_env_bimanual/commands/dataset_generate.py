@@ -45,9 +45,9 @@ class DatasetGenerateConfig:
     view: Literal["frames", "keyframes", "both"] = "keyframes"
     image_size: str = "256"  # side in pixels, or HEIGHTxWIDTH
     cameras: tuple[str, ...] = CAMERA_NAMES  # whose images are stored; calibration covers all five
-    # Store depth beside the colours. Keypose policies need it; LeRobot's own policies take every image for colours, and
-    # train on a dataset without depth as it is.
-    depth: bool = True
+    # Store depth beside the colours: by default in `keyframes` alone, as keypose policies need it and LeRobot's own policies,
+    # which learn from `frames`, take every image for colours.
+    depth: bool | None = None
     # Further rows of `keyframes`, at these fractions of each stage's motion, e.g. 0.35,0.7.
     intermediate: tuple[float, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
@@ -112,9 +112,11 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     )
     # Options that are settings of the same name are taken as they are, but for those that follow.
     given = {name: value for name, value in vars(config).items() if name in GenerationSettings.model_fields}
+    by_default = None if config.view == "both" else config.view == "keyframes"
     return GenerationSettings.of(
         **given
         | {
+            "depth": by_default if config.depth is None else config.depth,
             "tasks": resolve_tasks(config.task),
             "views": VIEWS if config.view == "both" else (config.view,),
             "cameras": options.camera_names,

@@ -107,7 +107,7 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
 
 def _provenance(staging: Staging, view: View, reports: Sequence[ShardReport]) -> Provenance:
     return Provenance(
-        schema_version=2,
+        schema_version=staging.origin.schema_version,
         view=view,
         versions=staging.origin.versions,
         worlds=staging.origin.worlds,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.experts.recorder import Recorder
@@ -57,6 +58,10 @@ def record_shard(job: Job) -> int:
                     skipped.append(SkippedSeed(**candidate.model_dump(), reason=reason))
                     continue
                 episodes.append(candidate)
+                # Perturbed cameras stand elsewhere in every episode.
+                calibration = (
+                    None if settings.perturb else Calibration.of_observation(episode.final_observation)
+                )
                 for view in () if writers else settings.views:  # a dataset without episodes is none
                     writer = ViewWriter(
                         folder / view,
@@ -66,6 +71,7 @@ def record_shard(job: Job) -> int:
                         *options.size,
                         settings.intermediate,
                         settings.depth,
+                        calibration=calibration,
                     )
                     writers.append(stack.enter_context(writer))
                 write_episode(episode, writers)

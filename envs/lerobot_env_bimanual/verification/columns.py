@@ -74,7 +74,9 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
         yield Fault(f"the ticks are {_short(ticks)}, not {_short(expected)}")
     rows = [row for row, tick in enumerate(ticks) if tick in expected]
     wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
-    for key in (schema.VECTORS | schema.SCALARS) if rows else ():
+    if dataset.calibration is not None:
+        wanted = [dataset.calibration.rest(columns) for columns in wanted]
+    for key in stored.columns if rows else ():
         values = np.stack([np.squeeze(columns[key]) for columns in wanted])
         differs = np.zeros(len(stored), bool)
         differs[rows] = (stored.columns[key][rows] != values).reshape(len(rows), -1).any(axis=1)

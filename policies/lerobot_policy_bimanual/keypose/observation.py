@@ -14,6 +14,7 @@ from torch.nn.functional import threshold
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
@@ -51,6 +52,18 @@ class Observation:
     colours: Tensor
     proprio: Tensor
     instructions: list[str]
+
+
+def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> dict[str, Any]:
+    """A batch of a dataset's rows with the calibration of all rows, which stands in the dataset's metadata."""
+    if calibration is None or CAMERA_INTRINSICS in batch:
+        return batch
+    moving = batch[CAMERA_EXTRINSICS]
+    room, intrinsics = (
+        torch.as_tensor(vector, device=moving.device).expand(len(moving), -1)
+        for vector in calibration.vectors
+    )
+    return batch | {CAMERA_EXTRINSICS: torch.cat([room, moving], dim=-1), CAMERA_INTRINSICS: intrinsics}
 
 
 def observe(
