@@ -7,8 +7,10 @@ one by one, so that the one that kills its worker is known and named.
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import os
+import shutil
 import signal
 import threading
 import traceback
@@ -199,6 +201,16 @@ def end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         _end_with(parent.sentinel)
+
+
+@atexit.register
+def _remove_socket() -> None:
+    """Remove the socket of `multiprocessing` in the process that workers are forked from, as a killed main process cannot."""
+    server: Any = getattr(forkserver, "_forkserver", None)
+    folder = Path(str(getattr(server, "_forkserver_address", None))).parent
+    is_server = getattr(server, "_forkserver_pid", True) is None
+    if is_server and folder.name.startswith("pymp-"):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def end_of(process: BaseProcess) -> str:

@@ -73,12 +73,15 @@ def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) -> None:
+def test_workers_end_with_their_parent_however_that_ends_and_leave_nothing(
+    end: signal.Signals, tmp_path
+) -> None:
     parent = subprocess.Popen(
         [sys.executable, "-c", BUSY],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
     )
     assert parent.stdout is not None
     parent.stdout.readline()
@@ -86,3 +89,4 @@ def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) ->
     parent.wait()
     while jobs.processes_of(parent.pid):
         time.sleep(0.1)
+    assert [*tmp_path.iterdir()] == []
