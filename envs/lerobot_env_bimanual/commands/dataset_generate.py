@@ -54,13 +54,7 @@ class DatasetGenerateConfig:
     discretise: int = 0
     # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
     perturb: str = ""
-    # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
-    # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
-    executor: Literal["processes", "ray"] = "processes"
-    # Of the ray cluster. Without it, that of RAY_ADDRESS or of this machine, or else one is started for this run, as
-    # `local` always does.
-    ray_address: str | None = None
-    workers: int = 0  # shards recorded at the same time; 0 takes one per core, of the whole cluster with ray
+    workers: int = 0  # shards recorded at the same time; 0 takes one per core
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
     repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
@@ -80,19 +74,12 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
         lerobot-bimanual dataset generate --task=lift_ball --episodes=50 --root=data/lift_ball
         lerobot-bimanual dataset generate --task=all --image_size=128 --root=data/all --repo_id=me/all
         lerobot-bimanual dataset generate --task=lift_ball --view=both --root=data/lift_ball_both
-        lerobot-bimanual dataset generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
+    from lerobot_env_bimanual.generation.build import process_executor
+
     settings = settings_of(config)
-    if config.executor == "ray":
-        from lerobot_env_bimanual.generation.ray_cluster import ray_executor
-
-        executor: Executor = ray_executor(config.workers, config.ray_address)
-    else:
-        from lerobot_env_bimanual.generation.build import process_executor
-
-        executor = process_executor(config.workers)
-        print(estimate(settings, worker_count(config.workers)))
-    make_dataset(settings, config.root, executor)
+    print(estimate(settings, worker_count(config.workers)))
+    make_dataset(settings, config.root, process_executor(config.workers))
 
 
 def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
