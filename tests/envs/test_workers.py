@@ -35,15 +35,6 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) ->
     assert noted == [(word, 2 * word) for word in [*words[1:], words[0]]]
 
 
-def test_parts_are_counted_as_workers_tell_them() -> None:
-    told: list[str] = []
-    with WorkerPool(2) as pool:
-        done = pool.map(jobs.in_parts, [2, 0, 3], "", "", part=lambda: told.append("part"))
-        assert [*done] == [2, 0, 3]
-    assert len(told) == 5
-    assert jobs.in_parts(4) == 4  # outside a worker nothing is told
-
-
 @pytest.mark.parametrize("workers", [1, 3])
 def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers):
     words = ["a", jobs.OBSTINATE, "b", "c"]

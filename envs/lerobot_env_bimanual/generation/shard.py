@@ -18,7 +18,6 @@ from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
-from lerobot_env_bimanual.workers import part_done
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.writer import ViewWriter
@@ -75,7 +74,6 @@ def record_shard(job: Job) -> int:
                     )
                     writers.append(stack.enter_context(writer))
                 write_episode(episode, writers)
-                part_done()
         ShardReport(episodes=tuple(episodes), skipped=tuple(skipped)).write(folder / REPORT)
         place_shard(folder, target)
     return len(episodes)
