@@ -1,12 +1,12 @@
 """The network computes the written-out formulation, faster."""
 
+import peract2_written_out as reference
 import pytest
 import torch
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
-from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
 from lerobot_policy_bimanual.peract.factorised_head import (
     FactorisedTranslation,

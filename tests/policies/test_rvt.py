@@ -5,10 +5,10 @@ import itertools
 import pytest
 import torch
 import torch.nn.functional as F  # noqa: N812
+from peract2_written_out import block, leaky
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
-from lerobot_policy_bimanual.peract.reference import block, leaky
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels, sum_over_views

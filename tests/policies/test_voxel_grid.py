@@ -1,10 +1,10 @@
 """Points to voxels."""
 
+import peract2_written_out as reference
 import torch
 
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
-from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.voxel_grid import voxelise, with_quadratic_features
 
 
