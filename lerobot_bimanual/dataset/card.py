@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import metadata
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
-from PIL import Image
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.layout import view_of
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.reader import IMAGE_TYPES, RecordedDataset, is_depth, read_info
+from lerobot_bimanual.dataset.reader import IMAGE_TYPES, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_NAMES
@@ -28,10 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CARD_FILE = Path("README.md")
-PICTURE_FILE = Path("meta", "first_episode.jpg")
-PICTURE_CAMERA = "front"
-TILE_HEIGHT, GAP = 160, 4
-"""Sizes in the picture, in pixels."""
 
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
@@ -63,7 +54,7 @@ ACTION_MEANINGS: dict[schema.View, str] = {
 
 
 def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
-    """Write the card of a dataset from its metadata and provenance, and the picture that it shows.
+    """Write the card of a dataset from its metadata and provenance.
 
     Args:
         root: folder of the dataset.
@@ -90,7 +81,6 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         "card.md",
         tags=[*dict.fromkeys((*TAGS, *tags))],
         repo_id=repo_id,
-        picture=PICTURE_FILE.as_posix(),
         info=info,
         provenance=provenance,
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
@@ -106,7 +96,6 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         license=LICENSE,
         links=[url.split(", ", 1) for url in metadata("lerobot_bimanual").get_all("Project-URL") or ()],
     )
-    _write_picture(root)
     write_file(root / CARD_FILE, text)
 
 
@@ -123,25 +112,3 @@ def _columns(info: dict) -> pd.DataFrame:
             shape = " x ".join(map(str, feature["shape"]))
             rows.append({"column": f"`{key}`", "type": feature["dtype"], "shape": shape, "meaning": meaning})
     return pd.DataFrame(rows)
-
-
-def _write_picture(root: Path) -> None:
-    """Draw the first episode in one strip, from the start over every keypose to the end.
-
-    It is seen by the front camera, or by the first camera that the dataset stores.
-
-    Raises:
-        UnwritableOutput: the picture cannot be written.
-    """
-    dataset = RecordedDataset(root)
-    camera = PICTURE_CAMERA if PICTURE_CAMERA in dataset.cameras else dataset.cameras[0]
-    shown = {0, *np.flatnonzero(dataset.episode(0).columns[schema.KEYFRAME]).tolist()}
-    tiles = []
-    for row, image in enumerate(ImageReader(root).images(0, schema.image_key(camera))):
-        if row in shown:
-            size = round(image.shape[1] * TILE_HEIGHT / image.shape[0]), TILE_HEIGHT
-            tile = np.asarray(Image.fromarray(image).resize(size))
-            tiles.append(np.pad(tile, ((0, 0), (0, GAP), (0, 0)), constant_values=255))
-    drawn = BytesIO()
-    Image.fromarray(np.hstack(tiles)[:, :-GAP]).save(drawn, "JPEG", quality=85)
-    write_file(root / PICTURE_FILE, drawn.getvalue())  # through no link, which may lead into the Hub's cache
