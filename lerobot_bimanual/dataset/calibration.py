@@ -31,10 +31,7 @@ class Calibration(Record):
     @model_validator(mode="after")
     def _of_every_camera(self) -> Self:
         cameras = {*self.intrinsics}, {*self.world_T_camera}
-        require(
-            cameras == ({*CAMERA_NAMES}, {*ROOM_CAMERA_NAMES}),
-            "it must be that of each camera, and of no other",
-        )
+        require(cameras == ({*CAMERA_NAMES}, {*ROOM_CAMERA_NAMES}), "a camera is missing or unknown")
         return self
 
     @classmethod
@@ -70,10 +67,8 @@ class Calibration(Record):
         Raises:
             DatasetError: the row has another calibration.
         """
-        size = len(self.vectors[0])
-        all_extrinsics = columns[CAMERA_EXTRINSICS]
-        found = all_extrinsics[:size], columns[CAMERA_INTRINSICS]
-        if not all(map(np.array_equal, found, self.vectors)):
+        others = dict(columns)
+        room, moving = np.split(others[CAMERA_EXTRINSICS], [len(self.vectors[0])])
+        if not all(map(np.array_equal, (room, others.pop(CAMERA_INTRINSICS)), self.vectors)):
             raise DatasetError("cameras are calibrated otherwise than the metadata of the dataset say")
-        others = {key: value for key, value in columns.items() if key != CAMERA_INTRINSICS}
-        return others | {CAMERA_EXTRINSICS: all_extrinsics[size:]}
+        return others | {CAMERA_EXTRINSICS: moving}

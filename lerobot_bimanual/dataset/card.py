@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.layout import view_of
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.reader import IMAGE_TYPES, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
@@ -85,7 +84,7 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         provenance=provenance,
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
         episodes=pd.DataFrame(rows),
-        columns=_columns(info),
+        columns=_columns(info, provenance.view),
         depth=any(map(is_depth, info["features"].values())),
         schema=schema,
         keypose_names=ARM_KEYPOSE_NAMES,
@@ -99,11 +98,11 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
     write_file(root / CARD_FILE, text)
 
 
-def _columns(info: dict) -> pd.DataFrame:
+def _columns(info: dict, view: schema.View) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    meanings = MEANINGS | {schema.ACTION: ACTION_MEANINGS[view_of(info["features"])]}
+    meanings = MEANINGS | {schema.ACTION: ACTION_MEANINGS[view]}
     for key, feature in info["features"].items():
         meaning = meanings.get(key)
         if meaning is None and feature["dtype"] in IMAGE_TYPES:

@@ -66,11 +66,9 @@ def check_version(features: Features, root: Path) -> None:
     info = (features.get(schema.TASK_NAME) or {}).get("info") or {}
     found, provenance = info.get(schema.VERSION_INFO, SCHEMA_VERSION), root / PROVENANCE_FILE
     if found != SCHEMA_VERSION:
-        how = (
-            ["regenerate", f"--provenance={provenance}"]
-            if provenance.is_file()
-            else ["generate", "--task=TASK"]
-        )
+        how = ["generate", "--task=TASK"]
+        if provenance.is_file():
+            how = ["regenerate", f"--provenance={provenance}"]
         command = shlex.join(["lerobot-bimanual", "dataset", *how, f"--root={root}_anew"])
         raise DatasetError(
             f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: make the "

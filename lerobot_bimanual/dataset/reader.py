@@ -67,7 +67,6 @@ class RecordedDataset:
         info: content of that file.
         view: which rows are stored.
         cameras: cameras with an RGB image, in stored order.
-        has_depth: whether there are depth images.
         calibration: what holds for all rows; None where rows hold all of it.
         provenance: where the dataset comes from, if it still says so.
 
@@ -87,7 +86,6 @@ class RecordedDataset:
             key.removeprefix(schema.IMAGE_PREFIX) for key, f in images.items() if not is_depth(f)
         )
         self.calibration = Calibration.of_features(self.info["features"])
-        self.has_depth = any(map(is_depth, images.values()))
         self.provenance = Provenance.of_dataset(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
         self._index, self._types = episode_table(self.root, columns), column_types(self.info["features"])
