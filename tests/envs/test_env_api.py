@@ -119,30 +119,6 @@ def test_bad_actions_are_refused_with_a_reason(control_mode, action, complaint):
     env.close()
 
 
-@pytest.mark.parametrize(
-    ("options", "error", "complaint"),
-    [
-        ({"task": "lift_bal"}, InvalidChoice, "lift_ball"),
-        ({"variation": 99}, InvalidChoice, "any"),
-        ({"split": "dev"}, InvalidChoice, "train, val, test"),
-        ({"obs": "depth"}, InvalidChoice, "rgbd, rgb, state"),
-        ({"control_mode": "ee"}, InvalidChoice, "auto, joint, keypose"),
-        ({"cameras": ("front", "top")}, InvalidChoice, "left_shoulder"),
-        ({"cameras": ()}, InvalidChoice, "non-empty"),
-        ({"cameras": "front, front"}, InvalidChoice, "none twice"),
-        ({"image_size": 20_000}, InvalidChoice, "8 to 4096 pixels"),
-        ({"variation": np.zeros(2)}, InvalidChoice, "any"),
-        ({"video_dir": "/dev/null/films"}, InvalidChoice, "that can be written or made"),
-        ({"max_keyposes": 0}, InvalidChoice, "at least 1"),
-        ({"render_quality": "ultra"}, InvalidChoice, "observation, high"),
-        ({"render_mode": "human"}, InvalidChoice, "rgb_array"),
-    ],
-)
-def test_bad_options_are_refused_with_the_valid_ones(options, error, complaint):
-    with pytest.raises(error, match=complaint):
-        BimanualEnv(**({"task": TASK} | options))
-
-
 def test_a_variation_can_be_fixed_for_all_episodes_or_for_one_and_changes_nothing_else():
     def episode(variation: str | int, /, **options) -> tuple:
         env = BimanualEnv("handover_item", obs="state", variation=variation)

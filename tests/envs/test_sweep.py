@@ -1,6 +1,5 @@
 """Sweeps: which conditions there are, who plays in them, what is refused, and how an interrupted one continues."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import MagicMock
@@ -8,8 +7,7 @@ from unittest.mock import MagicMock
 import pytest
 from made_up_sweep import TASK, MadeUpEvaluator, MadeUpRollout, world
 
-from lerobot_bimanual import cli
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.robustness import ExpertRobustnessReport, RobustnessResult
 from lerobot_bimanual.results.statistics import SuccessRate
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
@@ -57,19 +55,6 @@ def test_every_task_has_conditions_and_says_what_does_not_apply(task):
     names = [axis.name for axis in conditions.axes]
     assert sorted([*names, *conditions.not_applicable]) == list(AXES.names)
     assert [*conditions] == [("", 0), *((name, level) for name in sorted(names) for level in (1, 2, 3))]
-
-
-@pytest.mark.parametrize(
-    ("axes", "levels", "message"),
-    [
-        (["masse"], [1], "axis is 'masse'"),
-        (["mass"], [4], "levels is 4, but must be one of: 1, 2, 3"),
-        (["mass"], [], "levels is ''"),
-    ],
-)
-def test_unknown_axes_and_levels_are_refused(axes, levels, message):
-    with pytest.raises(InvalidChoice, match=message):
-        conditions_of("lift_ball", axes, levels)
 
 
 def test_a_sweep_without_an_axis_that_applies_is_refused(monkeypatch):
@@ -147,23 +132,6 @@ def test_an_expert_report_of_another_world_is_refused_and_one_of_this_decides(tm
     assert not chosen.output.exists()
 
 
-def test_a_later_expert_report_decides_on_conditions_that_are_played_already(tmp_path, capsys):
-    chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(3,))
-    policy_robustness(chosen)
-    expert_evaluate(of_expert(tmp_path, "mass", task="lift_ball"))
-    with_reports = replace(chosen, expert_reports=tmp_path / "experts")
-    policy_robustness(with_reports)
-    assert f"holds no report of {TASK}" in capsys.readouterr().out
-    assert {each.expert_report for each in RobustnessResult.read(chosen.output).conditions} == {None}
-    expert_evaluate(of_expert(tmp_path, "arm_late"))
-    MadeUpEvaluator.specs.clear()
-    for again in (with_reports, chosen):  # without reports none is forgotten
-        policy_robustness(again)
-        decided = {each.expert_report for each in RobustnessResult.read(chosen.output).conditions}
-        assert decided == {SuccessRate(40, 40)}
-    assert not MadeUpEvaluator.specs
-
-
 @pytest.mark.parametrize("name", ["nominal", "camera_moved:1"])
 def test_conditions_of_another_world_are_not_mixed_with_these(name, tmp_path):
     chosen = of_policy(tmp_path, "arm_late", "camera_moved", levels=(1,))
@@ -194,20 +162,3 @@ def test_expert_reports_list_failures_grow_and_play_again_what_has_changed(tmp_p
     assert MadeUpEvaluator.n_means == n_means  # if nothing is missing, no training episodes are played
     with pytest.raises(BimanualError, match="has expert_episodes"):
         expert_evaluate(replace(chosen, episodes=30))
-
-
-@pytest.mark.parametrize(
-    ("config", "message"),
-    [
-        (None, "does not exist. Give the folder `pretrained_model`"),
-        ({"type": "act"}, "config.json: input_features"),
-    ],
-)
-def test_a_folder_without_a_checkpoint_is_refused_on_one_line(config, message, tmp_path, capsys):
-    (tmp_path / "model.safetensors").touch()
-    if config is not None:
-        (tmp_path / "config.json").write_text(json.dumps(config))
-    assert cli.main(["policy", "robustness", f"--checkpoint={tmp_path}", "--task=lift_ball"]) == 1
-    error = capsys.readouterr().err.strip()
-    assert message in error
-    assert "\n" not in error

@@ -1,16 +1,18 @@
-"""The viewer plays the episodes that its keys ask for, until its window is closed."""
+"""The viewer plays what its keys ask for; videos of episodes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.viewer import LEFT, RIGHT, Performance
+from lerobot_env_bimanual.world.video import VideoWriter
 
 pytestmark = pytest.mark.sim
 
@@ -80,3 +82,53 @@ def test_arrows_take_other_seeds_in_the_middle_of_an_episode():
     assert not any("solved" in text for text in screen.shown)
     seeds = {text.splitlines()[1] for text in screen.shown}
     assert seeds == {f"expert, seed {seed}, variation 0, nominal" for seed in (0, 1)}
+
+
+def read_frames(path) -> np.ndarray:
+    with av.open(str(path)) as container:
+        return np.stack([frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)])
+
+
+def test_a_video_holds_every_frame_in_order_in_a_format_that_browsers_play(tmp_path):
+    shades = np.linspace(20, 230, 12).astype(np.uint8)
+    writer = VideoWriter(tmp_path / "new", "shades")
+    for shade in shades:
+        writer.add(np.full((48, 64, 3), shade, dtype=np.uint8))
+    assert not list(tmp_path.rglob("*.mp4"))  # before it is complete
+    path = writer.close("success")
+    assert [*(tmp_path / "new").iterdir()] == [path]
+    assert path.name == "shades_success.mp4"
+    frames = read_frames(path)
+    assert frames.shape == (12, 48, 64, 3)
+    assert np.abs(frames.mean((1, 2, 3)) - shades).max() < 4
+    with av.open(str(path)) as container:
+        (stream,) = container.streams.video
+        context = stream.codec_context
+        assert (context.name, context.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 20)
+
+
+@pytest.fixture
+def filming_env(tmp_path):
+    env = BimanualEnv("lift_ball", obs="state", split="val", video_dir=tmp_path)
+    yield env
+    env.close()
+
+
+def test_an_episode_is_filmed_tick_by_tick_and_named_after_it(filming_env, tmp_path):
+    filming_env.reset(seed=5)
+    for _ in range(3):
+        filming_env.step(filming_env.scene.commanded)
+    filming_env.step(np.zeros(18))  # a zero quaternion ends the episode
+    (path,) = tmp_path.iterdir()
+    assert path.name == "lift_ball_v0_val_seed5_failure.mp4"
+    assert read_frames(path).shape == (3, 480, 640, 3)
+
+
+def test_an_episode_cut_short_is_filmed_as_unfinished(filming_env, tmp_path):
+    filming_env.reset(seed=5)
+    filming_env.step(filming_env.scene.commanded)
+    filming_env.reset(seed=6)
+    filming_env.step(filming_env.scene.commanded)
+    filming_env.close()
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"lift_ball_v0_val_seed{seed}_unfinished.mp4" for seed in (5, 6)}

@@ -66,9 +66,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture(scope="module")
 def python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Interpreter of an environment with the four wheels, a task of another distribution, and borrowed dependencies."""
-    borrowed = (
-        entry.name for entry in Path(sysconfig.get_path("purelib")).iterdir() if entry.suffix != ".pth"
-    )
+    borrowed = (each.name for each in Path(sysconfig.get_path("purelib")).iterdir() if each.suffix != ".pth")
     task = built(TASK_PACKAGE, tmp_path_factory.mktemp("task"))
     return environment(tmp_path_factory.mktemp("clean"), borrowed, (*wheels.values(), task))
 
@@ -141,9 +139,7 @@ def test_the_wheels_are_used_without_checkout_and_network(python: Path) -> None:
     assert all(f"\n  {command} " in shown for command in ("demo", "dataset generate", "policy benchmark"))
 
 
-def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(
-    slim_python: Path, tmp_path: Path
-) -> None:
+def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(slim_python, tmp_path):
     without = """
 from importlib.util import find_spec
 assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
@@ -161,9 +157,7 @@ assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
         assert len(told.splitlines()) == 1
 
 
-def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(
-    python: Path, tmp_path: Path
-) -> None:
+def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(python, tmp_path):
     ours = ("-m", "lerobot_bimanual.cli")
     listed = succeed(python, *ours, "task", "list", "--task=prehensile", "--format=json")
     assert "raise_block" in {row["name"] for row in json.loads(listed[: listed.rindex("]") + 1])}

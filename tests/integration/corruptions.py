@@ -224,9 +224,7 @@ CORRUPTIONS = (
         "video of another camera", "rendered RGB", video_replaced_by(VIDEO.replace(FRONT, WRIST)), FRAMES
     ),
     Corruption("video is a tick late", "rendered RGB", encoded_again(lambda f: [f[0], *f[:-1]]), FRAMES),
-    Corruption(
-        "video is late from its middle on", "rendered RGB", encoded_again(late_from_the_middle), FRAMES
-    ),
+    Corruption("a video late from its middle", "rendered RGB", encoded_again(late_from_the_middle), FRAMES),
     Corruption("a repainted thing", "rendered RGB", encoded_again(repainted), FRAMES),
     Corruption(
         "a brighter video",
@@ -245,8 +243,6 @@ CORRUPTIONS = (
         KEYFRAMES,
     ),
     Corruption("one pixel of colour", "rendered RGB", pixels(FRONT, one_pixel(1), slice(3, 4)), KEYFRAMES),
-    Corruption(
-        "one pixel of depth", "rendered depth", pixels(FRONT_DEPTH, one_pixel(-1), slice(3, 4)), KEYFRAMES
-    ),
+    Corruption("a depth pixel", "rendered depth", pixels(FRONT_DEPTH, one_pixel(-1), slice(3, 4)), KEYFRAMES),
     Corruption("depth beyond its range", "rendered depth", pixels(FRONT_DEPTH, one_pixel(9000)), KEYFRAMES),
 )

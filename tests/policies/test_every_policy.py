@@ -51,14 +51,10 @@ def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_ty
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
     policy_class = get_policy_class(policy_type)
-    config = PreTrainedConfig.get_choice_class(policy_type)(
-        device="cpu"
-    )  # nothing else is needed, no statistics
+    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
     with torch.device("meta"):
         policy = policy_class(config)
-    count = sum(
-        value.numel() for name, value in policy.named_parameters() if not name.startswith("language.")
-    )
+    count = sum(each.numel() for name, each in policy.named_parameters() if not name.startswith("language."))
     assert count == specimens[policy_type].parameters
 
 
@@ -121,18 +117,20 @@ def test_bfloat16_gives_nearly_the_same_loss(make_policy, make_batch):
     torch.testing.assert_close(loss, full(batch)[0], atol=0, rtol=0.02)
 
 
-def test_neither_training_nor_acting_changes_the_batch(make_policy, make_batch):
+def test_a_batch_stays_as_it_is_and_only_the_training_loss_is_augmented(make_policy, make_batch):
     policy = make_policy()
     batch = make_batch()
     before = copy.deepcopy(batch)
     policy.train()(batch)
     policy.select_action(batch)
     assert_equal_batches(batch, before)
+    policy = make_policy()
+    batch = make_batch()
+    assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
+    assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
 
 
-def test_policy_survives_saving_and_answers_with_a_keypose_whatever_the_environments_action(
-    make_policy, make_batch, tmp_path
-):
+def test_policy_survives_saving_whatever_the_environments_action(make_policy, make_batch, tmp_path):
     policy = make_policy().eval()
     policy.save_pretrained(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"config.json", "model.safetensors"}
@@ -158,13 +156,6 @@ def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras)
     assert torch.equal(policy(batch)[0], loss)
 
 
-def test_evaluation_loss_is_not_augmented_and_the_training_loss_is(make_policy, make_batch):
-    policy = make_policy()
-    batch = make_batch()
-    assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
-    assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
-
-
 def test_processors_leave_observations_alone_and_survive_saving(policy_type, make_batch, tmp_path):
     config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
     config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
@@ -182,9 +173,7 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
 
 
 @pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2)])
-def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
-    make_policy, tmp_path, largest, horizon
-):
+def test_the_horizon_is_that_of_the_dataset_and_kept_in_checkpoints(make_policy, tmp_path, largest, horizon):
     stats = {KEYPOSE_STEP: {"max": np.array([largest])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -195,9 +184,7 @@ def test_without_a_dataset_the_horizon_is_that_of_the_papers_code(make_policy):
     assert make_policy(dataset_stats=None, keypose_horizon=None).config.keypose_horizon == 25
 
 
-def test_flags_must_not_contradict_a_checkpoint_and_a_longer_dataset_is_warned_of(
-    make_policy, tmp_path, caplog
-):
+def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(make_policy, tmp_path, caplog):
     stats = {KEYPOSE_STEP: {"max": np.array([5.0])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -256,9 +243,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_a_compiled_network_has_the_losses_of_the_plain_one_and_is_compiled_once(
-    specimens, make_batch, monkeypatch
-):
+def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens, make_batch, monkeypatch):
     graphs = []
 
     def backend(graph: torch.fx.GraphModule, inputs: list) -> Callable:
@@ -269,9 +254,7 @@ def test_a_compiled_network_has_the_losses_of_the_plain_one_and_is_compiled_once
     compiler = torch.nn.Module.compile
     monkeypatch.setattr(torch.nn.Module, "compile", lambda module: compiler(module, backend=backend))
     options = specimens["peract2"].tiny["factorised"] | {"augmentation": False}
-    plain, compiled = (
-        PerAct2Policy(PerAct2Config(**options, compile=flag)).train() for flag in (False, True)
-    )
+    plain, compiled = (PerAct2Policy(PerAct2Config(**options, compile=on)).train() for on in (False, True))
     compiled.load_state_dict(plain.state_dict())
     batch = make_batch()
     for _ in range(2):

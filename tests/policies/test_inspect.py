@@ -67,9 +67,7 @@ def count(picture: Image.Image, color: str) -> int:
     return int((abs(np.asarray(picture) / 255 - to_rgb(color)).max(axis=-1) < 0.15).sum())
 
 
-def test_the_command_draws_every_policys_prediction(
-    save_policy, policy_type, specimens, dataset, tmp_path, capsys
-):
+def test_the_command_draws_every_prediction(save_policy, policy_type, specimens, dataset, tmp_path, capsys):
     checkpoint = save_policy(
         policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
     )
@@ -86,9 +84,7 @@ def test_the_command_draws_every_policys_prediction(
         assert count(views, color) > 50
 
 
-def test_accuracy_is_that_of_each_policys_actions(
-    save_policy, policy_type, specimens, dataset, tmp_path, capsys
-):
+def test_accuracy_is_that_of_the_actions(save_policy, policy_type, specimens, dataset, tmp_path, capsys):
     checkpoint = save_policy(
         policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
     )
@@ -112,7 +108,7 @@ def test_accuracy_is_that_of_each_policys_actions(
     assert float(last[3]) == pytest.approx(found["cm"].mean(), abs=0.006)
 
 
-def test_what_is_shown_is_the_prediction_and_its_errors(make_policy, make_batch):
+def test_what_is_shown_is_the_prediction_whose_probabilities_are_one_distribution(make_policy, make_batch):
     policy, batch = make_policy(), make_batch(samples=1)
     _, prediction, chosen = policy.infer(batch)
     predicted = BimanualKeypose.from_vector(chosen[0])
@@ -126,9 +122,6 @@ def test_what_is_shown_is_the_prediction_and_its_errors(make_policy, make_batch)
         hot_m, heat = hot_voxels(volume, policy.codec)
         np.testing.assert_allclose(hot_m[-1], predicted[arm].pose.position, atol=1e-6)
         assert (np.diff(heat) >= 0).all()
-
-
-def test_voxel_probabilities_are_one_distribution_whose_peak_is_chosen(make_policy, make_batch):
     policy = make_policy()
     translation = policy.infer(make_batch(samples=2))[1].translation
     probabilities = translation.probabilities()

@@ -48,9 +48,7 @@ def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("shift_m", [(0.0, 0.0, 0.0), (0.05, -0.05, 0.05)])
-def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the_scene(
-    make_leader_follower, leader, make_batch, monkeypatch, shift_m
-):
+def test_training_tells_the_moved_label(make_leader_follower, leader, make_batch, monkeypatch, shift_m):
     policy = make_leader_follower(leader=str(leader), augmentation=True).train()
     motion = torch.eye(4).repeat(4, 1, 1)
     motion[:, :3, 3] = torch.tensor(shift_m)
@@ -120,9 +118,7 @@ def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch
     target = policy.target_bins(batch[ACTION])
     before = policy.predict(policy.observe(batch), target)
     batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
-    other = KeyposeBins(
-        *(torch.stack([value[:, 0], value[:, 1].flip(0)], dim=1) for value in vars(target).values())
-    )
+    other = KeyposeBins(*(torch.stack([x[:, 0], x[:, 1].flip(0)], dim=1) for x in vars(target).values()))
     after = policy.predict(policy.observe(batch), other)
     assert torch.equal(after.rotation[:, 0], before.rotation[:, 0])
     assert not torch.allclose(after.rotation[:, 1], before.rotation[:, 1])

@@ -137,9 +137,7 @@ class Meta:
         self.features = features(CAMERA_NAMES, height, width, view, calibration=calibration)
 
 
-def test_another_task_and_another_size_are_warned_of_once_and_survive_saving(
-    make_policy, make_batch, caplog, tmp_path
-):
+def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batch, caplog, tmp_path):
     policy = make_policy()
     policy.config.input_features = {
         key: PolicyFeature(FeatureType.VISUAL, (3, 8, 8)) for key in policy.config.observation_keys
