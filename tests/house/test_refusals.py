@@ -63,7 +63,6 @@ REFUSED = {
         "task=lift_bal": "Did you mean 'lift_ball'?",
         "variation=7": "integer from 0 to 0",
         "first_seed=-1": "at least 0",
-        "image_size=47x64": "even sides",
     },
     "task view": {
         "task=lift_bal": "Did you mean 'lift_ball'?",
