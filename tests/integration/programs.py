@@ -88,7 +88,7 @@ def serve() -> None:
         for number, path in zip((0, 1, 2), ("/dev/null", *streams), strict=True):
             os.dup2(os.open(path, os.O_RDWR | os.O_CREAT), number)
         sys.argv, sys.path[0] = words, str(Path(words[0]).parent)
-        sys.path[1:1] = environment.get("PYTHONPATH", "").split(":")[:-1]
+        sys.path[1:1] = filter(None, environment.get("PYTHONPATH", "").split(":"))
         random.seed()
         np.random.seed()  # noqa: NPY002  the generator that programs without a seed of their own draw from
         runpy.run_path(words[0], run_name="__main__")
