@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.cameras import CAMERA_NAMES, WRIST_CAMERA_NAMES
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.dataset.calibration import Calibration
+    from lerobot_bimanual.results.record import Record
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
@@ -129,7 +129,7 @@ def features(
     view: View,
     depth: bool = True,
     outcome: bool = False,
-    calibration: Calibration | None = None,
+    calibration: Record | None = None,
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 
@@ -141,7 +141,7 @@ def features(
             in the table.
         depth: whether each camera has a depth image.
         outcome: whether rows say what became of their episode; demonstrations are all solved.
-        calibration: what holds for all rows; None where rows hold all of it, as the environment's observations do.
+        calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
     """
     dtype = "video" if view == "frames" else "image"
     names = ["height", "width", "channels"]
@@ -158,7 +158,9 @@ def features(
     vectors = VECTORS | {ACTION: ACTIONS[view]}
     if calibration is not None:
         del vectors[CAMERA_INTRINSICS]
-        vectors[CAMERA_EXTRINSICS] = EXTRINSIC_NAMES[len(calibration.vectors[0]) :]
+        vectors[CAMERA_EXTRINSICS] = tuple(
+            name for name in EXTRINSIC_NAMES if name.startswith(WRIST_CAMERA_NAMES)
+        )
     for key, elements in vectors.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
     for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
