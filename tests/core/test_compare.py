@@ -177,15 +177,6 @@ def test_impossible_counts_are_refused(successes, trials):
         SuccessRate(successes, trials)
 
 
-@pytest.mark.parametrize(
-    ("only_first", "only_second", "p_value"),
-    [(0, 0, 1.0), (1, 9, 22 / 1024), (9, 1, 22 / 1024), (5, 5, 1.0), (6, 0, 2 / 64)],
-)
-def test_of_single_successes_the_sign_flip_test_is_mcnemars(only_first, only_second, p_value):
-    differences = [1] * only_first + [-1] * only_second + [0] * 7
-    assert sign_flip_p_value(differences) == pytest.approx(p_value)
-
-
 @pytest.mark.parametrize("differences", [[3], [2, -1, 0, 3], [1, 1, -2, 4, 4, 0, -1], [5, 3, 3, 2, -1, 6, 6]])
 def test_the_sign_flip_test_counts_all_signs(differences):
     sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]

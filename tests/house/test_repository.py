@@ -1,8 +1,6 @@
-"""Things that must agree across the repository, things that must not be in it, and its set-up scripts."""
+"""Things that must agree across the repository, and things that must not be in it."""
 
-import os
 import re
-import shutil
 import subprocess
 import tomllib
 from pathlib import Path
@@ -164,45 +162,3 @@ def test_no_text_uses_words_that_the_glossary_replaces() -> None:
                 for word in re.finditer(pattern, line)
             ]
     assert not found, "\n".join(found)
-
-
-FAKE_UV = """#!/usr/bin/env bash
-echo "$*" >>"$HOME/uv.log"
-[[ -z ${FAIL:-} || $1 != pip ]] || exit 1
-if [[ $1 == venv ]]; then
-    mkdir -p .venv/bin
-    echo "VIRTUAL_ENV=$PWD/.venv" >.venv/bin/activate
-    printf '#!/bin/sh\\nexit 0\\n' >.venv/bin/python
-    chmod +x .venv/bin/python
-fi
-"""
-
-
-def test_set_up_does_what_is_missing_and_nothing_else(tmp_path: Path) -> None:
-    """In a copy of what the script reads, beside a HOME with a uv and a PATH whose first uv does not work."""
-    checkout, home = tmp_path / "repo", tmp_path / "home"
-    packages = [f"{folder}pyproject.toml" for folder in ("", "envs/", "policies/", "robots/")]
-    for name in ("scripts/find_uv.sh", "scripts/setup.sh", ".python-version", "requirements.lock", *packages):
-        (checkout / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, checkout / name)
-    for path, text in ((tmp_path / "bin/uv", "#!/bin/sh\nexit 127\n"), (home / ".local/bin/uv", FAKE_UV)):
-        path.parent.mkdir(parents=True)
-        path.write_text(text)
-        path.chmod(0o755)
-
-    def calls_of(folder: Path, **variables: str) -> list[str]:
-        environment = (
-            os.environ | {"HOME": str(home), "PATH": f"{tmp_path / 'bin'}:/usr/bin:/bin"} | variables
-        )
-        done = subprocess.run(folder / "scripts/setup.sh", env=environment, capture_output=True, check=False)
-        assert bool(done.returncode) == bool(variables)
-        log = home / "uv.log"
-        calls = [line.split()[0] for line in log.read_text().splitlines() if line != "--version"]
-        log.write_text("")
-        return calls
-
-    assert calls_of(checkout, FAIL="1") + calls_of(checkout) == ["venv", "pip", "pip", "pip"]
-    assert calls_of(checkout) == []
-    (checkout / "requirements.lock").write_text("numpy==2.2.6\n")
-    assert calls_of(checkout) == ["pip", "pip"]
-    assert calls_of(checkout.rename(checkout.with_name("moved"))) == ["venv", "pip", "pip"]

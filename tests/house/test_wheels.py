@@ -16,14 +16,8 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from test_repository import DISTRIBUTIONS, ROOT
 
-ROOT = Path(__file__).parents[2]
-FOLDERS = {
-    "lerobot_bimanual": ROOT,
-    "lerobot_env_bimanual": ROOT / "envs",
-    "lerobot_policy_bimanual": ROOT / "policies",
-    "lerobot_robot_bimanual": ROOT / "robots",
-}
 TASK_PACKAGE = ROOT / "examples/07_own_task"
 # Any attempt to reach the network fails the program that begins with these lines.
 NO_NETWORK = """
@@ -32,8 +26,8 @@ def refuse(*_): raise OSError("the network was used")
 socket.socket.connect = socket.getaddrinfo = refuse
 """
 USE = f"""
-import sys, {", ".join(FOLDERS)}
-for module in ({", ".join(FOLDERS)}):
+import sys, {", ".join(DISTRIBUTIONS)}
+for module in ({", ".join(DISTRIBUTIONS)}):
     assert module.__file__.startswith(sys.prefix), module.__file__
 import gymnasium as gym
 assert not gym.make("bimanual/RaiseBlock-v0", obs="state").reset(seed=0)[1]["is_success"]
@@ -60,7 +54,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One wheel per distribution, each built from its source archive, as a release would be."""
-    return {name: built(folder, tmp_path_factory.mktemp(name)) for name, folder in FOLDERS.items()}
+    return {name: built(folder, tmp_path_factory.mktemp(name)) for name, folder in DISTRIBUTIONS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -121,10 +115,10 @@ def succeed(python: Path, *words: str, code: int = 0) -> str:
     return child.stdout + child.stderr
 
 
-@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
 def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, wheels: dict[str, Path]) -> None:
     members = set(zipfile.ZipFile(wheels[name]).namelist())
-    source = FOLDERS[name] / name
+    source = DISTRIBUTIONS[name] / name
     kept = [path for path in source.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     ours = {f"{name}/{path.relative_to(source)}" for path in kept} | {f"{name}/py.typed"}
     assert ours <= members

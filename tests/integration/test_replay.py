@@ -1,9 +1,7 @@
 """Recorded actions and keyposes replay to the same states, and a dataset that lies is found out."""
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-from corruptions import rewrite
+from corruptions import column, plus, rewrite
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
@@ -35,14 +33,7 @@ def test_the_command_prints_a_table_and_succeeds(generated, capsys) -> None:
 
 def test_a_changed_action_is_found_at_its_tick_and_the_command_names_both(copy, capsys) -> None:
     root = copy("frames")
-    file = root / "data/chunk-000/file-000.parquet"
-    table = pq.read_table(file)
-    row = table["episode_index"].to_pylist().index(1) + 30
-    actions = table[schema.ACTION].to_pylist()
-    actions[row][0] += 0.01
-    column = table.column_names.index(schema.ACTION)
-    field = table.schema.field(schema.ACTION)
-    pq.write_table(table.set_column(column, field, pa.array(actions, field.type)), file)
+    column(schema.ACTION, plus(0.01), [30])(root)
     (_, whole), (_, changed) = (replay_recorded(RecordedDataset(root), index) for index in (0, 1))
     assert whole.matches
     assert changed.divergence == 30

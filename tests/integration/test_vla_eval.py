@@ -11,12 +11,11 @@ import pytest
 import yaml
 from lerobot.envs.configs import HubEnvConfig
 from lerobot.envs.factory import make_env
+from planted_failures import expert_keyposes
 from vla_eval.api import evaluate
 from vla_eval.model_servers.base import ModelServer
 from vla_eval.registry import resolve_import_string
 
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 EXAMPLE = Path(__file__).parents[2] / "examples/13_vla_eval"
@@ -43,18 +42,6 @@ class Server(ModelServer):
         return self.benchmark.get_observation_spec()
 
 
-def demonstrated(task: str, seed: int) -> list[np.ndarray]:
-    """The keyposes with which the expert solves an episode."""
-    env, actions = BimanualEnv(task, obs="state", control_mode="keypose"), []
-    env.reset(seed=seed)
-    for move in expert()(env):
-        actions.append(move.action)
-        if env.step(move.action)[2]:
-            break
-    env.close()
-    return actions
-
-
 @pytest.mark.sim
 def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_without(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
@@ -65,7 +52,7 @@ def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_wit
     assert sum(spec.dims for spec in benchmark.get_action_spec().values()) == 18
     overrides = {"episodes_per_task": 1, "params": params}
     for actions, rate in (
-        (demonstrated("lift_ball", 3), 1.0),
+        (expert_keyposes("lift_ball", seed=3), 1.0),
         ([np.full(18, np.nan)], 0.0),
         ([np.zeros(3)], 0.0),
     ):

@@ -172,16 +172,14 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
         assert torch.equal(postprocess(keypose), keypose)
 
 
-@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2)])
-def test_the_horizon_is_that_of_the_dataset_and_kept_in_checkpoints(make_policy, tmp_path, largest, horizon):
-    stats = {KEYPOSE_STEP: {"max": np.array([largest])}}
+@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2), (None, 25)])
+def test_the_horizon_is_that_of_the_dataset_or_of_the_papers_code_and_kept(
+    make_policy, tmp_path, largest, horizon
+):
+    stats = None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
     assert PreTrainedConfig.from_pretrained(tmp_path).keypose_horizon == horizon
-
-
-def test_without_a_dataset_the_horizon_is_that_of_the_papers_code(make_policy):
-    assert make_policy(dataset_stats=None, keypose_horizon=None).config.keypose_horizon == 25
 
 
 def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(make_policy, tmp_path, caplog):

@@ -226,12 +226,3 @@ def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
     candidates = prediction.translation.candidates()
     assert candidates.best().tolist() == [[[0, 9, 5]] * 2] * 2
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
-
-
-@pytest.mark.parametrize("centred", [False, True])
-def test_patches_equal_a_strided_convolution(centred):
-    layer = PatchConv3d(3, 4, centred=centred).double()
-    x = torch.randn(2, 3, 10, 10, 10, dtype=torch.float64)
-    padding = 2 if centred else 0
-    expected = reference.leaky(reference.conv(x, *layer.conv.parameters(), stride=5, padding=padding))
-    torch.testing.assert_close(layer(x), expected.flatten(2).transpose(1, 2))

@@ -14,7 +14,6 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cameras_torch import unproject
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import (
-    ACTION,
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     KEYPOSE_STEP,
@@ -188,12 +187,6 @@ def test_datasets_of_joint_actions_and_of_another_schema_are_refused():
         meta.features[TASK_NAME]["info"] = {VERSION_INFO: version}
         with pytest.raises(DatasetError, match=message):
             fit_config(PerAct2Config(device="cpu"), meta, None)
-
-
-def test_labels_are_not_looked_at_when_acting(make_policy, make_batch):
-    batch = make_batch()
-    batch[ACTION] = "no label at all"
-    assert torch.isfinite(make_policy().select_action(batch)).all()
 
 
 def test_what_was_measured_is_where_it_was_bit_for_bit_and_what_was_not_is_no_point(make_batch):

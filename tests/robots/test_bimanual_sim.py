@@ -150,15 +150,6 @@ def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeyp
     assert robot.env.state_hash() == patient.env.state_hash()
 
 
-def test_every_episode_has_a_video(make_robot, tmp_path):
-    robot = make_robot(video_dir=str(tmp_path / "videos"))
-    for offset_rad in (0.2, 0.0, 0.2):
-        robot.send_action(home(offset_rad))
-    robot.disconnect()
-    videos = sorted(path.stem for path in (tmp_path / "videos").glob("*.mp4"))
-    assert videos == [f"push_box_v0_train_seed{seed}_unfinished" for seed in (0, 1)]
-
-
 def test_an_option_outside_its_choices_is_refused_with_the_choices():
     for option, named in (
         ({"task": "push_bocks"}, "push_box"),
