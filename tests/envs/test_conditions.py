@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import conditions
@@ -34,17 +34,6 @@ def scene(compiled_scene):
     compiled_scene.reset()
     compiled_scene.place("item", HIGH_IN_THE_AIR)
     return compiled_scene
-
-
-def close(scene, arm):
-    """Tick until the arm's hand has closed on whatever is in it, without gravity, for it would fall meanwhile."""
-    action = scene.commanded
-    action[8 * arm.ordinal + 7] = 0.0
-    gravity = scene.model.opt.gravity.copy()
-    scene.model.opt.gravity[:] = 0
-    for _ in range(10):
-        scene.tick(action)
-    scene.model.opt.gravity[:] = gravity
 
 
 def test_above_compares_the_height_of_the_origin(scene):
@@ -81,19 +70,6 @@ def test_at_rest_is_about_speed(scene):
     assert scene.speed("item") > 0.3
     assert not AtRest("item")(scene)
     assert AtRest("item", speed_m_s=2.0)(scene)
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_a_closed_hand_holds_and_touches_what_is_between_its_fingers(scene, arm):
-    tcp = scene.tcp(arm)
-    scene.place("item", Pose.looking(tcp.position, (0, 0, 1), tcp.rotation[:, 1]))
-    close(scene, arm)
-    assert Held("item", arm)(scene)
-    assert Touched("item", arm)(scene)
-    assert not Untouched("item", arm)(scene)
-    assert not Held("item", arm.other)(scene)
-    assert not Touched("item", arm.other)(scene)
-    assert Untouched("item", arm.other)(scene)
 
 
 def test_one_finger_touches_but_does_not_hold_and_a_forearm_is_no_hand(scene):

@@ -175,3 +175,9 @@ def save_policy() -> Callable[[str, dict[str, Any], Path], Path]:
         return folder
 
     return save
+
+
+@pytest.fixture
+def tiny_checkpoint(save_policy: Callable[..., Path], policy_type: str, tmp_path: Path) -> Path:
+    """Every policy's first variant in turn, saved."""
+    return save_policy(policy_type, next(iter(SPECIMENS[policy_type].tiny.values())), tmp_path / "model")

@@ -156,21 +156,18 @@ def test_a_checkpoint_with_changed_bytes_is_read_or_refused(data, sound, tmp_pat
         check_checkpoint(folder)
 
 
-def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(save_policy, policy_type, specimens, tmp_path):
-    checkpoint = save_policy(
-        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model"
-    )
+def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(tiny_checkpoint, tmp_path):
     marker = tmp_path / "it_ran"
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text('{"total_frames": 1}')
     for name in (PREPROCESSOR, POSTPROCESSOR):
         stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
-        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)
+        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(tiny_checkpoint)
         for command in ("check", "accuracy", "inspect"):
             data = [] if command == "check" else [f"--root={tmp_path}"]
-            assert cli.main(["policy", command, f"--checkpoint={checkpoint}", *data]) == 1
+            assert cli.main(["policy", command, f"--checkpoint={tiny_checkpoint}", *data]) == 1
         with pytest.raises(CheckpointError, match=r"subprocess\.Popen.*Do not load"):
-            load_policy(checkpoint)
+            load_policy(tiny_checkpoint)
     assert not marker.exists()
 
 
@@ -188,13 +185,12 @@ def test_a_sound_checkpoint_is_described(save_policy, policy_type, specimens, ma
         assert torch.equal(loaded.select_action(batch), stock.select_action(batch))
 
 
-def test_lerobot_loads_the_weights_of_a_policy_strictly(save_policy, policy_type, specimens, tmp_path):
-    checkpoint = save_policy(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path)
+def test_lerobot_loads_the_weights_of_a_policy_strictly(tiny_checkpoint, policy_type):
     stock = get_policy_class(policy_type)
-    stock.from_pretrained(checkpoint)
-    weights(lambda tensors: tensors.pop(min(tensors)))(checkpoint)
+    stock.from_pretrained(tiny_checkpoint)
+    weights(lambda tensors: tensors.pop(min(tensors)))(tiny_checkpoint)
     with pytest.raises(CheckpointError, match="lacks tensors"):
-        stock.from_pretrained(checkpoint)
+        stock.from_pretrained(tiny_checkpoint)
 
 
 def test_what_may_look_something_up_is_not_called_safe(checkpoint, specimens):

@@ -67,12 +67,9 @@ def count(picture: Image.Image, color: str) -> int:
     return int((abs(np.asarray(picture) / 255 - to_rgb(color)).max(axis=-1) < 0.15).sum())
 
 
-def test_the_command_draws_every_prediction(save_policy, policy_type, specimens, dataset, tmp_path, capsys):
-    checkpoint = save_policy(
-        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
-    )
+def test_the_command_draws_every_prediction(tiny_checkpoint, dataset, tmp_path, capsys):
     # A root of both views holds them as folders.
-    assert run(checkpoint, dataset.parent, "--index=1", f"--output={tmp_path / 'pictures'}") == 0
+    assert run(tiny_checkpoint, dataset.parent, "--index=1", f"--output={tmp_path / 'pictures'}") == 0
     (path,) = (tmp_path / "pictures").iterdir()
     assert path.name == "row_00001.png"
     assert str(path) in capsys.readouterr().out
@@ -84,11 +81,8 @@ def test_the_command_draws_every_prediction(save_policy, policy_type, specimens,
         assert count(views, color) > 50
 
 
-def test_accuracy_is_that_of_the_actions(save_policy, policy_type, specimens, dataset, tmp_path, capsys):
-    checkpoint = save_policy(
-        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "pretrained_model"
-    )
-    policy, preprocess = load_policy(checkpoint)
+def test_accuracy_is_that_of_the_actions(tiny_checkpoint, dataset, capsys):
+    policy, preprocess = load_policy(tiny_checkpoint)
     found = measure(policy, preprocess, open_dataset(dataset))
     assert found["after"].tolist() == [row for row in range(ROWS) for _ in ARMS]
     dataset_rows = open_dataset(dataset)
@@ -102,7 +96,7 @@ def test_accuracy_is_that_of_the_actions(save_policy, policy_type, specimens, da
             assert line.cm == pytest.approx(100 * np.linalg.norm(offset_m), rel=1e-4)
             assert line.gripper == (predicted[arm].gripper_open != true[arm].gripper_open)
     capsys.readouterr()
-    assert cli.main(["policy", "accuracy", f"--checkpoint={checkpoint}", f"--root={dataset}"]) == 0
+    assert cli.main(["policy", "accuracy", f"--checkpoint={tiny_checkpoint}", f"--root={dataset}"]) == 0
     last = capsys.readouterr().out.splitlines()[-1].split()
     assert last[:3] == ["all", "both", str(2 * ROWS)]
     assert float(last[3]) == pytest.approx(found["cm"].mean(), abs=0.006)

@@ -7,9 +7,7 @@ import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
-from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert, run_episode
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
 from lerobot_env_bimanual.motion.pace import BESIDE_M, CONTACT, FREE, HEAVY_KG, PUSHING, Pace, is_beside_heavy
@@ -17,8 +15,6 @@ from lerobot_env_bimanual.motion.rrt_connect import edge_is_free, rrt_connect
 from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.tasks.registry import list_tasks
-from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
 from lerobot_env_bimanual.world.scene import Scene
 
 HOME = PANDA_PAIR.home_joints
@@ -181,26 +177,6 @@ def test_the_slower_arm_decides_the_duration_and_arms_that_stand_still_take_no_t
     assert len(law(STILL)) == 0
     assert 1 <= len(law(small)) <= 5
     assert np.array_equal(small.at(law(small))[-1], small.knots[-1])
-
-
-@pytest.mark.slow
-@pytest.mark.sim
-@pytest.mark.parametrize("name", list_tasks())
-def test_no_experts_arm_is_sent_faster_than_the_pace_of_free_motions(name):
-    env = BimanualEnv(name, split="val", obs="state")
-    env.reset(seed=70000)
-    sent = [env.scene.commanded] * 3
-    env.tick_observers.append(lambda _, action: sent.append(action.copy()))
-    run_episode(env, 70000, expert())
-    env.close()
-    joints = by_arm(np.array(sent, dtype=np.float64))[..., :-1]
-    for order, most in (
-        (1, FREE.velocity_share * JOINTS.velocity_rad_s),
-        (2, FREE.acceleration_share * JOINTS.acceleration_rad_s2),
-        (3, FREE.acceleration_share * JOINTS.jerk_rad_s3 * PHYSICS_STEP_S),
-    ):
-        rates = np.abs(np.diff(joints, n=order, axis=0)) * CONTROL_HZ ** min(order, 2)
-        assert (rates <= 1.01 * most).all()
 
 
 FINGERTIPS_M = 0.01
