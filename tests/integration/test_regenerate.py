@@ -32,13 +32,6 @@ def never(provenance, tmp_path) -> DatasetRegenerateConfig:
 
 
 @pytest.mark.slow
-def test_a_dataset_is_made_again_from_its_provenance(generated, provenance, tmp_path, tree_hashes) -> None:
-    root = tmp_path / "small"
-    dataset_regenerate(DatasetRegenerateConfig(provenance=provenance, root=root, workers=2))
-    assert tree_hashes(root) == tree_hashes(generated)
-
-
-@pytest.mark.slow
 def test_a_dataset_of_a_perturbed_world_is_complete_sound_and_made_again(
     small_generation, tmp_path, tree_hashes, capsys
 ) -> None:

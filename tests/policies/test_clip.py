@@ -75,7 +75,6 @@ def test_a_policy_learns_on_frozen_tokens_which_are_neither_trained_nor_saved_an
     assert not [name for name in policy.state_dict() if name.startswith("language.")]
     own = {id(parameter) for parameter in policy.network.parameters()}
     assert {id(parameter) for parameter in policy.get_optim_params()} == own
-    policy = make_policy(language_encoder=f"clip:{tower}", language_tokens=TOKENS, language_dim=DIM)
     batch = make_batch(samples=1)
     action = policy.select_action(batch)
     policy.train()(batch)[0].backward()
