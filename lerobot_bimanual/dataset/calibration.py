@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import CALIBRATION_INFO, CAMERA_EXTRINSICS, CAMERA_INTRINSICS
+from lerobot_bimanual.dataset.schema import (
+    CALIBRATION_INFO,
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    WRIST_EXTRINSICS,
+)
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.results.record import Record, require
 
@@ -51,7 +56,7 @@ class Calibration(Record):
         Raises:
             BadRecord: it is damaged.
         """
-        info = features.get(CAMERA_EXTRINSICS, {}).get("info") or {}
+        info = features.get(WRIST_EXTRINSICS, {}).get("info") or {}
         return cls.from_json(json.dumps(info[CALIBRATION_INFO])) if CALIBRATION_INFO in info else None
 
     @cached_property
@@ -68,7 +73,7 @@ class Calibration(Record):
             DatasetError: the row has another calibration.
         """
         others = dict(columns)
-        room, moving = np.split(others[CAMERA_EXTRINSICS], [len(self.vectors[0])])
+        room, moving = np.split(others.pop(CAMERA_EXTRINSICS), [len(self.vectors[0])])
         if not all(map(np.array_equal, (room, others.pop(CAMERA_INTRINSICS)), self.vectors)):
             raise DatasetError("cameras are calibrated otherwise than the metadata of the dataset say")
-        return others | {CAMERA_EXTRINSICS: moving}
+        return others | {WRIST_EXTRINSICS: moving}

@@ -31,8 +31,9 @@ MEANINGS = {
     schema.EE_POSE: "tool centre points in the world: metres, quaternion wxyz; z is the approach, y the opening",
     schema.GRIPPER_FINGERS: "travel of each finger in metres, 0 closed",
     schema.KEYPOSE_STEP: "keyposes completed so far",
-    schema.CAMERA_EXTRINSICS: "world_T_camera of each camera that is not in `meta/info.json`, 4x4 row-major, OpenCV axes "
-    "(x right, y down, z forward)",
+    schema.CAMERA_EXTRINSICS: "world_T_camera of every camera, 4x4 row-major, OpenCV axes (x right, y down, z forward)",
+    schema.WRIST_EXTRINSICS: "world_T_camera of the cameras at the wrists, 4x4 row-major, OpenCV axes (x right, y down, "
+    "z forward); the others' are in `meta/info.json`",
     schema.CAMERA_INTRINSICS: "pinhole matrix of every camera in pixels, 3x3 row-major",
     schema.KEYFRAME: "first observation after a completed keypose, or last row of the episode",
     schema.TICK: "control ticks since the episode's start",

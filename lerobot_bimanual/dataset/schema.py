@@ -29,7 +29,7 @@ View = Literal["frames", "keyframes"]
 VIEWS: tuple[View, ...] = ("frames", "keyframes")
 
 CALIBRATION_INFO = "bimanual_calibration"
-"""Where the calibration of all rows stands: in the `info` of the feature `CAMERA_EXTRINSICS`."""
+"""Where the calibration of all rows stands: in the `info` of the feature `WRIST_EXTRINSICS`."""
 
 FPS: dict[View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
 """Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
@@ -47,6 +47,9 @@ end of the range. Nothing is as near, for that is where the near planes of all c
 
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
+WRIST_EXTRINSICS = "observation.wrist_extrinsics"
+"""Of the cameras that move, where a dataset's metadata hold the others. It has a name of its own, because LeRobot scales
+whatever has the name of a column, and an environment emits all five under that of `CAMERA_EXTRINSICS`."""
 CAMERA_INTRINSICS = "observation.camera_intrinsics"
 STATE = "observation.state"
 EE_POSE = "observation.ee_pose"
@@ -75,6 +78,7 @@ LeRobot's rollout and replay know positions by the ending `.pos`.
 POSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
 FINGER_NAMES = tuple(f"{arm}_finger{i}" for arm in ARMS for i in (1, 2))
 EXTRINSIC_NAMES = tuple(f"{camera}_T{r}{c}" for camera in CAMERA_NAMES for r in range(4) for c in range(4))
+WRIST_EXTRINSIC_NAMES = tuple(name for name in EXTRINSIC_NAMES if name.startswith(WRIST_CAMERA_NAMES))
 INTRINSIC_NAMES = tuple(f"{camera}_K{r}{c}" for camera in CAMERA_NAMES for r in range(3) for c in range(3))
 
 VECTORS: dict[str, tuple[str, ...]] = {
@@ -157,17 +161,15 @@ def features(
             }
     vectors = VECTORS | {ACTION: ACTIONS[view]}
     if calibration is not None:
-        del vectors[CAMERA_INTRINSICS]
-        vectors[CAMERA_EXTRINSICS] = tuple(
-            name for name in EXTRINSIC_NAMES if name.startswith(WRIST_CAMERA_NAMES)
-        )
+        del vectors[CAMERA_EXTRINSICS], vectors[CAMERA_INTRINSICS]
+        vectors[WRIST_EXTRINSICS] = WRIST_EXTRINSIC_NAMES
     for key, elements in vectors.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
     for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
         table[key] = {"dtype": scalar, "shape": (1,), "names": None}
     table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
     if calibration is not None:
-        table[CAMERA_EXTRINSICS]["info"] = {CALIBRATION_INFO: calibration.model_dump()}
+        table[WRIST_EXTRINSICS]["info"] = {CALIBRATION_INFO: calibration.model_dump()}
     return table
 
 

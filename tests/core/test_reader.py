@@ -150,7 +150,7 @@ def test_a_dataset_of_another_schema_is_refused_with_the_command_that_makes_it_a
 def test_a_damaged_calibration_is_refused(datasets, tmp_path, change) -> None:
     root = shutil.copytree(datasets["frames"], tmp_path / "copy")
     info = json.loads((root / "meta/info.json").read_text())
-    change(info["features"][schema.CAMERA_EXTRINSICS]["info"][schema.CALIBRATION_INFO])
+    change(info["features"][schema.WRIST_EXTRINSICS]["info"][schema.CALIBRATION_INFO])
     (root / "meta/info.json").write_text(json.dumps(info))
     with pytest.raises(DatasetError, match=r"the calibration in meta/info\.json of .*copy is damaged"):
         RecordedDataset(root)

@@ -70,7 +70,7 @@ def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_ca
     dataset = RecordedDataset(datasets["keyframes"])
     assert dataset.calibration == calibration
     columns = dataset.episode(0).columns
-    assert columns[schema.CAMERA_EXTRINSICS].shape[1:] == (32,)  # of the two wrists
+    assert columns[schema.WRIST_EXTRINSICS].shape[1:] == (32,)  # of the two wrists
     assert schema.CAMERA_INTRINSICS not in columns
     seen, last = make_episode(0), make_episode(0).final_observation[schema.CAMERA_EXTRINSICS]
     last[47] += 1e-6

@@ -70,7 +70,7 @@ def test_the_dataset_shows_what_the_environment_shows(generated) -> None:
                 depth_mm = observation[env_key(schema.depth_key(camera))]
                 assert np.abs(item[schema.depth_key(camera)].numpy() - depth_mm).max() < 1
             seen = dataset.calibration.rest({key: observation[env_key(key)] for key in schema.VECTORS})
-            for key in (schema.STATE, schema.EE_POSE, schema.CAMERA_EXTRINSICS):
+            for key in (schema.STATE, schema.EE_POSE, schema.WRIST_EXTRINSICS):
                 assert np.array_equal(item[key], seen[key]), key
         if action is not None:
             observation, *_ = env.step(action)

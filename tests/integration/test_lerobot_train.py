@@ -156,9 +156,10 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
 
 
 @pytest.mark.parametrize(
-    ("view", "flags", "numbers"), [("frames", UNNAMED_ACT, 16), ("keyframes", TINY_ACT, 18)]
+    ("view", "flags", "numbers", "mode"),
+    [("frames", UNNAMED_ACT, 16, "joint"), ("keyframes", TINY_ACT, 18, "keypose")],
 )
-def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flags, numbers):
+def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flags, numbers, mode):
     train(*flags, folder=room, data=f"data/{view}", steps=2, output=f"act_{view}")
     assert checkpoint_config(room / f"act_{view}")["output_features"]["action"]["shape"] == [numbers]
-    assert evaluate(f"act_{view}", room, "--env.obs=rgb")["n_episodes"] == 1
+    assert evaluate(f"act_{view}", room, "--env.obs=rgb", f"--env.control_mode={mode}")["n_episodes"] == 1

@@ -21,6 +21,7 @@ from lerobot_bimanual.dataset.schema import (
     STATE,
     TASK_NAME,
     VERSION_INFO,
+    WRIST_EXTRINSICS,
     depth_key,
     features,
     image_key,
@@ -171,10 +172,10 @@ def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_poli
     meta = Meta(["lift"], 16, 16, calibration=calibration)
     policy = get_policy_class(config.type)(config, dataset_meta=meta).eval()
     rows = {key: value for key, value in batch.items() if key != CAMERA_INTRINSICS}
-    rows[CAMERA_EXTRINSICS] = rows[CAMERA_EXTRINSICS][:, 48:]
+    rows[WRIST_EXTRINSICS] = rows.pop(CAMERA_EXTRINSICS)[:, 48:]
     assert torch.equal(policy(rows)[0], policy(batch)[0])
     policy.calibration = None
-    with pytest.raises(BadObservation, match=CAMERA_INTRINSICS):
+    with pytest.raises(BadObservation, match=CAMERA_EXTRINSICS):
         policy(rows)
 
 

@@ -23,6 +23,7 @@ from lerobot_bimanual.dataset.schema import (
     MM_PER_M,
     STATE,
     UNMEASURED_MM,
+    WRIST_EXTRINSICS,
     depth_key,
     image_key,
 )
@@ -58,7 +59,7 @@ def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> 
     """A batch of a dataset's rows with the calibration of all rows, which stands in the dataset's metadata."""
     if calibration is None or CAMERA_INTRINSICS in batch:
         return batch
-    moving = batch[CAMERA_EXTRINSICS]
+    moving = batch[WRIST_EXTRINSICS]
     room, intrinsics = (
         torch.as_tensor(vector, device=moving.device).expand(len(moving), -1)
         for vector in calibration.vectors
