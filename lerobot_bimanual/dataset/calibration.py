@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import (
@@ -17,10 +17,9 @@ from lerobot_bimanual.dataset.schema import (
     WRIST_EXTRINSICS,
 )
 from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.results.record import Record, require
 
 
-class Calibration(Record):
+class Calibration(BaseModel):
     """How all cameras project, and where those in the room stand. Rows then hold the poses of the wrists' cameras alone.
 
     LeRobot keeps it in the `info` of the column of extrinsics.
@@ -30,13 +29,16 @@ class Calibration(Record):
         world_T_camera: camera in the room -> row-major 4 x 4 matrix, OpenCV axes, m.
     """
 
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
     intrinsics: dict[str, Annotated[list[float], Field(min_length=9, max_length=9)]]
     world_T_camera: dict[str, Annotated[list[float], Field(min_length=16, max_length=16)]]  # noqa: N815
 
     @model_validator(mode="after")
     def _of_every_camera(self) -> Self:
         cameras = {*self.intrinsics}, {*self.world_T_camera}
-        require(cameras == ({*CAMERA_NAMES}, {*ROOM_CAMERA_NAMES}), "a camera is missing or unknown")
+        if cameras != ({*CAMERA_NAMES}, {*ROOM_CAMERA_NAMES}):
+            raise ValueError("a camera is missing or unknown")
         return self
 
     @classmethod
@@ -54,10 +56,17 @@ class Calibration(Record):
         """That of a dataset's feature table; None where every row holds all of it, as in a perturbed world.
 
         Raises:
-            BadRecord: it is damaged.
+            DatasetError: it is damaged.
         """
         info = features.get(WRIST_EXTRINSICS, {}).get("info") or {}
-        return cls.from_json(json.dumps(info[CALIBRATION_INFO])) if CALIBRATION_INFO in info else None
+        if CALIBRATION_INFO not in info:
+            return None
+        try:
+            return cls.model_validate_json(json.dumps(info[CALIBRATION_INFO]))
+        except ValidationError as error:
+            raise DatasetError(
+                f"the calibration in meta/info.json is damaged: {error.errors()[0]['msg']}"
+            ) from None
 
     @cached_property
     def vectors(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -1,7 +1,6 @@
 """Whether a dataset has the columns of the schema, and of which types they are."""
 
 import json
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,9 @@ import pyarrow as pa
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, View
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.version import check_version
+from lerobot_bimanual.errors import DatasetError
 
 type Features = dict[str, dict[str, Any]]
 """LeRobot's table of the features of a dataset."""
@@ -41,8 +40,8 @@ def check_features(features: Features, root: Path) -> None:
     check_version(features, root)
     try:
         calibration = Calibration.of_features(features)
-    except BimanualError as error:
-        raise DatasetError(f"the calibration in meta/info.json of {root} is damaged: {error}") from error
+    except DatasetError as error:
+        raise DatasetError(f"{root}: {error}") from None
     expected = json.loads(json.dumps(schema.features((), 0, 0, view_of(features), calibration=calibration)))
     differences = [f"{key} is missing" for key in expected if key not in features]
     for key in (key for key in expected if key in features):
@@ -54,23 +53,4 @@ def check_features(features: Features, root: Path) -> None:
         raise DatasetError(
             f"{root} is not a dataset that this version of lerobot_bimanual reads: {'; '.join(differences)}. "
             "Generate it again, or install the version that wrote it."
-        )
-
-
-def check_version(features: Features, root: Path) -> None:
-    """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited.
-
-    Raises:
-        DatasetError: it has another version; the message has the command that makes it anew.
-    """
-    info = (features.get(schema.TASK_NAME) or {}).get("info") or {}
-    found, provenance = info.get(schema.VERSION_INFO, SCHEMA_VERSION), root / PROVENANCE_FILE
-    if found != SCHEMA_VERSION:
-        how = ["generate", "--task=TASK"]
-        if provenance.is_file():
-            how = ["regenerate", f"--provenance={provenance}"]
-        command = shlex.join(["lerobot-bimanual", "dataset", *how, f"--root={root}_anew"])
-        raise DatasetError(
-            f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: make the "
-            f"dataset anew with `{command}`"
         )

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PositiveInt
 
 from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.version import PROVENANCE_FILE
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, Version, installed_versions
-
-PROVENANCE_FILE = Path("meta", "bimanual.json")
 
 MAX_INT = 2**63
 """Seeds and variations are stored as 64-bit integers."""

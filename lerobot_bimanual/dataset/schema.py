@@ -17,7 +17,7 @@ from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
 if TYPE_CHECKING:
-    from lerobot_bimanual.results.record import Record
+    from pydantic import BaseModel
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
@@ -133,7 +133,7 @@ def features(
     view: View,
     depth: bool = True,
     outcome: bool = False,
-    calibration: Record | None = None,
+    calibration: BaseModel | None = None,
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 

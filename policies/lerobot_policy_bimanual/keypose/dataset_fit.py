@@ -13,8 +13,8 @@ from lerobot.configs import FeatureType, PreTrainedConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset.layout import check_version
 from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
+from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION
 from lerobot_policy_bimanual.errors import BadConfig

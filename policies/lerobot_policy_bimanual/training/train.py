@@ -29,8 +29,8 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
-from lerobot_bimanual.dataset.layout import check_version
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
 from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
