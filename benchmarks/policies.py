@@ -1,6 +1,6 @@
 """How long policies take: training steps and actions of the small recipes, and PerAct2 beside its reference.
 
-The reference (`peract/reference.py`) is the method written out: it has the structure of PerAct2's published code and
+The reference (`examples/peract2_written_out.py`) is the method written out: it has the structure of PerAct2's published code and
 computes the same function of the same weights. Both run in turns; memory is the peak of resident memory beyond that
 before the call (Linux), or of what PyTorch allocates on a GPU.
 
@@ -12,6 +12,7 @@ import argparse
 import ctypes
 import gc
 import json
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,9 +31,12 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset import schema
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
-from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 from lerobot_policy_bimanual.training.program import keep_freed_memory
+
+sys.path.append(str(Path(__file__).parents[1] / "examples"))
+
+import peract2_written_out as reference
 
 type Job = Callable[[], object]
 POLICIES = ("peract2", "peract_lf", "peract_independent", "rvt_lf")
@@ -81,7 +85,7 @@ def random_batch(samples: int, image_size: int, device: str) -> dict[str, Any]:
     batch[schema.STATE] = torch.rand(samples, 16)
     batch[schema.GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
     batch[schema.KEYPOSE_STEP] = torch.zeros(samples, 1)
-    batch[schema.NEXT_KEYPOSE] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
+    batch[schema.ACTION] = torch.tensor([0.2, 0.1, 1, 0, 1, 0, 0, 1, 0] * 2).repeat(samples, 1)
     return {key: value.to(device) for key, value in batch.items()} | {"task": ["lift the ball"] * samples}
 
 

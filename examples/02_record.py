@@ -32,17 +32,20 @@ def main() -> None:
         )
     )
 
-    # Two views of the same episodes: every tick, and the moments at which a keypose was reached.
+    # Two views of the same episodes: every tick with its joint action, and the moments at which a keypose was reached, with
+    # the next one.
     for view in ("frames", "keyframes"):
         dataset = LeRobotDataset(f"local/{view}", root=arguments.output / view)
-        print(f"{view}: {dataset.num_episodes} episodes, {dataset.num_frames} rows at {dataset.fps} Hz")
+        print(
+            f"{view}: {dataset.num_episodes} episodes, {dataset.num_frames} rows, {dataset.meta.shapes['action'][0]} numbers per action"
+        )
 
     row = dataset[0]
     print(f'the first row of keyframes, "{row["task"]}":')
     for key, value in row.items():
         if key.startswith(("observation.", "action")):
             print(f"  {key:40} {tuple(value.shape)} {value.dtype}")
-    left_hand = row["observation.next_keypose"][:3]
+    left_hand = row["action"][:3]
     print("where the left hand goes next, in metres:", left_hand.numpy().round(3))
 
 

@@ -11,22 +11,23 @@ from pathlib import Path
 
 import numpy as np
 from lerobot.datasets import LeRobotDataset
-from torch.utils.data import default_collate
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_policy_bimanual.inspection.loading import load_policy
+from lerobot_policy_bimanual.inspection.loading import batch_of, load_policy
 
 CHECKPOINT = Path(__file__).parents[1] / "results/checkpoints/peract2_on_all"
 
 
-def observe(row: dict, config) -> dict:
+def observe(dataset: LeRobotDataset, index: int) -> dict:
     """One moment as the sensors give it: left arm first, metres, and the frame that the arms are commanded in.
 
     RGB (3, h, w) from 0 to 1 and depth (1, h, w) in millimetres of each camera, five world_T_camera and five pinhole
     matrices as flat vectors, joints and openings (16,), finger positions (4,), and how many keyposes have been executed.
     """
-    return {key: row[key] for key in config.observation_keys} | {"task": row["task"]}
+    return batch_of(
+        dataset, [index]
+    )  # a batch of one row, with the calibration that its metadata hold for all
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -45,11 +46,9 @@ episode = LeRobotDataset(
 policy.reset()
 for index in range(len(episode) - 1):  # in the last row all keyposes have been executed
     row = episode[index]
-    batch = preprocess(default_collate([observe(row, policy.config)]))
+    batch = preprocess(observe(episode, index))
     action = policy.select_action(batch)[0].cpu().numpy()
-    answer, shown = (
-        BimanualKeypose.from_vector(vector) for vector in (action, row["observation.next_keypose"])
-    )
+    answer, shown = (BimanualKeypose.from_vector(vector) for vector in (action, row["action"]))
     print(f"{row['task']!r}, {round(row['observation.keypose_step'].item())} keyposes executed")
     for arm in ARMS:
         target = answer[arm]

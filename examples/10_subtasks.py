@@ -64,4 +64,4 @@ arguments = parser.parse_args()
 for view in sorted(path.parent.parent for path in arguments.root.glob("**/meta/info.json")):
     annotate(view)
     for subtask in LeRobotDataset(f"local/{view.name}", root=view)[0]["language_persistent"]:
-        print(f"{view}: from {subtask['timestamp']:.2f} s on: {subtask['content']}")
+        print(f"{view}: from timestamp {subtask['timestamp']:.2f} on: {subtask['content']}")

@@ -7,8 +7,11 @@ coordinates (j + 0.5, i + 0.5).
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-CAMERA_NAMES = ("front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist")
-"""The five cameras of the paper, in the order of every calibration vector."""
+ROOM_CAMERA_NAMES = ("front", "left_shoulder", "right_shoulder")
+WRIST_CAMERA_NAMES = ("left_wrist", "right_wrist")
+CAMERA_NAMES = (*ROOM_CAMERA_NAMES, *WRIST_CAMERA_NAMES)
+"""The five cameras of the paper, in the order of every calibration vector: those that stand in the room, then those that
+move with the hands."""
 
 
 def intrinsics_from_fovy(fovy_rad: float, height: int, width: int) -> NDArray[np.float64]:

@@ -4,9 +4,13 @@ A rename is one step for every reader, but after a power failure the disk may ha
 So the content is brought to the disk first, and the new name after it.
 """
 
+import fcntl
+import glob
 import json
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -38,6 +42,39 @@ def check_output_file(path: Path) -> None:
     check_output_folder(path.parent)
 
 
+def keep_others_out(descriptor: int, path: Path) -> None:
+    """Keep other processes out of an open file or folder until it is closed, or this process has ended.
+
+    Raises:
+        BimanualError: another process has it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise BimanualError(
+            f"{path} is being written by another process; wait for it, or choose another folder"
+        ) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+@contextmanager
+def owned(folder: Path) -> Iterator[None]:
+    """Make a folder, if it is not there, and keep other processes that own it out.
+
+    Raises:
+        UnwritableOutput: nothing can be written there.
+        BimanualError: another process owns it.
+    """
+    check_output_folder(folder)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        keep_others_out(descriptor, folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def check_output_folder(folder: Path) -> None:
     """Make a folder and try whether files could be written there.
 
@@ -54,6 +91,8 @@ def check_output_folder(folder: Path) -> None:
 def write_file(path: Path, content: str | bytes) -> None:
     """Replace a file in one move, so that an interruption leaves the old one or the new one.
 
+    What a process that was killed meanwhile has left beside it is removed.
+
     Args:
         path: the file; its folder is made.
         content: new content; a text is written as UTF-8.
@@ -62,14 +101,22 @@ def write_file(path: Path, content: str | bytes) -> None:
         UnwritableOutput: it cannot be written; the old file is unchanged.
     """
     check_output_file(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = _partial(path, str(os.getpid()))
     try:
+        for other in path.parent.glob(_partial(Path(glob.escape(path.name)), "[0-9]*").name):
+            if not Path("/proc", other.suffixes[-2][1:]).exists():
+                other.unlink(missing_ok=True)
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
         move_durably(partial, path)
     except OSError as error:
         raise UnwritableOutput(path, error.strerror or str(error)) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _partial(path: Path, process: str) -> Path:
+    """Where a process of this machine, or of this container, prepares a file."""
+    return path.with_name(f".{path.name}.{os.uname().nodename}.{process}.partial")
 
 
 def share_files(folder: Path, pattern: str) -> None:
@@ -130,12 +177,8 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         raise BimanualError(f"{path}: {error}") from error
 
 
-def read_yaml(path: Path, as_texts: bool = False) -> Any:
+def read_yaml(path: Path) -> Any:
     """The value in a YAML file of another program: no anchors, which let a short file stand for an endless one.
-
-    Args:
-        path: the file.
-        as_texts: whether every scalar is its text, as it stands in the file.
 
     Raises:
         BimanualError: the file cannot be read, is not YAML, is too large or too deep, or has an anchor; the message names it.
@@ -148,7 +191,7 @@ def read_yaml(path: Path, as_texts: bool = False) -> Any:
                 raise BimanualError(
                     f"YAML with anchors, or of more than {MAX_YAML_DEPTH} levels, is not read"
                 )
-        return yaml.load(content, yaml.BaseLoader if as_texts else yaml.SafeLoader)
+        return yaml.safe_load(content)
     except (ValueError, yaml.YAMLError, BimanualError) as error:
         raise BimanualError(f"{path}: {' '.join(str(error).split())}") from error
 

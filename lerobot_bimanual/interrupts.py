@@ -1,10 +1,14 @@
 """Signals that are answered otherwise for a while."""
 
+import ctypes
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
+
+PR_SET_PDEATHSIG = 1
 
 
 @contextmanager
@@ -32,3 +36,9 @@ def interrupts_ignored() -> AbstractContextManager[None]:
     An interrupt from the keyboard reaches every process of the terminal; the one that starts the others ends them.
     """
     return signal_handled(signal.SIGINT, signal.SIG_IGN)
+
+
+def end_when_parent_ends(number: signal.Signals) -> None:
+    """Have the system send this process a signal when the thread that started it ends, however that is (on Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, number)

@@ -25,15 +25,11 @@ def render(package: str, template: str, **values: object) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    is_html = template.endswith(".html")
-    escape = plain if is_html else markdown
-
     def escaped(value: object) -> object:
-        return escape(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        return markdown(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     environment = Environment(
         loader=PackageLoader(package),
-        autoescape=is_html,
         finalize=escaped,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -42,13 +38,11 @@ def render(package: str, template: str, **values: object) -> str:
     )
     environment.filters |= {
         "table": lambda *arguments, **options: Markup(markdown_table(*arguments, **options)),
-        "upright": lambda *arguments: Markup(upright(*arguments)),
         "fence": lambda text: Markup(
             plain(" ".join(map(plain, text.split(" "))), MAX_MESSAGE).replace("`", "'")
         ),
+        "join": lambda values, by: Markup(by.join(map(markdown, values))),
     }
-    if not is_html:
-        environment.filters["join"] = lambda values, by: Markup(by.join(map(markdown, values)))
     return environment.get_template(template).render(values)
 
 
@@ -59,18 +53,6 @@ def markdown_table(frame: pd.DataFrame, words: bool = False) -> str:
     text = frame.to_markdown(index=False, disable_numparse=True, colalign=align)
     assert text is not None  # it goes to no file
     return text
-
-
-def upright(frame: pd.DataFrame, *names: str) -> str:
-    """Some rows of a table as columns of a Markdown table.
-
-    Args:
-        frame: the table.
-        names: first cells of the rows; the first one is the subject of the page, and its column bears no name.
-    """
-    present = [name for name in names if name in set(frame.iloc[:, 0])]
-    columns = frame.set_index(frame.columns[0]).T[present].set_axis(["value", *present[1:]], axis="columns")
-    return markdown_table(columns.rename_axis("figure").reset_index())
 
 
 def write_page(page: str, output: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""Write the tables of tasks, results and perturbations into README.md and docs/robustness.md.
+"""Write the tables of results, tasks and perturbations into README.md, docs/training.md and docs/robustness.md.
 
 Each table is between two comments of its page. Usage: tables.py
 """
@@ -8,11 +8,19 @@ from pathlib import Path
 import pandas as pd
 
 from lerobot_bimanual.pages import markdown_table
-from lerobot_bimanual.reports.benchmark_page import read_results, success_table
+from lerobot_bimanual.reports.benchmark_page import ABSENT, read_results, results_table
 from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 ROOT = Path(__file__).parents[1]
+COLUMNS = {
+    "act": "ACT",
+    "rvt_lf": "RVT-LF",
+    "peract_independent": "independent",
+    "peract_lf": "PerAct-LF",
+    "peract2": "PerAct2",
+}
+"""Policies of the README's table, and their names in it."""
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -32,7 +40,20 @@ def with_table(page: str, name: str) -> str:
 
 
 def _results() -> str:
-    return markdown_table(success_table(list(read_results(ROOT / "results/leaderboard").values())))
+    """Percent of episodes solved by each policy and by the open-loop baseline, over all trainings, and means over tasks."""
+    rates = results_table(read_results(ROOT / "results/leaderboard").values())
+    rates["percent"] = [100 * rate.rate for rate in rates.rate]
+    shown = rates.pivot_table("percent", "task", "policy")[[*COLUMNS]].rename(columns=COLUMNS)
+    open_loop = rates.groupby("task").open_loop.first()
+    shown["open loop"] = [100 * rate.rate for rate in open_loop]
+    shown.loc["mean"] = shown.mean(skipna=False)
+    shown = shown.map(lambda percent: ABSENT if percent != percent else f"{percent:.0f}")
+    lines = [
+        ["task", *shown.columns],
+        ["---", *["--:"] * shown.shape[1]],
+        *shown.reset_index().to_numpy().tolist(),
+    ]
+    return "\n".join(f"|{'|'.join(line)}|" for line in lines)  # without the padding of `markdown_table`
 
 
 def _tasks() -> str:
@@ -60,8 +81,8 @@ def _axes() -> str:
 
 
 TABLES = {
-    "tasks": ("README.md", _tasks),
     "results": ("README.md", _results),
+    "tasks": ("docs/training.md", _tasks),
     "axes": ("docs/robustness.md", _axes),
 }
 """By name: the page that holds the table, and what writes it."""

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Run the tests that meet other packages, in an environment of other versions than the locked ones, in build/.
-# Usage: scripts/test_versions.sh lowest|newest|lerobot-main|python-3.13
+# Usage: scripts/test_versions.sh lowest|newest|lerobot-main|python-3.13; LEROBOT=file:///CLONE is another copy of its main branch.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -18,7 +18,7 @@ newest) "$uv" pip install --quiet "${ours[@]}" "${tools[@]}" ;;
 lerobot-main)
     "$uv" pip install --quiet "${ours[@]}" "${tools[@]}"
     "$uv" pip install --quiet --reinstall-package lerobot \
-        "lerobot[training,dataset] @ git+https://github.com/huggingface/lerobot"
+        "lerobot[training,dataset] @ ${LEROBOT:-git+https://github.com/huggingface/lerobot}"
     ;;
 python-*)
     "$uv" pip install --quiet --requirements requirements.lock
@@ -27,8 +27,9 @@ python-*)
 *) echo "$kind must be one of lowest, newest, lerobot-main and python-3.13" >&2 && exit 2 ;;
 esac
 "$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(lerobot|mujoco|torch|numpy|datasets|gymnasium|pandas) ' || true
+du -sh "$venv"
 "$venv/bin/lerobot-bimanual" expert evaluate --episodes=1
-OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1 "$venv/bin/pytest" --numprocesses=auto --maxprocesses=4 --dist=loadfile \
-    -m "not slow and not gpu" tests/core tests/policies tests/robots tests/integration
-OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1 "$venv/bin/pytest" --numprocesses=auto --maxprocesses=4 --dist=loadfile -m slow \
-    tests/integration/test_ecosystem.py tests/integration/test_lerobot_{eval,train,names}.py
+export OMP_NUM_THREADS=1 HF_HUB_OFFLINE=1
+pytest=("$venv/bin/pytest" -q --numprocesses=auto --maxprocesses=4 --dist=loadfile)
+"${pytest[@]}" -m "not slow and not gpu" tests/core tests/policies tests/robots tests/integration
+"${pytest[@]}" -m slow tests/integration/test_{ecosystem,subtasks}.py tests/integration/test_lerobot_{eval,train,names}.py

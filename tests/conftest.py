@@ -12,8 +12,11 @@ os.environ["HF_HUB_OFFLINE"] = "1"
 os.environ["WANDB_MODE"] = "disabled"
 os.environ["COLUMNS"] = "160"  # tables fold alike whatever terminal runs the tests
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # what a shell gives to programs in the background
+# A shell ignores SIGINT for programs in the background, and nohup SIGHUP.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402

@@ -1,35 +1,51 @@
 """Thirteen bimanual tasks in MuJoCo as a Gymnasium and LeRobot environment.
 
-Importing this package registers the Gymnasium ids `bimanual/PushBox-v0`, ... and nothing heavier than Gymnasium.
-LeRobot's plugin discovery imports it too, always from inside LeRobot, and then the environment type `bimanual`
-is registered as well. Without LeRobot in the process it is left out, so that worker processes of vector
-environments, which import this package to build their environment, start without LeRobot and torch. To use the
-type in a script that imports this package before LeRobot, import `BimanualEnvConfig` from here.
+Importing this package registers the Gymnasium ids `bimanual/PushBox-v0`, ... and nothing heavier than Gymnasium; the
+names in `__all__` are imported when they are first used. LeRobot's plugin discovery imports it too, always from inside
+LeRobot, and then the environment type `bimanual` is registered as well. Without LeRobot in the process it is left out, so
+that worker processes of vector environments, which import this package to build their environment, start without LeRobot
+and torch. To use the type in a script that imports this package before LeRobot, import `BimanualEnvConfig` from here.
 """
 
 import sys
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from lerobot_env_bimanual.tasks.registry import register_gym_ids
+from lerobot_env_bimanual.tasks.registry import list_tasks, register_gym_ids
 
 if TYPE_CHECKING or "lerobot" in sys.modules:
     from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+if TYPE_CHECKING:
+    from lerobot_env_bimanual.env import BimanualEnv
+    from lerobot_env_bimanual.experts.frames import play_expert
 
-__all__ = ["BimanualEnvConfig"]
+__all__ = ["BimanualEnv", "BimanualEnvConfig", "list_tasks", "play_expert"]
+
+_MODULES = {
+    "BimanualEnv": "env",
+    "BimanualEnvConfig": "configuration_bimanual",
+    "play_expert": "experts.frames",
+}
+"""Where each name is defined."""
 
 register_gym_ids()
 
 
+def __dir__() -> list[str]:
+    """What can be imported from here."""
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
-    """Import the configuration on first use where LeRobot was not loaded before."""
-    if name != "BimanualEnvConfig":
+    """Import a name's module on first use."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
     except ModuleNotFoundError as error:
+        if name != "BimanualEnvConfig":
+            raise
         raise ModuleNotFoundError(
             f"{name} is an environment of LeRobot: pip install 'lerobot_env_bimanual[lerobot]'. Without LeRobot there is "
             "gymnasium.make('bimanual/LiftBall-v0')"
         ) from error
-
-    return BimanualEnvConfig

@@ -12,7 +12,7 @@ from lerobot.envs.configs import EnvConfig
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
+from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_env_bimanual.options import EnvOptions
 
@@ -30,7 +30,7 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
     # A task, a suite (`all`, `symmetric`, `prehensile`, ...) or several of both, separated by commas.
     task: str | None = "push_box"
     # Control ticks per second; a property of the world, not a choice.
-    fps: int = schema.FPS
+    fps: int = CONTROL_HZ
 
     def __post_init__(self) -> None:
         """Check the options against every selected task; MuJoCo is loaded here, not with this module."""
@@ -38,8 +38,8 @@ class BimanualEnvConfig(EnvOptions, EnvConfig):
         from lerobot_env_bimanual.tasks.registry import get_task
 
         super().__post_init__()
-        if self.fps != schema.FPS:
-            raise InvalidChoice("fps", self.fps, [str(schema.FPS)])
+        if self.fps != CONTROL_HZ:
+            raise InvalidChoice("fps", self.fps, [str(CONTROL_HZ)])
         for task in self.tasks:
             get_task(task).spec.variation_index(self.variation)
         counts = Counter(task for tasks in self.groups.values() for task in tasks)

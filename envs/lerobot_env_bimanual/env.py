@@ -22,13 +22,13 @@ from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS
-from lerobot_env_bimanual.episode.worlds import World, Worlds
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.video import VideoWriter
+from lerobot_env_bimanual.worlds import World, Worlds
 
 GYMNASIUMS_STATE = ("spec", "_np_random", "_np_random_seed")
 

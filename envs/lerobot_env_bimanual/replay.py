@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
     from lerobot_bimanual.episode import EpisodeMeta
 
+
 type ReplayMode = Literal["joint", "keypose"]
 """By joint actions, one per tick, or by keyposes, a whole motion each."""
 
@@ -91,32 +92,29 @@ def _environment(task: str, split: str, mode: ReplayMode, perturb: str, setting:
     return BimanualEnv(task, split=split, obs="state", control_mode=mode, perturb=perturb, setting=setting)
 
 
-def replay_recorded(
-    dataset: RecordedDataset, mode: ReplayMode, index: int
-) -> tuple[EpisodeMeta, ReplayResult]:
-    """Play an episode of a dataset from its recorded seed and compare every state that is recorded.
+def replay_recorded(dataset: RecordedDataset, index: int) -> tuple[EpisodeMeta, ReplayResult]:
+    """Play the actions of an episode from its recorded seed and compare every state that is recorded.
 
     Args:
-        dataset: one view.
-        mode: "joint" plays the recorded joint actions tick by tick, which the view `frames` stores, "keypose" the
-            recorded keyposes.
+        dataset: one view: `frames` holds a joint action per tick, `keyframes` the keyposes, a whole motion each.
         index: of the episode.
     """
     episode, view, provenance = dataset.episode(index), dataset.view, dataset.provenance
     meta, world = episode.meta, ("", STANDARD)
     if provenance is not None:
         world = provenance.perturb, provenance.setting
-    env = _environment(meta.task, meta.split, mode, *world)
-    actions = episode.columns[schema.ACTION] if mode == "joint" else keyposes_of(episode, view)
-    return meta, replay(env, meta.seed, meta.variation, actions, hashes_of(episode, view))
+    env = _environment(meta.task, meta.split, "joint" if view == "frames" else "keypose", *world)
+    return meta, replay(env, meta.seed, meta.variation, actions_of(episode, view), hashes_of(episode, view))
 
 
-def keyposes_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:
-    """The keyposes (stages, 18) that an episode executed, in order."""
-    rows = len(episode) - (view == "keyframes")  # its last row repeats the last keypose, completed
-    steps = episode.columns[schema.KEYPOSE_STEP][:rows]
-    _, first_rows = np.unique(steps, return_index=True)
-    return episode.columns[schema.NEXT_KEYPOSE][first_rows]
+def actions_of(episode: RecordedEpisode, view: schema.View) -> NDArray[np.float32]:
+    """The actions (actions, 16 or 18) that an episode executed, in order."""
+    actions = episode.columns[schema.ACTION]
+    if view == "frames":
+        return actions
+    # Rows on the way to a keypose have it, too, and the last row repeats the last one, completed.
+    _, first_rows = np.unique(episode.columns[schema.KEYPOSE_STEP][:-1], return_index=True)
+    return actions[first_rows]
 
 
 def hashes_of(episode: RecordedEpisode, view: schema.View) -> dict[int, int]:

@@ -1,39 +1,52 @@
-"""MuJoCo's interactive viewer: episodes in real time, with keys for other seeds and variations."""
+"""MuJoCo's interactive viewer: episodes in real time, with keys for other seeds."""
 
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
-from collections.abc import Callable
-from enum import IntEnum
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from queue import SimpleQueue
+
+from mujoco import MjData, MjModel, viewer
 
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
-from lerobot_env_bimanual.window import OpenWindow
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
-
-class Key(IntEnum):
-    """Codes of GLFW."""
-
-    SPACE = 32
-    BACKSPACE = 259
-    RIGHT = 262
-    LEFT = 263
-    DOWN = 264
-    UP = 265
-
-
-KEYS = """\
-right/left: seed   up/down: variation   space: pause   backspace: again"""
+RIGHT, LEFT = 262, 263
+"""Codes of GLFW for the arrow keys."""
+KEYS = "right/left: the next seed, or the one before"
 POLL_S = 0.05
-"""Interval at which keys are read while nothing moves."""
+"""Interval at which keys are read after an episode."""
 FIRST_VIEW = {"distance": 2.0, "azimuth": 180.0, "elevation": -30.0}
 LOOK_AT_M = (0.2, 0.0, 0.9)
 """First view of the window, in m and degrees: roughly that of the front camera, from a little higher."""
+
+
+type OpenWindow = Callable[..., AbstractContextManager[viewer.Handle]]
+"""Opens a window on a model and its data; `key_callback` is given the code of every key."""
+
+
+@contextmanager
+def mujoco_window(
+    model: MjModel, data: MjData, key_callback: Callable[[int], None] | None = None
+) -> Iterator[viewer.Handle]:
+    """MuJoCo's own window, in a thread of its own that ends with the `with` block."""
+    others = threading.enumerate()
+    window = viewer.launch_passive(
+        model, data, key_callback=key_callback, show_left_ui=False, show_right_ui=False
+    )
+    threads = [thread for thread in threading.enumerate() if thread not in others]
+    try:
+        yield window
+    finally:
+        window.close()
+        for thread in threads:  # one that outlives the interpreter crashes it
+            thread.join()
 
 
 class _EpisodeLeft(BaseException):
@@ -48,7 +61,7 @@ class Performance:
         player: the policy or expert.
         name: of the player, as it is shown.
         first_seed: seed of the first episode; its variation is left to the options.
-        open_window: MuJoCo's viewer, or a replacement.
+        open_window: MuJoCo's window, or a replacement.
         sleep: waits for some seconds.
     """
 
@@ -58,14 +71,12 @@ class Performance:
         player: Player,
         name: str,
         first_seed: int,
-        open_window: OpenWindow,
+        open_window: OpenWindow = mujoco_window,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        self._env, self._player, self._name = env, player, name
-        self._seed, self._variation = first_seed, None
+        self._env, self._player, self._name, self._seed = env, player, name, first_seed
         self._open_window, self._sleep = open_window, sleep
         self._keys: SimpleQueue[int] = SimpleQueue()
-        self._paused = False
         self._due_s = 0.0
 
     def run(self) -> None:
@@ -91,7 +102,7 @@ class Performance:
         self._due_s = time.monotonic()
         try:
             with self._env.observed_by(lambda *_: self._tick()):
-                outcome = run_episode(self._env, self._seed, self._player, variation=self._variation)
+                outcome = run_episode(self._env, self._seed, self._player)
         except PlacementFailure as failure:
             return str(failure)
         return "solved" if outcome.success else f"not solved: {outcome.failure}"
@@ -99,10 +110,6 @@ class Performance:
     def _tick(self) -> None:
         """Before every tick: show the state, and wait until it is time for the next."""
         self._show(f"{self._env.progress.ticks * TICK_S:.1f} s")
-        while self._paused:
-            self._show("paused")
-            self._sleep(POLL_S)
-            self._due_s = time.monotonic()
         self._due_s = max(self._due_s + TICK_S, time.monotonic() - TICK_S)
         self._sleep(max(0.0, self._due_s - time.monotonic()))
 
@@ -117,21 +124,7 @@ class Performance:
         with applied(scene.model, scene.data, scene.appearance.fields):
             window.sync()
         while not self._keys.empty():
-            self._press(self._keys.get())
-
-    def _press(self, key: int) -> None:
-        """Pause or go on, or leave the episode for the one that the key requests."""
-        match key:
-            case Key.SPACE:
-                self._paused = not self._paused
-                return
-            case Key.RIGHT | Key.LEFT:
-                self._seed = max(0, self._seed + (1 if key == Key.RIGHT else -1))
-            case Key.UP | Key.DOWN:
-                n_variations = len(self._env.task_definition.spec.variations)
-                self._variation = (self._env.variation + (1 if key == Key.UP else -1)) % n_variations
-            case Key.BACKSPACE:
-                pass
-            case _:
-                return
-        raise _EpisodeLeft
+            key = self._keys.get()
+            if key in (RIGHT, LEFT):
+                self._seed = max(0, self._seed + (1 if key == RIGHT else -1))
+                raise _EpisodeLeft

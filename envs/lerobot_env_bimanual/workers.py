@@ -7,11 +7,11 @@ one by one, so that the one that kills its worker is known and named.
 
 from __future__ import annotations
 
-import ctypes
+import atexit
 import multiprocessing
 import os
+import shutil
 import signal
-import sys
 import threading
 import traceback
 from collections import deque
@@ -28,13 +28,10 @@ from typing import Any, Self
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import worker_count
 
 START_METHOD = "forkserver"
-POLL_S = 0.1
-"""Interval at which the parent looks for parts that workers have done."""
-PR_SET_PDEATHSIG = 1
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read by the libraries of linear algebra when they are loaded, so set before a worker imports anything."""
 
@@ -93,7 +90,6 @@ class WorkerPool:
         name: Callable[[Item], str] = str,
         failed: Callable[[Item, str], Result] | None = None,
         note: Callable[[Item, Result], None] | None = None,
-        part: Callable[[], object] = lambda: None,
     ) -> Iterator[Result]:
         """The results in the order of the items, with a progress bar.
 
@@ -107,7 +103,6 @@ class WorkerPool:
             failed: makes the result of an item whose worker raised something or died, from the item and the reason.
                 Without it, that ends the work with an error.
             note: called with an item and its result as soon as there is one, whatever earlier items still take.
-            part: called soon after each `part_done` of a worker, once more for an item that is tried again.
 
         Raises:
             BimanualError: what a worker raised.
@@ -120,7 +115,7 @@ class WorkerPool:
             tqdm(
                 desc=label, total=total, initial=done, unit=unit, smoothing=0, disable=not (label and total)
             ) as progress,
-            closing(self._answers(function, items, part)) as answers,
+            closing(self._answers(function, items)) as answers,
         ):
             for index, answer in answers:
                 if isinstance(answer, BimanualError):
@@ -137,9 +132,7 @@ class WorkerPool:
                     yield early.pop(turn)
                     turn += 1
 
-    def _answers(
-        self, function: Callable[[Any], Any], items: Sequence[Any], part: Callable[[], object]
-    ) -> Generator[tuple[int, Any]]:
+    def _answers(self, function: Callable[[Any], Any], items: Sequence[Any]) -> Generator[tuple[int, Any]]:
         """(index, result or error) as they come."""
         waiting, suspects = deque(range(len(items))), deque[int]()
         try:
@@ -150,12 +143,7 @@ class WorkerPool:
                 if is_retry:
                     self._end()  # a suspect has the whole machine
                     self._submit(function, items, suspects.popleft())
-                finished = set[Future[Any]]()
-                while not finished:
-                    finished, _ = wait(self._running, POLL_S, FIRST_COMPLETED)
-                    while self._lifeline is not None and self._lifeline.poll():
-                        self._lifeline.recv_bytes()
-                        part()
+                finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
                 if any(isinstance(future.exception(), BrokenProcessPool) for future in finished):
                     finished, _ = wait(self._running)  # a death breaks the whole pool
                     self._end()
@@ -204,6 +192,16 @@ def end_with_parent() -> None:
         _end_with(parent.sentinel)
 
 
+@atexit.register
+def _remove_socket() -> None:
+    """Remove the socket of `multiprocessing` in the process that workers are forked from, as a killed main process cannot."""
+    server: Any = getattr(forkserver, "_forkserver", None)
+    folder = Path(str(getattr(server, "_forkserver_address", None))).parent
+    is_server = getattr(server, "_forkserver_pid", True) is None
+    if is_server and folder.name.startswith("pymp-"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def end_of(process: BaseProcess) -> str:
     """How a process ended that is ending, in words."""
     process.join()
@@ -222,27 +220,15 @@ def told(error: BaseException) -> BimanualError:
     return error
 
 
-_parent: Connection | None = None
-"""In a worker of a pool, its end of the lifeline."""
-
-
-def part_done() -> None:
-    """Tell the parent, from a worker of a pool, that a part of the item is done; elsewhere this does nothing."""
-    if _parent is not None:
-        _parent.send_bytes(b".")  # so short that it needs no lock, which a killed worker would keep
-
-
 def _prepare_worker(lifeline: Connection) -> None:
     """Prepare a worker, which ends as soon as its parent closes the other end of `lifeline`, or is gone."""
-    global _parent
-    _parent = lifeline
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with(lifeline)
 
 
 def _end_with(lifeline: Connection | int) -> None:
-    if sys.platform == "linux":  # at once, however busy: the process that forked us ends with our parent
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    # At once, however busy: the process that forked us ends with our parent.
+    end_when_parent_ends(signal.SIGKILL)
 
     def await_end() -> None:
         connection.wait([lifeline])

@@ -7,19 +7,21 @@ that running the chain again does only what is missing.
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import check_output_folder
-from lerobot_bimanual.interrupts import interrupts_ignored
+from lerobot_bimanual.files import check_output_folder, owned
+from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.record import Record
 
@@ -80,7 +82,11 @@ def call(words: list[str]) -> int:
     }
     executable = Path(sys.executable).parent / program
     with interrupts_ignored():  # by the program, so that it is ended below and does not die with a traceback
-        process = subprocess.Popen([executable, *flags], env=defaults | os.environ)
+        process = subprocess.Popen(
+            [executable, *flags],
+            env=defaults | os.environ,
+            preexec_fn=partial(end_when_parent_ends, signal.SIGTERM),
+        )
     try:
         return process.wait()
     finally:
@@ -117,8 +123,12 @@ class Pipeline:
 
         Raises:
             BimanualError: the command failed or left no output, an input is missing, its folder holds checkpoints of
-                another training, or its marker is damaged.
+                another training, its marker is damaged, or another process runs a command in the folder of the markers.
         """
+        with owned(self._folder):
+            self._run(command)
+
+    def _run(self, command: Command) -> None:
         marker = self._marker(command)
         if marker.done and (command.output is None or command.output.exists()):
             self._console.rule(f"[bold]{command.name}[/bold] (already done)")

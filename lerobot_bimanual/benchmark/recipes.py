@@ -109,9 +109,10 @@ class Recipe:
 
     @property
     def depth(self) -> bool:
-        """Whether depth is among the inputs that the recipe names; true if it names none."""
+        """Whether depth is among the inputs that the recipe names; if it names none, whether its view has it by default."""
         inputs = self._features.keys()
-        return not inputs or bool(inputs & {schema.depth_key(name) for name in CAMERA_NAMES})
+        named = bool(inputs & {schema.depth_key(name) for name in CAMERA_NAMES})
+        return named if inputs else self.view == "keyframes"
 
     def options(self, image_size: int) -> dict[str, Any]:
         """The recipe as options of `lerobot-train` by name, for images of that many pixels a side."""

@@ -1,7 +1,6 @@
 """Command-line flags of a dataclass, whose values are decoded by draccus, LeRobot's own configuration library.
 
-Every field is a flag, `--name=value` or `--name value`; `--config_path=file.yaml` reads values from a file, which flags
-override. The comment beside or above a field is its help text. draccus has a reader of such comments too; it misses fields
+Every field is a flag, `--name=value` or `--name value`. The comment beside or above a field is its help text. draccus has a reader of such comments too; it misses fields
 whose annotation holds quotes (`Literal["a"]`) and its printer fails on a per cent sign.
 
 draccus' own command line reads values as YAML 1.1, which alters some texts in silence, and takes a text that begins
@@ -26,9 +25,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice, did_you_mean
-from lerobot_bimanual.files import read_yaml
 
-CONFIG_FLAG = "config_path"
 VALUE_NAMES: dict[Any, str] = {bool: "true|false", str: "text", Path: "path"}
 MEANINGS: dict[Any, str] = {int: "an integer", float: "a number", bool: "true or false"}
 HELP_COLUMN = 28
@@ -94,9 +91,7 @@ def parse_flags[Config](config_type: type[Config], words: Sequence[str]) -> Conf
         BadCommandLine: a word is not a flag, a flag is unknown, missing or lacks its value, or a value does not fit.
     """
     flags = {flag.name: flag for flag in flags_of(config_type)}
-    values: dict[str, Any] = dict(_assignments(words, flags))
-    if (path := values.pop(CONFIG_FLAG, None)) is not None:
-        values = _read_config(Path(path), flags) | values
+    values = dict(_assignments(words, flags))
     required = [flag for flag in flags.values() if flag.default is dataclasses.MISSING]
     if missing := [f"--{flag.name}={flag.value_name}" for flag in required if flag.name not in values]:
         raise BadCommandLine(f"missing: {' '.join(missing)}. `--help` explains every flag.")
@@ -108,7 +103,6 @@ def describe_flags(config_type: type) -> str:
     width = min(MAX_HELP_WIDTH, shutil.get_terminal_size((MAX_HELP_WIDTH, 24)).columns)
     comments = field_comments(config_type)
     rows = [(f"--{flag.name}={flag.value_name}", _help(flag, comments)) for flag in flags_of(config_type)]
-    rows.append((f"--{CONFIG_FLAG}=path", "read values from a YAML file; flags on the command line win"))
     paragraphs = []
     for head, text in rows:
         indent = " " * HELP_COLUMN
@@ -151,44 +145,28 @@ def _assignments(words: Sequence[str], flags: Mapping[str, Flag]) -> Iterator[tu
         if not word.startswith("--"):
             raise BadCommandLine(f"{_SHORT.repr(word)} is not a flag; flags are written --name=value.")
         name, equals, value = word.removeprefix("--").partition("=")
-        if name not in flags and name != CONFIG_FLAG:
+        if name not in flags:
             raise BadCommandLine(_unknown_flag(name, flags))
         if not equals:
             if rest and not rest[0].startswith("--"):
                 value = rest.pop(0)
-            elif name in flags and flags[name].kind is bool:
+            elif flags[name].kind is bool:
                 value = "true"
             else:
                 raise BadCommandLine(f"flag --{name} needs a value, --{name}=...")
         yield name, value
 
 
-def _read_config(path: Path, flags: Mapping[str, Flag]) -> dict[str, Any]:
-    """The values in a YAML file, every scalar as its text."""
-    try:
-        values = read_yaml(path, as_texts=True)
-    except BimanualError as error:
-        raise BadCommandLine(f"--{CONFIG_FLAG}: {error}") from error
-    if not isinstance(values, dict):
-        found = _SHORT.repr(values)
-        raise BadCommandLine(f"--{CONFIG_FLAG} holds {found}, but must hold `name: value` lines")
-    for name in values:
-        if name not in flags:
-            raise BadCommandLine(f"--{CONFIG_FLAG}: {_unknown_flag(str(name), flags)}")
-    return values
-
-
-def _decode(value: Any, flag: Flag) -> Any:
-    """The value of a flag from its text, or from a list of texts in a file."""
+def _decode(text: str, flag: Flag) -> Any:
+    """The value of a flag from its text."""
     import draccus
 
-    if flag.optional and value in ("null", ""):
+    if flag.optional and text in ("null", ""):
         return None
-    if flag.is_list and isinstance(value, str):
-        items = value.removeprefix("[").removesuffix("]").split(",")
+    value: Any = text
+    if flag.is_list:
+        items = text.removeprefix("[").removesuffix("]").split(",")
         value = [item.strip() for item in items if item.strip()]
-    if not flag.is_list and not isinstance(value, str):
-        raise BadCommandLine(f"--{flag.name} is {_SHORT.repr(value)}, but must be a single value")
     try:
         return draccus.decode(flag.kind, value)
     except Exception as error:  # draccus lets through what a type's constructor raises

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import metadata
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from PIL import Image
-
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.decoding import ImageReader
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.reader import IMAGE_TYPES, RecordedDataset, is_depth, read_info
+from lerobot_bimanual.dataset.reader import IMAGE_TYPES, is_depth, read_info
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.files import write_file
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_NAMES
@@ -26,10 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CARD_FILE = Path("README.md")
-PICTURE_FILE = Path("meta", "first_episode.jpg")
-PICTURE_CAMERA = "front"
-TILE_HEIGHT, GAP = 160, 4
-"""Sizes in the picture, in pixels."""
 
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
@@ -40,22 +32,29 @@ MEANINGS = {
     schema.GRIPPER_FINGERS: "travel of each finger in metres, 0 closed",
     schema.KEYPOSE_STEP: "keyposes completed so far",
     schema.CAMERA_EXTRINSICS: "world_T_camera of every camera, 4x4 row-major, OpenCV axes (x right, y down, z forward)",
+    schema.WRIST_EXTRINSICS: "world_T_camera of the cameras at the wrists, 4x4 row-major, OpenCV axes (x right, y down, "
+    "z forward); the others' are in `meta/info.json`",
     schema.CAMERA_INTRINSICS: "pinhole matrix of every camera in pixels, 3x3 row-major",
-    schema.NEXT_KEYPOSE: "the keypose under way: **the label** of keypose policies",
-    schema.ACTION: "joint targets in rad and gripper command of the tick, 0 closed to 1 open",
     schema.KEYFRAME: "first observation after a completed keypose, or last row of the episode",
-    schema.TICK: "control tick within the episode",
+    schema.TICK: "control ticks since the episode's start",
+    schema.TIME: "seconds since the episode's start",
     schema.STATE_HASH: "first 64 bits of the hash of the simulation's state after the tick",
     schema.TASK_NAME: "recipe of the episode: task ...",
     schema.SPLIT: "... split of the seed ...",
     schema.VARIATION: "... variation ...",
     schema.SEED: "... and seed",
 }
-"""Each column in words."""
+"""Each column in words, but `action`."""
+
+ACTION_MEANINGS: dict[schema.View, str] = {
+    "frames": "joint targets in rad and gripper command of the tick, 0 closed to 1 open",
+    "keyframes": "the next keypose: where both hands go from here",
+}
+"""What an action is, by view."""
 
 
 def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
-    """Write the card of a dataset from its metadata and provenance, and the picture that it shows.
+    """Write the card of a dataset from its metadata and provenance.
 
     Args:
         root: folder of the dataset.
@@ -82,55 +81,34 @@ def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
         "card.md",
         tags=[*dict.fromkeys((*TAGS, *tags))],
         repo_id=repo_id,
-        picture=PICTURE_FILE.as_posix(),
         info=info,
         provenance=provenance,
         intermediate=fractions if isinstance(fractions, list | tuple) else (),  # of any file that was found
         episodes=pd.DataFrame(rows),
-        columns=_columns(info),
+        columns=_columns(info, provenance.view),
+        depth=any(map(is_depth, info["features"].values())),
         schema=schema,
         keypose_names=ARM_KEYPOSE_NAMES,
         cameras=CAMERA_NAMES,
+        calibrated=Calibration.of_features(info["features"]) is not None,
         versions=[f"{package} {version}" for package, version in provenance.versions.items()],
         seeds=[key.seed for key in provenance.episodes],
         license=LICENSE,
         links=[url.split(", ", 1) for url in metadata("lerobot_bimanual").get_all("Project-URL") or ()],
     )
-    _write_picture(root)
     write_file(root / CARD_FILE, text)
 
 
-def _columns(info: dict) -> pd.DataFrame:
+def _columns(info: dict, view: schema.View) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
+    meanings = MEANINGS | {schema.ACTION: ACTION_MEANINGS[view]}
     for key, feature in info["features"].items():
-        meaning = MEANINGS.get(key)
+        meaning = meanings.get(key)
         if meaning is None and feature["dtype"] in IMAGE_TYPES:
             meaning = "depth along the optical axis" if is_depth(feature) else "RGB"
         if meaning is not None:  # the others are LeRobot's own bookkeeping
             shape = " x ".join(map(str, feature["shape"]))
             rows.append({"column": f"`{key}`", "type": feature["dtype"], "shape": shape, "meaning": meaning})
     return pd.DataFrame(rows)
-
-
-def _write_picture(root: Path) -> None:
-    """Draw the first episode in one strip, from the start over every keypose to the end.
-
-    It is seen by the front camera, or by the first camera that the dataset stores.
-
-    Raises:
-        UnwritableOutput: the picture cannot be written.
-    """
-    dataset = RecordedDataset(root)
-    camera = PICTURE_CAMERA if PICTURE_CAMERA in dataset.cameras else dataset.cameras[0]
-    shown = {0, *np.flatnonzero(dataset.episode(0).columns[schema.KEYFRAME]).tolist()}
-    tiles = []
-    for row, image in enumerate(ImageReader(root).images(0, schema.image_key(camera))):
-        if row in shown:
-            size = round(image.shape[1] * TILE_HEIGHT / image.shape[0]), TILE_HEIGHT
-            tile = np.asarray(Image.fromarray(image).resize(size))
-            tiles.append(np.pad(tile, ((0, 0), (0, GAP), (0, 0)), constant_values=255))
-    drawn = BytesIO()
-    Image.fromarray(np.hstack(tiles)[:, :-GAP]).save(drawn, "JPEG", quality=85)
-    write_file(root / PICTURE_FILE, drawn.getvalue())  # through no link, which may lead into the Hub's cache

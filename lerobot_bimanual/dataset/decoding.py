@@ -72,14 +72,6 @@ class ImageReader:
         """Whether a key's images are depth."""
         return is_depth(self._images[key])
 
-    @property
-    def units(self) -> dict[str, object]:
-        """Rows per second, and the unit in which each depth image is stored."""
-        depth = {
-            key: image["info"].get("depth_unit") for key, image in self._images.items() if is_depth(image)
-        }
-        return {"fps": self._fps, **depth}
-
     def images(self, episode: int, key: str) -> Iterator[NDArray]:
         """All stored images of one episode and key, however many rows the episode has.
 

@@ -20,7 +20,7 @@ from huggingface_hub.errors import (
 )
 from huggingface_hub.utils import validate_repo_id
 
-from lerobot_bimanual.dataset.card import CARD_FILE, PICTURE_FILE, write_card
+from lerobot_bimanual.dataset.card import CARD_FILE, write_card
 from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksums
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
@@ -111,7 +111,7 @@ def _check_pushable(root: Path) -> None:
             f"{root} does not say where it comes from, as after an edit with LeRobot's tools, so it can have no card. "
             "Generate a dataset of what you want to share, or push this one with LeRobotDataset.push_to_hub"
         )
-    if problem := next(checksum_problems(root, rewritten=(CARD_FILE, PICTURE_FILE)), None):
+    if problem := next(checksum_problems(root, rewritten=(CARD_FILE,)), None):
         raise DatasetError(
             f"{root} is not the dataset that was made there: {problem}. What goes onto the Hub should be whole: restore "
             "it, or generate it again"

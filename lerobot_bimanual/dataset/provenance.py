@@ -1,15 +1,14 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field
+from pydantic import Field, PositiveInt
 
 from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.version import PROVENANCE_FILE
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import SIMULATION_PACKAGES, Version, installed_versions
-
-PROVENANCE_FILE = Path("meta", "bimanual.json")
 
 MAX_INT = 2**63
 """Seeds and variations are stored as 64-bit integers."""
@@ -49,7 +48,7 @@ class Provenance(Record):
     """Everything needed to make a dataset again.
 
     Attributes:
-        schema_version: version of the feature table.
+        schema_version: version of the feature table; a dataset of any is made anew in the present one.
         view: which rows and images are stored.
         versions: package -> version, of `versions.STAMPED_PACKAGES`.
         worlds: task -> version of the world in which it was played.
@@ -59,7 +58,7 @@ class Provenance(Record):
         skipped: seeds that failed, with the reason.
     """
 
-    schema_version: Literal[2]
+    schema_version: PositiveInt
     view: View
     versions: dict[str, Version]
     worlds: dict[str, Version]
@@ -96,13 +95,3 @@ class Provenance(Record):
             for package in SIMULATION_PACKAGES
             if (recorded := self.versions.get(package, "none")) != installed[package]
         }
-
-
-def other_lerobot(provenance: Provenance | None) -> str:
-    """Which version of LeRobot wrote a dataset, if not the installed one; "" where it is the installed one.
-
-    Versions differ in how they estimate quantiles.
-    """
-    recorded = "unknown" if provenance is None else provenance.versions.get("lerobot", "unknown")
-    installed = installed_versions(["lerobot"])["lerobot"]
-    return "" if recorded == installed else f"{recorded} (installed: {installed})"

@@ -4,7 +4,6 @@ Files may come from a stranger or be damaged: whatever is not as it should be is
 where.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,10 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, PositiveInt, model_validator
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.layout import check_features, column_types, view_of
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
+from lerobot_bimanual.dataset.schema import VIEWS, View
 from lerobot_bimanual.episode import EpisodeMeta
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import read_json
@@ -33,26 +34,7 @@ MAX_TABLE_BYTES = 2**31
 """Of one Parquet file before compression; LeRobot begins another one at 100 MB."""
 
 IMAGE_TYPES = ("video", "image")
-
-TIMESTAMP, FRAME_INDEX, EPISODE_INDEX = "timestamp", "frame_index", "episode_index"
-INDEX, TASK_INDEX = "index", "task_index"
-BOOKKEEPING: dict[str, str] = {
-    TIMESTAMP: "float32",
-    FRAME_INDEX: "int64",
-    EPISODE_INDEX: "int64",
-    INDEX: "int64",
-    TASK_INDEX: "int64",
-}
-"""Columns that LeRobot adds to every dataset, and by which it finds a row's images and sentence."""
-
-COLUMN_TYPES: dict[str, pa.DataType] = {
-    **{
-        key: pa.float32() if len(names) == 1 else pa.list_(pa.float32(), len(names))
-        for key, names in schema.VECTORS.items()
-    },
-    **{key: pa.type_for_alias(dtype) for key, dtype in (schema.SCALARS | BOOKKEEPING).items()},
-}
-"""Arrow type of every column that is not an image; LeRobot stores a vector of one number as a scalar."""
+EPISODE_INDEX = "episode_index"
 
 
 @dataclass(frozen=True)
@@ -63,13 +45,11 @@ class RecordedEpisode:
         index: episode index in its dataset.
         meta: what the episode is.
         columns: schema key -> (rows, n) float32 of a vector, or (rows,) of a scalar.
-        bookkeeping: LeRobot's own column -> (rows,).
     """
 
     index: int
     meta: EpisodeMeta
     columns: dict[str, NDArray]
-    bookkeeping: dict[str, NDArray]
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -87,7 +67,7 @@ class RecordedDataset:
         info: content of that file.
         view: which rows are stored.
         cameras: cameras with an RGB image, in stored order.
-        has_depth: whether there are depth images.
+        calibration: what holds for all rows; None where rows hold all of it.
         provenance: where the dataset comes from, if it still says so.
 
     Raises:
@@ -101,14 +81,14 @@ class RecordedDataset:
         self.info = read_info(self.root)
         check_features(self.info["features"], self.root)
         images = {k: f for k, f in self.info["features"].items() if f["dtype"] in IMAGE_TYPES}
-        self.view: View = "frames" if any(f["dtype"] == "video" for f in images.values()) else "keyframes"
+        self.view: View = view_of(self.info["features"])
         self.cameras = tuple(
             key.removeprefix(schema.IMAGE_PREFIX) for key, f in images.items() if not is_depth(f)
         )
-        self.has_depth = any(map(is_depth, images.values()))
+        self.calibration = Calibration.of_features(self.info["features"])
         self.provenance = Provenance.of_dataset(self.root)
         columns = [EPISODE_INDEX, "length", "tasks", "data/chunk_index", "data/file_index"]
-        self._index = episode_table(self.root, columns)
+        self._index, self._types = episode_table(self.root, columns), column_types(self.info["features"])
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -126,14 +106,13 @@ class RecordedDataset:
         if not (isinstance(tasks := entry["tasks"], list) and len(tasks) == 1):
             raise DatasetError(f"meta/episodes gives episode {index} the tasks {tasks}, not one sentence")
         path = data_file(self.root, entry)
-        table = read_table(path, columns=[*COLUMN_TYPES], filters=[(EPISODE_INDEX, "=", index)])
+        table = read_table(path, columns=[*self._types], filters=[(EPISODE_INDEX, "=", index)])
         if table.num_rows != entry["length"] or not table.num_rows:
             raise DatasetError(
                 f"episode {index} of {self.root} has {table.num_rows} rows in {path.name}, but its metadata says "
                 f"{entry['length']}: the dataset is incomplete, generate it again"
             )
-        arrays = {key: _to_numpy(table, key, path) for key in COLUMN_TYPES}
-        bookkeeping = {key: arrays.pop(key) for key in BOOKKEEPING}
+        arrays = {key: _to_numpy(table, key, kind, path) for key, kind in self._types.items()}
         meta = EpisodeMeta(
             task=str(arrays[schema.TASK_NAME][0]),
             variation=int(arrays[schema.VARIATION][0]),
@@ -141,7 +120,7 @@ class RecordedDataset:
             seed=int(arrays[schema.SEED][0]),
             instruction=str(tasks[0]),
         )
-        return RecordedEpisode(index, meta, arrays, bookkeeping)
+        return RecordedEpisode(index, meta, arrays)
 
     def episodes(self) -> Iterator[RecordedEpisode]:
         """Read all episodes, one after the other."""
@@ -245,29 +224,6 @@ def find_view(root: str | Path, preferred: Sequence[View] = VIEWS) -> Path:
     raise DatasetError(f"no dataset at {root}: {Path(root) / INFO_FILE} does not exist{hint}")
 
 
-def check_features(features: dict[str, dict[str, Any]], origin: object) -> None:
-    """Compare the feature table of a dataset with the schema.
-
-    Raises:
-        DatasetError: a vector or scalar is missing or different, or the version is another one.
-    """
-    expected = json.loads(json.dumps(schema.features((), 0, 0, "frames")))
-    differences = [f"{key} is missing" for key in expected if key not in features]
-    for key in (key for key in expected if key in features):
-        for aspect in ("dtype", "shape", "names"):
-            ours, theirs = expected[key][aspect], features[key].get(aspect)
-            if ours != theirs:
-                differences.append(f"{aspect} of {key} is {theirs}, not {ours}")
-    found_version = ((features.get(schema.TASK_NAME) or {}).get("info") or {}).get(schema.VERSION_INFO)
-    if found_version not in (None, SCHEMA_VERSION):
-        differences.insert(0, f"its schema version is {found_version}, not {SCHEMA_VERSION}")
-    if differences:
-        raise DatasetError(
-            f"{origin} is not a dataset that this version of lerobot_bimanual reads: {'; '.join(differences)}. "
-            "Generate it again, or install the version that wrote it."
-        )
-
-
 def episode_table(root: Path, columns: list[str] | None = None) -> pa.Table:
     """Some columns of LeRobot's table of episodes, or all, one row per episode in order.
 
@@ -309,9 +265,8 @@ def read_table(path: Path, **options: Any) -> pa.Table:
     return table
 
 
-def _to_numpy(table: pa.Table, key: str, path: Path) -> NDArray:
+def _to_numpy(table: pa.Table, key: str, kind: pa.DataType, path: Path) -> NDArray:
     """A column as (rows,) or (rows, n)."""
-    kind = COLUMN_TYPES[key]
     try:
         column = table[key].combine_chunks().cast(kind)
     except pa.ArrowException as error:

@@ -4,25 +4,36 @@ The environment emits the same observation keys, so a policy trained on the data
 `lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
 """
 
-from typing import Any, Literal
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
-from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.cameras import CAMERA_NAMES, WRIST_CAMERA_NAMES
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
-SCHEMA_VERSION = 2
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
 """Where the version stands: in the `info` of the feature `TASK_NAME`, which LeRobot keeps when it merges."""
 
-FPS = CONTROL_HZ
 ROBOT_TYPE = "bimanual_panda"
 
 View = Literal["frames", "keyframes"]
 VIEWS: tuple[View, ...] = ("frames", "keyframes")
+
+CALIBRATION_INFO = "bimanual_calibration"
+"""Where the calibration of all rows stands: in the `info` of the feature `WRIST_EXTRINSICS`."""
+
+FPS: dict[View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
+"""Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
+number over the rate, counts rows. `TIME` says when a row was recorded."""
 
 DEPTH_MIN_M = 0.01
 DEPTH_MAX_M = 4.0
@@ -36,15 +47,18 @@ end of the range. Nothing is as near, for that is where the near planes of all c
 
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
+WRIST_EXTRINSICS = "observation.wrist_extrinsics"
+"""Of the cameras that move, where a dataset's metadata hold the others. It has a name of its own, because LeRobot scales
+whatever has the name of a column, and an environment emits all five under that of `CAMERA_EXTRINSICS`."""
 CAMERA_INTRINSICS = "observation.camera_intrinsics"
 STATE = "observation.state"
 EE_POSE = "observation.ee_pose"
 GRIPPER_FINGERS = "observation.gripper_fingers"
 KEYPOSE_STEP = "observation.keypose_step"
-NEXT_KEYPOSE = "observation.next_keypose"
 ACTION = "action"
 KEYFRAME = "keyframe"
 TICK = "tick"
+TIME = "time_s"
 STATE_HASH = "state_hash"
 TASK_NAME = "task_name"
 SPLIT = "split"
@@ -56,7 +70,7 @@ JOINT_NAMES = tuple(
     for arm in ARMS
     for name in (*(f"joint{i + 1}" for i in range(JOINTS_PER_ARM)), "gripper")
 )
-"""Layout of `observation.state` and `action`: per arm seven joints in radians and the opening 0..1.
+"""Layout of `observation.state` and of joint actions: per arm seven joints in radians and the opening 0..1.
 
 LeRobot's rollout and replay know positions by the ending `.pos`.
 """
@@ -64,6 +78,7 @@ LeRobot's rollout and replay know positions by the ending `.pos`.
 POSE_NAMES = tuple(f"{arm}_{name}" for arm in ARMS for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
 FINGER_NAMES = tuple(f"{arm}_finger{i}" for arm in ARMS for i in (1, 2))
 EXTRINSIC_NAMES = tuple(f"{camera}_T{r}{c}" for camera in CAMERA_NAMES for r in range(4) for c in range(4))
+WRIST_EXTRINSIC_NAMES = tuple(name for name in EXTRINSIC_NAMES if name.startswith(WRIST_CAMERA_NAMES))
 INTRINSIC_NAMES = tuple(f"{camera}_K{r}{c}" for camera in CAMERA_NAMES for r in range(3) for c in range(3))
 
 VECTORS: dict[str, tuple[str, ...]] = {
@@ -73,14 +88,16 @@ VECTORS: dict[str, tuple[str, ...]] = {
     KEYPOSE_STEP: ("keyposes_completed",),
     CAMERA_EXTRINSICS: EXTRINSIC_NAMES,
     CAMERA_INTRINSICS: INTRINSIC_NAMES,
-    NEXT_KEYPOSE: KEYPOSE_NAMES,
-    ACTION: JOINT_NAMES,
 }
-"""float32 columns and the name of each element."""
+"""float32 columns of what is observed, and the name of each element."""
+
+ACTIONS: dict[View, tuple[str, ...]] = {"frames": JOINT_NAMES, "keyframes": KEYPOSE_NAMES}
+"""Elements of the float32 column `action`: the joint action of a tick, or the next keypose."""
 
 SCALARS: dict[str, str] = {
     KEYFRAME: "bool",
     TICK: "int64",
+    TIME: "float32",
     STATE_HASH: "int64",
     TASK_NAME: "string",
     SPLIT: "string",
@@ -110,7 +127,13 @@ def depth_key(camera: str) -> str:
 
 
 def features(
-    cameras: tuple[str, ...], height: int, width: int, view: View, depth: bool = True, outcome: bool = False
+    cameras: tuple[str, ...],
+    height: int,
+    width: int,
+    view: View,
+    depth: bool = True,
+    outcome: bool = False,
+    calibration: BaseModel | None = None,
 ) -> dict[str, dict[str, Any]]:
     """LeRobot feature table of one view.
 
@@ -118,9 +141,11 @@ def features(
         cameras: cameras whose images are stored. Calibration always covers all five.
         height: image height in pixels.
         width: image width in pixels.
-        view: "frames" stores images as video, "keyframes" stores them losslessly in the table.
+        view: "frames" has joint actions and stores images as video, "keyframes" has keyposes and stores images losslessly
+            in the table.
         depth: whether each camera has a depth image.
         outcome: whether rows say what became of their episode; demonstrations are all solved.
+        calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
     """
     dtype = "video" if view == "frames" else "image"
     names = ["height", "width", "channels"]
@@ -134,11 +159,17 @@ def features(
                 "names": names,
                 "info": {"is_depth_map": True},
             }
-    for key, elements in VECTORS.items():
+    vectors = VECTORS | {ACTION: ACTIONS[view]}
+    if calibration is not None:
+        del vectors[CAMERA_EXTRINSICS], vectors[CAMERA_INTRINSICS]
+        vectors[WRIST_EXTRINSICS] = WRIST_EXTRINSIC_NAMES
+    for key, elements in vectors.items():
         table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
     for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
         table[key] = {"dtype": scalar, "shape": (1,), "names": None}
     table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
+    if calibration is not None:
+        table[WRIST_EXTRINSICS]["info"] = {CALIBRATION_INFO: calibration.model_dump()}
     return table
 
 

@@ -21,9 +21,10 @@ from lerobot.datasets.pyav_utils import write_u16_plane
 from lerobot.datasets.video_utils import StreamingVideoEncoder
 from numpy.typing import NDArray
 
-from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M, FPS
+from lerobot_bimanual.dataset.schema import DEPTH_MAX_M, DEPTH_MIN_M
+from lerobot_bimanual.joint_action import CONTROL_HZ
 
-TICK = Fraction(1, FPS)
+TICK = Fraction(1, CONTROL_HZ)
 
 STATISTICS_EVERY = 10
 """Image statistics are estimated from every tenth frame and every second pixel in both directions."""
@@ -66,7 +67,7 @@ class EpisodeVideoEncoder(StreamingVideoEncoder):
     """Encodes the frames of one episode as they come, one file per camera stream."""
 
     def __init__(self):
-        super().__init__(FPS)
+        super().__init__(CONTROL_HZ)
         self._depth_codes = np.asarray(
             quantize_depth(
                 np.arange(2**16, dtype=np.uint16),
@@ -123,7 +124,7 @@ class _Stream:
     def add(self, image: NDArray) -> None:
         if self._video is None:
             self._video = self._container.add_stream(
-                self._config.vcodec, FPS, options=self._config.get_codec_options(1, as_strings=True)
+                self._config.vcodec, CONTROL_HZ, options=self._config.get_codec_options(1, as_strings=True)
             )
             self._video.pix_fmt = self._config.pix_fmt
             self._video.height, self._video.width = image.shape[:2]

@@ -9,7 +9,7 @@ from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
-from lerobot_bimanual.joint_action import by_arm
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 
 
 def rows_of_view(episode: Demonstration, view: View, intermediate: Sequence[float] = ()) -> list[int]:
@@ -36,7 +36,7 @@ def rows_of_view(episode: Demonstration, view: View, intermediate: Sequence[floa
 def row_columns(episode: Demonstration, row: int, view: View) -> dict[str, NDArray | str]:
     """Everything but images that a view stores in a row, with the dtypes of the schema.
 
-    Row T repeats the last action, keypose and state hash, as no tick follows it.
+    Row T repeats the last keypose and state hash, as no tick follows it.
     """
     last = episode.rows - 1
     step = episode.steps[min(row, last - 1)]
@@ -45,10 +45,10 @@ def row_columns(episode: Demonstration, row: int, view: View) -> dict[str, NDArr
     is_keyframe = row == last_stored or row in episode.stage_starts()[1:]
     return {
         **vectors,
-        schema.ACTION: step.action,
-        schema.NEXT_KEYPOSE: episode.keyposes[step.stage],
+        schema.ACTION: step.action if view == "frames" else episode.keyposes[step.stage],
         schema.KEYFRAME: np.array([is_keyframe]),
         schema.TICK: np.array([row], dtype=np.int64),
+        schema.TIME: np.array([row / CONTROL_HZ], dtype=np.float32),
         schema.STATE_HASH: np.array([step.state_hash], dtype=np.int64),
         schema.TASK_NAME: episode.meta.task,
         schema.SPLIT: episode.meta.split,

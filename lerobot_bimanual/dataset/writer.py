@@ -10,6 +10,7 @@ from lerobot.datasets.image_writer import AsyncImageWriter, image_array_to_pil_i
 from numpy.typing import NDArray
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, depth_encoder, rgb_encoder
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
@@ -52,8 +53,10 @@ class ViewWriter:
         height: image height in pixels.
         width: image width in pixels.
         intermediate: see `rows_of_view`.
-        depth: whether depth images are stored.
+        depth: whether depth images are stored; None for `keyframes` alone, from which keypose policies learn: LeRobot's own
+            policies, which learn from `frames`, would take them for colours.
         outcome: whether rows say what became of their episode.
+        calibration: that of all rows, which rows then do not hold; None where it differs between them.
     """
 
     def __init__(
@@ -65,18 +68,20 @@ class ViewWriter:
         height: int,
         width: int,
         intermediate: Sequence[float] = (),
-        depth: bool = True,
+        depth: bool | None = True,
         outcome: bool = False,
+        calibration: Calibration | None = None,
     ):
         self.root = root
         self.view: View = view
         self.intermediate = intermediate
         self._cameras = tuple(cameras)
-        self._depth = depth
+        self._depth = view == "keyframes" if depth is None else depth
+        self._calibration = calibration
         self._meta = LeRobotDatasetMetadata.create(
             repo_id=repo_id,
-            fps=schema.FPS,
-            features=schema.features(self._cameras, height, width, view, depth, outcome),
+            fps=schema.FPS[view],
+            features=schema.features(self._cameras, height, width, view, self._depth, outcome, calibration),
             robot_type=schema.ROBOT_TYPE,
             root=root,
             use_videos=view == "frames",
@@ -103,8 +108,13 @@ class ViewWriter:
             self._writer.cancel_pending_videos()
 
     def add_row(self, episode: Demonstration, row: int, images: dict[str, NDArray]) -> None:
-        """Append a row of the running episode; rows ascend."""
+        """Append a row of the running episode; rows ascend.
+
+        Raises:
+            DatasetError: the row has another calibration than all others.
+        """
         frame = row_columns(episode, row, self.view)
+        frame = frame if self._calibration is None else self._calibration.rest(frame)
         for camera in self._cameras:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]

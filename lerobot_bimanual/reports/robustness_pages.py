@@ -31,12 +31,11 @@ type Results = Mapping[str, RobustnessResult]
 """Robustness results by name."""
 
 
-def robustness_page(results: Results, figure: str | None = None) -> str:
+def robustness_page(results: Results) -> str:
     """A section per task: successes of its policies at each level of each axis.
 
     Args:
         results: by name.
-        figure: link to the heat map of these results; None for a page without.
     """
     table = conditions_table(results)
     spread, distances = _trainings(table)
@@ -45,7 +44,6 @@ def robustness_page(results: Results, figure: str | None = None) -> str:
         "robustness.md",
         significant=SIGNIFICANT,
         min_expert_rate=MIN_EXPERT_RATE,
-        figure=figure,
         all_tasks=_all_tasks(table),
         spread=spread,
         distances=distances,

@@ -1,20 +1,26 @@
 """Chart of many results: success of every policy on every task, beside the expert and the open-loop baseline."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
 from itertools import cycle
+from pathlib import Path
 from statistics import fmean
 
+import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from lerobot_bimanual.reports import charts
+from lerobot_bimanual.files import write_file
 from lerobot_bimanual.reports.benchmark_page import results_table
-from lerobot_bimanual.reports.charts import GREY, INK, Chart, new_figure, styled
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.statistics import SuccessRate, wilson_interval
 
-STYLES = [
-    *zip("osD^o", (charts.BLUE, charts.VERMILION, charts.GREEN, charts.PURPLE, charts.ORANGE), strict=True)
-]
+INK, GREY, PALE = "#202228", "#70747e", "#dee0e5"
+BLUE, ORANGE, GREEN, PURPLE, VERMILION = "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00"
+"""Of Okabe and Ito, which the colour-blind tell apart and which differ in grey, too."""
+WIDTH_IN, DPI = 8.0, 150
+STYLES = [*zip("osD^o", (BLUE, VERMILION, GREEN, PURPLE, ORANGE), strict=True)]
 """Markers and colours of policies in the order of their names, in turns; each line also bears its policy's name."""
 BASELINES = (("expert", "expert", "^", INK), ("open_loop", "open loop", "x", GREY))
 """Key of the rate, label, marker and colour."""
@@ -24,6 +30,51 @@ ONE_TRAINING = "Each policy was trained once, which does not say how far another
 TRAININGS = "Hollow: single trainings; filled: their mean. A policy without hollow marks was trained once."
 MAX_COUNTS = 3
 """Trainings whose successes are written out beside their line."""
+
+styled = matplotlib.rc_context(
+    {
+        "font.size": 9,
+        "text.parse_math": False,  # names come from any file
+        "text.color": INK,
+        "axes.edgecolor": PALE,
+        "axes.labelcolor": GREY,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.titlelocation": "left",
+        "axes.titlesize": 9,
+        "xtick.color": PALE,
+        "xtick.labelcolor": GREY,
+        "ytick.color": PALE,
+        "ytick.labelcolor": INK,
+        "grid.color": PALE,
+        "figure.constrained_layout.use": True,
+    }
+)
+"""Decorates what draws."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A drawn figure.
+
+    Attributes:
+        figure: as matplotlib has it.
+        description: what is drawn, in words, for readers who cannot see it.
+    """
+
+    figure: Figure
+    description: str
+
+    def save(self, path: Path) -> None:
+        """Write a PNG file that holds the description.
+
+        Raises:
+            UnwritableOutput: it cannot be written.
+        """
+        file = BytesIO()
+        metadata = {"Description": self.description, "Software": None}
+        self.figure.savefig(file, format="png", dpi=DPI, metadata=metadata, pil_kwargs={"optimize": True})
+        write_file(path, file.getvalue())
 
 
 @styled
@@ -37,7 +88,9 @@ def success_figure(rows: Sequence[BenchmarkResult]) -> Chart:
     trained, tasks = table.groupby(["task", "policy"]).ngroups, table.task.nunique()
     height_in = LINE_IN * (trained + (len(BASELINES) + 1.6) * tasks + 4)
     note = TRAININGS if len(table) > trained else ONE_TRAINING
-    figure = new_figure(height_in, "Success on unseen episodes", EPISODES, note)
+    figure = Figure(figsize=(WIDTH_IN, height_in))
+    figure.suptitle("Success on unseen episodes", x=0.01, ha="left", fontsize=13)
+    figure.supxlabel(f"{EPISODES}\n{note}", x=0.01, ha="left", fontsize=8, color=GREY)
     panel = figure.subplots()
     styles = dict(zip(sorted(table.policy.unique()), cycle(STYLES), strict=False))
     y, labels, said = 0.0, {}, ["Successes."]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from contextlib import suppress
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import UnwritableOutput, bring_to_disk
+from lerobot_bimanual.files import UnwritableOutput, bring_to_disk, keep_others_out
 from lerobot_bimanual.results.record import BadRecord, Record
 
 MAX_JOURNAL_BYTES = 2**30
@@ -36,7 +35,7 @@ class Journal[Entry: Record]:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("a+b", buffering=0)
             if exclusive:
-                self._lock()
+                keep_others_out(self._file.fileno(), path)
             if self._file.seek(0, os.SEEK_END) > MAX_JOURNAL_BYTES:
                 raise BimanualError(f"{path} is larger than any list of episodes: remove it")
             self._file.seek(0)
@@ -92,13 +91,3 @@ class Journal[Entry: Record]:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise UnwritableOutput(self.path, error.strerror or str(error)) from error
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise BimanualError(
-                f"{self.path} is being written by another process; wait for it, or choose another folder"
-            ) from None
-        except OSError:
-            pass  # a file system without locks

@@ -1,10 +1,10 @@
-"""Two simulated arms as a LeRobot robot, and a keyboard or a gamepad as their leader.
+"""Two simulated arms as a LeRobot robot, and a keyboard as their leader.
 
 LeRobot's plugin discovery imports this package by its name's prefix; then the robot type `bimanual_sim` and the
-teleoperator types `bimanual_keyboard` and `bimanual_gamepad` are registered. MuJoCo is loaded with the first robot.
+teleoperator type `bimanual_keyboard` are registered. MuJoCo is loaded with the first robot.
 """
 
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
-from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig
+from lerobot_robot_bimanual.config_leaders import BimanualKeyboardConfig
 
-__all__ = ["BimanualGamepadConfig", "BimanualKeyboardConfig", "BimanualSimConfig"]
+__all__ = ["BimanualKeyboardConfig", "BimanualSimConfig"]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import atexit
 import logging
 import time
-from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -15,23 +13,19 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import JOINTS_PER_ARM
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import BimanualError, InvalidAction
-from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
+from lerobot_bimanual.errors import InvalidAction
+from lerobot_bimanual.joint_action import CONTROL_HZ, JOINT_ACTION_DIM, by_arm
 from lerobot_env_bimanual.conditions import check
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.actions import ActionReader
 from lerobot_env_bimanual.episode.observations import PIXELS, env_key
-from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
-from lerobot_env_bimanual.window import mujoco_window, no_window
-from lerobot_env_bimanual.world.appearance import applied
-from lerobot_env_bimanual.world.scene import Scene
 from lerobot_robot_bimanual.config_bimanual_sim import BimanualSimConfig
 from lerobot_robot_bimanual.leader_arms import HOME
 
 logger = logging.getLogger(__name__)
 
-TICK_S = 1 / schema.FPS
+TICK_S = 1 / CONTROL_HZ
 AT_HOME_RAD = 1e-3
 """Both hands count as sent home when no joint target is further from it than this."""
 AWAY_RAD = 0.05
@@ -81,44 +75,6 @@ class UntimedEnv(BimanualEnv):
         return f"{world}, variation {self.variation}, {self.options.split} seed {self.progress.seed}"
 
 
-class Viewer:
-    """A window that shows a copy of the scene, so that a mouse in it changes nothing in the simulation.
-
-    Args:
-        scene: the scene.
-
-    Raises:
-        BimanualError: no window can be opened.
-    """
-
-    def __init__(self, scene: Scene):
-        if reason := no_window():
-            raise BimanualError(
-                f"--robot.viewer=true opens a window, but {reason}: leave it out and record videos with "
-                "--robot.video_dir=FOLDER, or use a session with DISPLAY or WAYLAND_DISPLAY set"
-            )
-        self._scene = scene
-        self._shown = mujoco.MjData(scene.model)
-        self._closing = ExitStack()
-        self._window = self._closing.enter_context(mujoco_window(scene.model, self._shown))
-        atexit.register(self.close)
-        self.show()
-
-    def show(self) -> None:
-        """Show the scene's present state; nothing happens after the window was closed."""
-        if self._window.is_running():
-            scene = self._scene
-            with self._window.lock():
-                mujoco.mj_copyData(self._shown, scene.model, scene.data)
-            with applied(scene.model, self._shown, scene.appearance.fields):
-                self._window.sync()
-
-    def close(self) -> None:
-        """Close the window."""
-        atexit.unregister(self.close)
-        self._closing.close()
-
-
 class BimanualSim(Robot):
     """Two simulated Pandas in front of a task, as LeRobot's command lines see a robot.
 
@@ -145,7 +101,6 @@ class BimanualSim(Robot):
         self.cameras = () if self._options.obs == "state" else self._options.camera_names
         self._reader = ActionReader(self._options.control_mode, PANDA_PAIR)
         self._env: UntimedEnv | None = None
-        self._viewer: Viewer | None = None
         self._next_seed = config.seed
         self._command = HOME
         self._has_left_home = False
@@ -197,19 +152,17 @@ class BimanualSim(Robot):
 
         Raises:
             DeviceAlreadyConnectedError: there is a world already.
-            BimanualError: a window cannot be opened, or a perturbation finds nothing to change in the task.
+            BimanualError: a perturbation finds nothing to change in the task.
             PlacementFailure: no placement of the props was found that both arms can serve.
         """
         env = UntimedEnv(self.config.task, options=self._options)
-        self._viewer = Viewer(env.scene) if self.config.viewer else None
         self._next_seed = self.config.seed
         try:
             self._begin_episode(env)
         except BaseException:
-            self._close(env)
+            env.close()
             raise
         self._env = env
-        self._show()
 
     def get_observation(self) -> dict[str, Any]:
         """Joints in rad, openings 0..1, images uint8 (H, W, 3), depth uint16 (H, W, 1) in millimetres.
@@ -254,7 +207,6 @@ class BimanualSim(Robot):
             self._has_left_home |= distance_rad > AWAY_RAD
             if not self.config.real_time:
                 env.tick(command)
-        self._show()
         return dict(zip(schema.JOINT_NAMES, command.tolist(), strict=True))
 
     def disconnect(self) -> None:
@@ -266,14 +218,8 @@ class BimanualSim(Robot):
         env = self.env
         if env.progress.ticks and not env.progress.terminated:
             env.log_outcome()
-        self._close(env)
-        self._env = None
-
-    def _close(self, env: UntimedEnv) -> None:
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
         env.close()
+        self._env = None
 
     def _begin_episode(self, env: UntimedEnv) -> None:
         env.reset(seed=self._next_seed)
@@ -281,10 +227,6 @@ class BimanualSim(Robot):
         self._command, self._has_left_home = HOME, False
         self._began_s = time.perf_counter()
         logger.info('%s: "%s"', env.episode_name, env.task_description)
-
-    def _show(self) -> None:
-        if self._viewer is not None:
-            self._viewer.show()
 
     def _keep_up(self, env: UntimedEnv) -> None:
         """In real time, go on with the last action for all the ticks that have passed."""

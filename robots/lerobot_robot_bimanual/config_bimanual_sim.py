@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
 
-from lerobot_bimanual.errors import InvalidChoice
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions, checked_seed
 
 
@@ -42,8 +41,6 @@ class BimanualSimConfig(RobotConfig):
     # Off: an action is one tick of 50 ms, and the same actions lead to the same state, bit for bit. On: the simulation
     # follows the clock, and repeats the last action until the next one.
     real_time: bool = False
-    # Open a window that shows the simulation; needs a display.
-    viewer: bool = False
     # Folder for a video of every episode.
     video_dir: str | None = None
 
@@ -53,8 +50,6 @@ class BimanualSimConfig(RobotConfig):
 
         get_task(self.task).spec.variation_index(self.variation)
         checked_seed(self.seed)
-        if self.viewer and self.setting != EnvOptions.setting:  # a window shows one compiled world
-            raise InvalidChoice(f"viewer in the setting {self.setting!r}", self.viewer, ["false"])
         self.env_options()
 
     def env_options(self) -> EnvOptions:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta, Step
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 
@@ -25,12 +26,18 @@ def make_episode() -> Callable[[int], Demonstration]:
 
 
 @pytest.fixture(scope="session")
-def write_view() -> Callable[..., Path]:
+def calibration() -> Calibration:
+    """That of all made-up episodes."""
+    return Calibration.of_observation(_make_episode(0).final_observation)
+
+
+@pytest.fixture(scope="session")
+def write_view(calibration) -> Callable[..., Path]:
     """Writes the episodes of some seeds into a new folder, as one view, and gives the folder."""
     from lerobot_bimanual.dataset.writer import ViewWriter, write_episode
 
     def write(root: Path, view: schema.View, *seeds: int, cameras: tuple[str, ...] = CAMERAS) -> Path:
-        with ViewWriter(root, "local/part", view, cameras, *SIZE, (0.5,)) as writer:
+        with ViewWriter(root, "local/part", view, cameras, *SIZE, (0.5,), calibration=calibration) as writer:
             for seed in seeds:
                 write_episode(_make_episode(seed), [writer])
         return root
@@ -80,12 +87,13 @@ def install_recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[
 def _make_episode(seed: int) -> Demonstration:
     rng = np.random.default_rng(seed)
     ticks = sum(STAGE_TICKS)
-    observed = [
-        key for key in schema.VECTORS if key.startswith("observation.") and key != schema.NEXT_KEYPOSE
-    ]
 
     def observation(stage: int) -> dict[str, np.ndarray]:
-        vectors = {key: rng.normal(size=len(schema.VECTORS[key])).astype(np.float32) for key in observed}
+        vectors = {
+            key: rng.normal(size=len(names)).astype(np.float32) for key, names in schema.VECTORS.items()
+        }
+        vectors[schema.CAMERA_EXTRINSICS][:48] = 0.5  # of the cameras in the room
+        vectors[schema.CAMERA_INTRINSICS][:] = range(len(schema.INTRINSIC_NAMES))
         return vectors | {schema.KEYPOSE_STEP: np.array([stage], dtype=np.float32)}
 
     steps = []

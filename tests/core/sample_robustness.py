@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from lerobot_bimanual.results.episode import Episode
+from sample_results import episodes
+
 from lerobot_bimanual.results.robustness import (
     AxisRecord,
     ExpertCondition,
@@ -17,24 +18,13 @@ from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 def condition(axis: str, level: int, outcomes: str, expert: str = "", open_loop: str = "", **more: Any):
     """One episode per letter, `x` solved; without letters the expert solves all, the open-loop baseline none."""
-    episodes = tuple(
-        Episode(
-            seed=seed,
-            variation=seed % 2,
-            success=letter == "x",
-            failure=None if letter == "x" else "out of time",
-            keyposes=5,
-            ticks=120,
-        )
-        for seed, letter in enumerate(outcomes)
-    )
     return PolicyCondition(
         axis=axis,
         level=level,
         world=world(axis, level),
         expert_solved=solved(expert or "x" * len(outcomes)),
         open_loop_solved=solved(open_loop),
-        episodes=episodes,
+        episodes=episodes(outcomes, 0, "out of time", variation=0, keyposes=5, ticks=120),
         **more,
     )
 

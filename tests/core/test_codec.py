@@ -53,18 +53,13 @@ def test_bins_of_decoded_keyposes_are_the_same_bins():
     np.testing.assert_array_equal(once.rotation, twice.rotation)
 
 
-def test_half_turns_share_one_bin():
+def test_half_turns_share_a_bin_and_positions_outside_get_indices_outside():
     codec = KeyposeCodec()
     vector = random_keyposes(1)[0]
     vector[3:7] = [np.cos(np.pi / 2 - 1e-9), 0, 0, np.sin(np.pi / 2 - 1e-9)]
     plus = codec.encode(vector).rotation[0, 2]
     vector[3:7] = [np.cos(np.pi / 2 + 1e-9), 0, 0, np.sin(np.pi / 2 + 1e-9)]
     assert codec.encode(vector).rotation[0, 2] == plus == 0
-
-
-def test_positions_outside_the_workspace_get_indices_outside_the_grid_and_are_rounded_into_it():
-    codec = KeyposeCodec()
-    vector = random_keyposes(1)[0]
     vector[0:3] = [-0.35, 0.55, 0.707]
     voxel = codec.encode(vector).voxel[0]
     assert voxel[0] < 0

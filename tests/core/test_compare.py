@@ -1,14 +1,22 @@
-"""Policies side by side on the same episodes, trained once or several times, on one task or several."""
+"""Success rates and their intervals, and policies side by side on the same episodes."""
 
 import re
+from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sample_results import RESULT, VERSIONS, put, trained, variant
 
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.comparison import Comparison
+from lerobot_bimanual.results.statistics import (
+    SuccessRate,
+    holm,
+    sign_flip_p_value,
+    wilson_interval,
+)
 
 OTHER_VERSIONS = VERSIONS | {"mujoco": "4"}
 
@@ -134,22 +142,49 @@ def test_several_tasks_are_compared_at_once_and_corrected_for_their_number(tmp_p
         ),
     ],
 )
-def test_only_trainings_that_differ_in_nothing_but_their_seed_are_those_of_one_policy(
-    config, fields, message, tmp_path
-):
+def test_only_trainings_that_differ_in_their_seed_alone_are_of_one_policy(config, fields, message, tmp_path):
     put(tmp_path, trained("xxxx", 1))
     put(tmp_path, trained("....", 2, config=config, **fields))
     with pytest.raises(BimanualError, match=message):
         results_compare(ResultsCompareConfig(first=tmp_path, second=tmp_path))
 
 
-def test_a_policy_or_task_that_is_not_in_both_folders_is_refused(tmp_path):
-    one, two = tmp_path / "one", tmp_path / "two"
-    for folder, task in ((one, "lift_ball"), (one, "push_box"), (two, "lift_tray")):
-        put(folder, trained("xxxx", 7, task=task))
-    with pytest.raises(
-        BimanualError, match=r"no task is in both: lift_ball, push_box in .*one, lift_tray in"
-    ):
-        results_compare(ResultsCompareConfig(first=one, second=two))
-    with pytest.raises(BimanualError, match="first_policy is 'third', but must be one of: mine"):
-        results_compare(ResultsCompareConfig(first=one, second=two, first_policy="third"))
+@pytest.mark.parametrize(
+    ("successes", "trials", "lower", "upper"),
+    [
+        (60, 60, 0.9398, 1.0),
+        (40, 40, 0.9124, 1.0),
+        (0, 20, 0.0, 0.1611),
+        (50, 100, 0.4038, 0.5962),
+        (1, 10, 0.0179, 0.4042),
+    ],
+)
+def test_wilson_interval_has_the_published_values(successes, trials, lower, upper):
+    assert wilson_interval(successes, trials) == pytest.approx((lower, upper), abs=5e-5)
+
+
+@pytest.mark.parametrize("trials", [1, 7, 300])
+def test_wilson_interval_contains_the_rate_and_mirrors_with_failures(trials):
+    for successes in range(trials + 1):
+        lower, upper = wilson_interval(successes, trials)
+        assert 0 <= lower <= successes / trials <= upper <= 1
+        assert wilson_interval(trials - successes, trials) == pytest.approx((1 - upper, 1 - lower))
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(-1, 3), (4, 3)])
+def test_impossible_counts_are_refused(successes, trials):
+    with pytest.raises(ValueError, match="successes"):
+        SuccessRate(successes, trials)
+
+
+@pytest.mark.parametrize("differences", [[3], [2, -1, 0, 3], [1, 1, -2, 4, 4, 0, -1], [5, 3, 3, 2, -1, 6, 6]])
+def test_the_sign_flip_test_counts_all_signs(differences):
+    sums = [abs(np.dot(signs, differences)) for signs in product((-1, 1), repeat=len(differences))]
+    at_least = np.mean([value >= abs(sum(differences)) for value in sums])
+    assert sign_flip_p_value(differences) == pytest.approx(at_least)
+
+
+def test_holm_corrects_for_the_number_of_questions_and_keeps_the_order():
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
+    assert holm([]) == []

@@ -8,15 +8,6 @@ from lerobot_bimanual.commands import doctor as command
 from lerobot_bimanual.commands.doctor import DoctorConfig, doctor
 
 
-@pytest.mark.slow
-def test_this_machine_is_in_order(capsys):
-    assert doctor(DoctorConfig()) == 0
-    printed = capsys.readouterr()
-    assert printed.err == "next: lerobot-bimanual demo\n"
-    for text in ("MUJOCO_GL=", "mujoco", "lerobot_env_bimanual", "GB free here"):
-        assert text in printed.out
-
-
 def test_wrong_and_absent_packages_come_with_the_command_that_mends_them(monkeypatch):
     others = {"mujoco": "5.0.0", "frankik": None, "lerobot_policy_bimanual": None}
     real = command._version
@@ -39,17 +30,6 @@ def test_opengl_that_fails_or_hangs_is_a_finding(program, monkeypatch):
         "RuntimeError: driver broken",
         "no image within 1 s; perhaps with another GPU, MUJOCO_EGL_DEVICE_ID=1",
     )
-
-
-def test_opengl_that_is_missing_for_a_known_reason_and_little_shared_memory_are_said(monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "foo")
-    (finding,) = command.check_gl()
-    assert (
-        finding.detail
-        == "no offscreen OpenGL context: MUJOCO_GL is 'foo', which draws nothing here; set MUJOCO_GL=egl"
-    )
-    monkeypatch.setattr(command, "shared_memory_problem", lambda: "too few: do this")
-    assert ("shared memory", "warn", "too few", "do this") in [*command.check_machine()]
 
 
 def test_a_check_that_breaks_is_a_finding_and_the_others_go_on(monkeypatch, capsys):

@@ -1,11 +1,27 @@
-"""What has its final name is on the disk."""
+"""What has its final name is on the disk; cores and memory are those that a process may use, in containers, too."""
 
 import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from lerobot_bimanual.files import move_durably, share_files
+from lerobot_bimanual import resources
+from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import move_durably, read_yaml, share_files, write_file
+
+KILLED_WHILE_WRITING = """
+import os, sys
+from pathlib import Path
+from lerobot_bimanual import files
+files.move_durably = lambda *_: os.kill(os.getpid(), 9)
+files.write_file(Path(sys.argv[1]), "cut")
+"""
 
 
 @pytest.fixture
@@ -48,6 +64,20 @@ def test_a_file_takes_the_place_of_an_older_one(tmp_path, steps) -> None:
     assert (tmp_path / "final").read_text() == "new"
 
 
+def test_what_a_killed_process_left_is_removed_by_the_next_and_what_others_write_is_not(tmp_path) -> None:
+    child = subprocess.Popen([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "a[1].json")])
+    assert child.wait() == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    others = [
+        left.with_name(left.name.replace(str(child.pid), str(os.getppid()))),
+        tmp_path / ".b.json.1.partial",
+    ]
+    for other in others:
+        other.touch()
+    write_file(tmp_path / "a[1].json", "new")
+    assert {*tmp_path.iterdir()} == {tmp_path / "a[1].json", *others}
+
+
 def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
     own, other = tmp_path / "step" / "a.safetensors", tmp_path / "b.json"
     own.parent.mkdir()
@@ -59,3 +89,68 @@ def test_files_are_shared_as_the_umask_says(tmp_path) -> None:
     finally:
         os.umask(before)
     assert [path.stat().st_mode & 0o777 for path in (own, other)] == [0o640, 0o600]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("name: &a x", "YAML with anchors, or of more than 20 levels"),
+        ("cameras: [*a]", "YAML with anchors"),
+        ("[" * 10**4, "more than 20 levels"),
+        (" " * 10**5, "exceeds the limit of 64 kB"),
+        ("name: \x07", "special characters are not allowed"),
+        ("name: !!python/object/apply:os.abort []", "could not determine a constructor"),
+    ],
+)
+def test_foreign_yaml_neither_runs_nor_grows(tmp_path, content, message) -> None:
+    path = tmp_path / "foreign.yaml"
+    path.write_text(content)
+    with pytest.raises(BimanualError, match=f"foreign.yaml: .*{message}"):
+        read_yaml(path)
+
+
+V2 = {"job/cpu.max": "150000 100000", "job/memory.max": "3000", "job/memory.current": "2500"}
+V1 = {
+    "cpu/cpu.cfs_quota_us": "150000",
+    "cpu/cpu.cfs_period_us": "100000",
+    "memory/memory.limit_in_bytes": "3000",
+    "memory/memory.usage_in_bytes": "2500",
+    "memory/memory.stat": "cache 900\ntotal_inactive_file 500\n",
+}
+FREE = {
+    "cpu.max": "max 100000",
+    "cpu/cpu.cfs_quota_us": "-1",
+    "cpu/cpu.cfs_period_us": "100000",
+    "memory.max": "max",
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "files", "cores", "memory"),
+    [
+        ("0::/job/step_0/task_0", V2 | {"job/step_0/cpu.max": "max 100000"}, 2, 500),
+        ("0::/job", V2 | {"job/memory.stat": "file 700\ninactive_file 400"}, 2, 900),
+        ("5:cpu,cpuacct:/docker/of/the/host\n4:memory:/docker/of/the/host", V1, 2, 1000),
+        ("0::/\n5:cpu,cpuacct:/\n4:memory:/", FREE, 4, 7 * 1024),
+        ("", {}, 4, 7 * 1024),
+    ],
+)
+def test_cores_and_memory_are_within_affinity_and_control_groups(
+    path, files, cores, memory, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(resources.os, "sched_getaffinity", lambda _: range(4))
+    monkeypatch.setattr(resources, "PROCESS", tmp_path / "cgroup")
+    monkeypatch.setattr(resources, "GROUPS", tmp_path)
+    monkeypatch.setattr(resources, "MEMORY", tmp_path / "meminfo")
+    for name, text in (files | {"cgroup": path, "meminfo": "MemTotal: 9 kB\nMemAvailable: 7 kB\n"}).items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert (resources.usable_cores(), resources.usable_memory()) == (cores, memory)
+    assert (resources.worker_count(0), resources.worker_count(9)) == (1, 9)  # there is memory for none
+
+
+def test_small_shared_memory_is_said_with_the_way_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(resources, "SHARED_MEMORY", tmp_path)
+    for free, complaint in ((64 * 10**6, "has 64 MB, too few .*--shm-size.*--num_workers=0"), (2**31, "^$")):
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: SimpleNamespace(free=free))
+        assert re.search(complaint, resources.shared_memory_problem())

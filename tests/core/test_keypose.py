@@ -1,4 +1,4 @@
-"""The flat keypose layout."""
+"""The flat keypose layout, and keyframe discovery on hand-made recordings."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.keyframes import discover_keyframes
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM, KEYPOSE_NAMES
 
@@ -16,7 +17,7 @@ def example() -> BimanualKeypose:
     return BimanualKeypose(left, right)
 
 
-def test_vector_round_trip_keeps_poses_and_flags():
+def test_vectors_keep_poses_and_flags_left_arm_first_and_learned_values_are_normalised():
     keypose = example()
     back = BimanualKeypose.from_vector(keypose.to_vector())
     for arm in ARMS:
@@ -25,9 +26,6 @@ def test_vector_round_trip_keeps_poses_and_flags():
         assert angle < 1e-6
         assert back[arm].gripper_open == keypose[arm].gripper_open
         assert back[arm].ignore_collisions == keypose[arm].ignore_collisions
-
-
-def test_left_arm_comes_first_and_every_element_is_named():
     vector = example().to_vector()
     named = dict(zip(KEYPOSE_NAMES, vector, strict=True))
     assert vector.shape == (KEYPOSE_DIM,) == (18,)
@@ -36,9 +34,6 @@ def test_left_arm_comes_first_and_every_element_is_named():
     assert named["left_y"] == np.float32(0.2)
     assert named["right_gripper_open"] == 0.0
     assert named["right_ignore_collisions"] == 1.0
-
-
-def test_learned_values_are_normalised():
     vector = example().to_vector()
     vector[3:7] *= -3.0
     vector[7] = 0.51
@@ -60,3 +55,46 @@ def test_learned_values_are_normalised():
 def test_bad_vectors_are_refused_with_a_reason(change, message):
     with pytest.raises(InvalidAction, match=message):
         BimanualKeypose.from_vector(change(example().to_vector()))
+
+
+def recording(moving: list[bool], gripper_open: list[bool] | None = None) -> np.ndarray:
+    """Actions in which one right joint moves where told and the left gripper follows `gripper_open`."""
+    actions = np.zeros((len(moving), 16), dtype=np.float32)
+    actions[:, 11] = np.cumsum(np.where(moving, 0.02, 0.0))
+    actions[:, [7, 15]] = 1.0
+    if gripper_open is not None:
+        actions[:, 7] = gripper_open
+    return actions
+
+
+RECORDINGS = {
+    "setting off after a rest, and the last frame": (
+        [False] + [True] * 10 + [False] * 4 + [True] * 10 + [False] * 6,
+        None,
+        [15, 30],
+    ),
+    "one moving arm prevents a keyframe": ([False] + [True] * 19, None, [19]),
+    "a gripper that closes at rest ends the keypose when the rest ends": (
+        [False] + [True] * 5 + [False] * 12 + [True] * 5 + [False] * 3,
+        [True] * 8 + [False] * 18,
+        [18, 25],
+    ),
+    "a gripper change while moving": ([False] + [True] * 19, [True] * 8 + [False] * 12, [8, 19]),
+    "a gripper event before the first motion": (
+        [False] * 12 + [True] * 6 + [False] * 3,
+        [True] * 2 + [False] * 19,
+        [12, 20],
+    ),
+    "grippers that change one after the other at rest": (
+        [False] + [True] * 5 + [False] * 40,
+        [True] * 10 + [False] * 20 + [True] * 16,
+        [20, 45],
+    ),
+    "resting at the start alone is no keyframe": ([False] * 10 + [True] * 5, None, [14]),
+    "one frame": ([False], None, []),
+}
+
+
+@pytest.mark.parametrize(("moving", "gripper_open", "keyframes"), RECORDINGS.values(), ids=RECORDINGS)
+def test_keyframes_are_found(moving, gripper_open, keyframes):
+    assert discover_keyframes(recording(moving, gripper_open)) == keyframes

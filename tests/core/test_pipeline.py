@@ -1,4 +1,4 @@
-"""A chain of commands: what runs again, what is resumed, and what is said when a command fails."""
+"""Recipes, and a chain of commands: what runs again, what is resumed, what is said when one fails."""
 
 import json
 import os
@@ -11,7 +11,10 @@ import pytest
 from rich.console import Console
 
 from lerobot_bimanual.benchmark.pipeline import Command, Pipeline
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.benchmark.recipes import Recipe, option_text, option_value
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.files import owned
 
 NEW_TRAINING = ["lerobot-train", "--steps=4"]
 RESUMED = ["--trust_checkpoint=true", "--resume=true"]
@@ -59,6 +62,13 @@ def test_a_command_runs_again_when_its_words_output_or_input_changed(tmp_path, p
     pipeline.run(command)
     pipeline.run(counting(tmp_path, f"open({str(output)!r}, 'w').close()", inputs=(weights,), output=output))
     assert count(tmp_path) == 4
+
+
+def test_a_second_process_in_the_same_folder_is_refused(tmp_path, pipeline):
+    with owned(tmp_path / "chain"), pytest.raises(BimanualError, match="by another process; wait for it"):
+        pipeline.run(counting(tmp_path))
+    pipeline.run(counting(tmp_path))
+    assert count(tmp_path) == 1
 
 
 def test_an_input_that_is_gone_and_a_damaged_marker_are_named(tmp_path, pipeline):
@@ -211,20 +221,100 @@ sys.exit(command_line.main())
 """
 
 
-def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(tmp_path):
-    benchmark = subprocess.Popen(
+@pytest.fixture
+def benchmark(tmp_path) -> tuple[subprocess.Popen[str], int]:
+    """A process that runs a program, and that program's id."""
+    process = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
-    assert benchmark.stdout is not None
-    program = int(benchmark.stdout.readline())
-    os.killpg(benchmark.pid, signal.SIGINT)  # as a terminal does
-    _, errors = benchmark.communicate(timeout=30)
+    assert process.stdout is not None
+    return process, int(process.stdout.readline())
+
+
+def test_an_interrupt_from_the_keyboard_ends_the_program_and_says_in_one_line_how_to_go_on(
+    tmp_path, benchmark
+):
+    process, program = benchmark
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    _, errors = process.communicate(timeout=30)
     assert errors == "\nlerobot-bimanual: interrupted; the same command goes on where it stopped\n"
-    assert benchmark.returncode == 130
+    assert process.returncode == 130
     with pytest.raises(ProcessLookupError):
         os.kill(program, 0)
     assert not json.loads((tmp_path / "sleep.command.json").read_text())["done"]
+
+
+def test_a_killed_benchmark_takes_its_program_with_it(benchmark):
+    process, _ = benchmark
+    process.kill()
+    process.communicate(timeout=30)  # the program has the other end of the pipes
+
+
+INPUTS = """
+dataset: {{repo_id: local/demonstrations, root: data/frames}}
+steps: 4
+batch_size: 2
+save_freq: 2
+policy:
+  type: {policy}
+  input_features:
+    observation.images.left_wrist: {{type: VISUAL, shape: [3, 128, 128]}}
+    observation.images.front_depth: {{type: VISUAL, shape: [1, 128, 128]}}
+    observation.state: {{type: STATE, shape: [16]}}
+"""
+
+
+def test_any_distribution_adds_recipes_for_its_policy(install_recipe):
+    install_recipe("mine")
+    recipe = Recipe.find("mine", "small")
+    assert (recipe.view, recipe.steps, recipe.batch_size, recipe.save_freq) == ("keyframes", 4, 2, 2)
+    assert recipe.cameras == CAMERA_NAMES
+    options = recipe.options(64)
+    assert (options["dataset.root"], options["policy.shift"]) == ("data/keyframes", [0.5, 0])
+    assert options["policy.head"] is None
+
+
+def test_cameras_and_sizes_follow_from_the_inputs_that_are_named(install_recipe):
+    install_recipe("mine", INPUTS)
+    recipe = Recipe.find("mine", "small")
+    assert recipe.cameras == ("front", "left_wrist")
+    shapes = [feature["shape"] for feature in recipe.options(64)["policy.input_features"].values()]
+    assert shapes == [[3, 64, 64], [1, 64, 64], [16]]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("2e-3", 0.002), ("[3, 9]", [3, 9]), ("null", None), ("true", True)]
+    + [(text, text) for text in ("plain", '"1"', "{", "NaN", "[1", "9" * 5000, "[" * 100_000)],
+)
+def test_the_text_of_a_flag_is_read_as_data_or_kept(text, value):
+    assert option_value(text) == value
+    assert option_value(option_text(value)) == value
+
+
+def test_an_unknown_policy_or_recipe_is_refused_with_those_that_are_installed(install_recipe):
+    install_recipe("mine")
+    with pytest.raises(InvalidChoice, match=r"policy is 'min', but must be one of: .*mine"):
+        Recipe.find("min", "small")
+    with pytest.raises(InvalidChoice, match="recipe for mine is 'large', but must be one of: small"):
+        Recipe.find("mine", "large")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps: 4", "steps: [4", "is not a recipe"),
+        ("save_freq: 2", "", r"is not a recipe.*save_freq"),
+        ("keyframes", "images", "is 'images', but must be one of: frames, keyframes"),
+        ("{policy}", "theirs", "trains 'theirs', but is installed as a recipe for 'mine'"),
+    ],
+)
+def test_a_file_that_says_too_little_is_refused_by_name(old, new, message, install_recipe):
+    file = install_recipe("mine", INPUTS.replace("frames", "keyframes").replace(old, new))
+    with pytest.raises(BimanualError, match=message) as caught:
+        Recipe.find("mine", "small")
+    assert str(file) in str(caught.value)

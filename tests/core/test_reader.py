@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,15 +14,9 @@ from sample_results import provenance
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
-from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-from lerobot_bimanual.dataset.reader import (
-    BOOKKEEPING,
-    DATA_PATH,
-    VIDEO_PATH,
-    RecordedDataset,
-    check_features,
-    find_view,
-)
+from lerobot_bimanual.dataset.layout import check_features
+from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
+from lerobot_bimanual.dataset.reader import DATA_PATH, VIDEO_PATH, RecordedDataset, find_view
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.errors import DatasetError
 
@@ -32,7 +27,7 @@ def features() -> dict:
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
-def test_all_columns_come_back_bit_for_bit(datasets, make_episode, view: schema.View) -> None:
+def test_all_columns_come_back_bit_for_bit(datasets, make_episode, calibration, view: schema.View) -> None:
     dataset = RecordedDataset(datasets[view])
     assert (len(dataset), dataset.view, dataset.cameras) == (2, view, ("front", "left_wrist"))
     for recorded in dataset.episodes():
@@ -40,9 +35,10 @@ def test_all_columns_come_back_bit_for_bit(datasets, make_episode, view: schema.
         assert recorded.meta == episode.meta
         rows = rows_of_view(episode, view, (0.5,))
         assert len(recorded) == len(rows)
-        assert recorded.bookkeeping["frame_index"].tolist() == list(range(len(rows)))
         for key, column in recorded.columns.items():
-            written = np.array([np.squeeze(row_columns(episode, row, view)[key]) for row in rows])
+            written = np.array(
+                [np.squeeze(calibration.rest(row_columns(episode, row, view))[key]) for row in rows]
+            )
             assert np.array_equal(column, written), key
 
 
@@ -79,10 +75,8 @@ def test_a_view_is_found_at_the_root_or_below_and_a_folder_without_dataset_is_an
 
 def test_places_of_files_are_lerobots() -> None:
     from lerobot.datasets.utils import DEFAULT_DATA_PATH, DEFAULT_VIDEO_PATH
-    from lerobot.utils.constants import DEFAULT_FEATURES
 
     assert (DATA_PATH, VIDEO_PATH) == (DEFAULT_DATA_PATH, DEFAULT_VIDEO_PATH)
-    assert {key: feature["dtype"] for key, feature in DEFAULT_FEATURES.items()} == BOOKKEEPING
 
 
 @pytest.mark.parametrize(
@@ -116,24 +110,50 @@ def test_a_description_that_is_none_is_an_error_that_names_the_place(
 def test_our_own_features_pass_with_other_columns_and_a_mismatch_names_everything_that_differs(
     features,
 ) -> None:
-    check_features(features, "here")
+    here = Path("here")
+    check_features(features, here)
     del features[schema.depth_key("front")]
-    check_features(features | {"extra": {"dtype": "float32", "shape": [1], "names": None}}, "here")
+    check_features(features | {"extra": {"dtype": "float32", "shape": [1], "names": None}}, here)
     del features[schema.SEED]
     features[schema.ACTION]["shape"] = [14]
     features[schema.STATE]["names"].reverse()
     features[schema.KEYFRAME]["dtype"] = "int64"
-    features[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: 99}
     with pytest.raises(DatasetError) as mismatch:
-        check_features(features, "here")
+        check_features(features, here)
     for part in (
-        f"schema version is 99, not {schema.SCHEMA_VERSION}",
         "seed is missing",
         "shape of action is [14], not [16]",
         "names of observation.state",
         "dtype of keyframe is int64, not bool",
     ):
         assert part in str(mismatch.value)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_dataset_of_another_schema_is_refused_with_the_command_that_makes_it_anew(
+    features, tmp_path, known
+) -> None:
+    features[schema.TASK_NAME]["info"] = {schema.VERSION_INFO: 2}
+    command = "generate --task=TASK"
+    if known:
+        command = f"regenerate --provenance={tmp_path / PROVENANCE_FILE}"
+        provenance().model_copy(update={"schema_version": 2}).write(tmp_path / PROVENANCE_FILE)
+        assert Provenance.of_dataset(tmp_path) is not None
+    whole = f"`lerobot-bimanual dataset {command} --root={tmp_path}_anew`"
+    with pytest.raises(DatasetError, match=rf"has schema version 2, but .* reads 3: .* {re.escape(whole)}$"):
+        check_features(features, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change", [lambda c: c["intrinsics"].pop("front"), lambda c: c["world_T_camera"]["front"].pop()]
+)
+def test_a_damaged_calibration_is_refused(datasets, tmp_path, change) -> None:
+    root = shutil.copytree(datasets["frames"], tmp_path / "copy")
+    info = json.loads((root / "meta/info.json").read_text())
+    change(info["features"][schema.WRIST_EXTRINSICS]["info"][schema.CALIBRATION_INFO])
+    (root / "meta/info.json").write_text(json.dumps(info))
+    with pytest.raises(DatasetError, match=r"copy: the calibration in meta/info\.json is damaged"):
+        RecordedDataset(root)
 
 
 def test_provenance_is_read_as_it_was_written(datasets, tmp_path) -> None:

@@ -102,7 +102,7 @@ def test_a_page_of_robustness_has_the_tables_of_all_policies(snapshot):
         "lift_ball_yours_seed7": result({"checkpoint_sha256": "3f" * 32}, conditions=fewer),
         "push_box_mine": result({"task": "push_box"}),
     }
-    assert robustness_page(results, "map.png") == snapshot
+    assert robustness_page(results) == snapshot
 
 
 def test_a_page_of_expert_robustness_says_which_conditions_are_valid(snapshot):

@@ -30,7 +30,7 @@ def test_conditions_that_cannot_be_paired_are_refused(changes, message):
         result(**changes)
 
 
-def test_each_condition_is_compared_with_the_nominal_one_and_corrected_over_the_axes_of_its_level():
+def test_the_report_counts_what_it_lists_and_each_condition_is_compared_with_the_nominal_one():
     table = conditions_table({"mine": ROBUSTNESS}).set_index("condition")
     assert (table.lost["camera_moved:2"], table.won["camera_moved:2"]) == (6, 0)
     pair = ["camera_moved:2", "mass:2"]
@@ -39,17 +39,6 @@ def test_each_condition_is_compared_with_the_nominal_one_and_corrected_over_the_
     assert table.p_holm["camera_moved:3"] == 2 / 1024  # the only valid one of its level
     assert table.p_holm[["nominal", "mass:3"]].isna().all()
     assert not table.valid["mass:3"]
-
-
-def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
-    print_robustness(ROBUSTNESS)
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "camera_moved:2 5 4 17% to 69% 10 0 6, 0 0.0312 0.0625" in printed
-    assert "level 0: 10 of 10; level 1: 19 of 20; level 2: 12 of 20; level 3: 0 of 10" in printed
-    assert "in no sum: mass:3" in printed
-
-
-def test_the_experts_report_counts_what_it_lists_and_decides_over_the_few_episodes_of_a_result():
     rates = EXPERT_REPORT.rates(EXPERT_REPORT.by_key["mass", 1])
     assert rates == {"expert": SuccessRate(97, 100), "open_loop": SuccessRate(1, 30)}
     valid = [is_valid(EXPERT_REPORT.rates(each)["expert"]) for each in EXPERT_REPORT.conditions]
@@ -58,6 +47,14 @@ def test_the_experts_report_counts_what_it_lists_and_decides_over_the_few_episod
     assert not condition("mass", 1, few, expert=few).is_valid
     assert condition("mass", 1, few, expert=few, expert_report=SuccessRate(97, 100)).is_valid
     assert not condition("mass", 1, few, expert_report=SuccessRate(96, 100)).is_valid
+
+
+def test_what_is_printed_of_a_result_sums_valid_conditions(capsys):
+    print_robustness(ROBUSTNESS)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "camera_moved:2 5 4 17% to 69% 10 0 6, 0 0.0312 0.0625" in printed
+    assert "level 0: 10 of 10; level 1: 19 of 20; level 2: 12 of 20; level 3: 0 of 10" in printed
+    assert "in no sum: mass:3" in printed
 
 
 def test_a_folder_of_expert_reports_holds_one_per_task(tmp_path):

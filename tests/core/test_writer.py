@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.decoding import ImageReader
@@ -21,10 +22,14 @@ KEYFRAME_ROWS = 5
 
 @pytest.mark.parametrize(("view", "rows"), [("frames", TICKS), ("keyframes", KEYFRAME_ROWS)])
 def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
-    datasets, make_episode, view: schema.View, rows: int
+    datasets, make_episode, calibration, view: schema.View, rows: int
 ) -> None:
     dataset = LeRobotDataset("local/test", root=datasets[view], video_backend="pyav")
-    assert (len(dataset), dataset.num_episodes, dataset.fps) == (2 * rows, 2, 20)
+    assert (len(dataset), dataset.num_episodes) == (2 * rows, 2)
+    assert dataset.fps == (20 if view == "frames" else 1)  # LeRobot's timestamps of keyframes count rows
+    assert [key for key in dataset_to_policy_features(dataset.meta.features) if key.startswith("action")] == [
+        "action"
+    ]
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
     episode, reader = make_episode(1), ImageReader(datasets[view])
     decoded = {key: [*reader.images(1, key)] for key in reader.shapes}
@@ -33,7 +38,7 @@ def test_lerobot_loads_what_was_written_and_our_reader_decodes_the_same(
         item = dataset[rows + position]
         assert isinstance(item, dict)
         assert item["task"] == "lift the ball"
-        for key, value in row_columns(episode, row, view).items():
+        for key, value in calibration.rest(row_columns(episode, row, view)).items():
             assert np.array_equal(np.atleast_1d(item[key]), np.atleast_1d(value)), (row, key)
         for camera in CAMERAS:
             images = episode.images(row)
@@ -57,6 +62,25 @@ def test_each_row_is_rendered_once_however_many_views_store_it(tmp_path, make_ep
         with ViewWriter(tmp_path / "frames", "local/x", "frames", CAMERAS, *SIZE) as frames:
             write_episode(counted, [frames, keyframes])
     assert asked == list(range(TICKS + 1))
+
+
+def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_calibration_is_refused(
+    datasets, make_episode, calibration, tmp_path
+) -> None:
+    dataset = RecordedDataset(datasets["keyframes"])
+    assert dataset.calibration == calibration
+    columns = dataset.episode(0).columns
+    assert columns[schema.WRIST_EXTRINSICS].shape[1:] == (32,)  # of the two wrists
+    assert schema.CAMERA_INTRINSICS not in columns
+    seen, last = make_episode(0), make_episode(0).final_observation[schema.CAMERA_EXTRINSICS]
+    last[47] += 1e-6
+    moved = replace(seen, final_observation=seen.final_observation | {schema.CAMERA_EXTRINSICS: last})
+    with ViewWriter(
+        tmp_path / "x", "local/x", "keyframes", CAMERAS, *SIZE, calibration=calibration
+    ) as writer:
+        write_episode(seen, [writer])
+        with pytest.raises(DatasetError, match="calibrated otherwise"):
+            write_episode(moved, [writer])
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)

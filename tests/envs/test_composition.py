@@ -98,9 +98,7 @@ def test_images_of_a_whole_episode_are_those_of_the_whole_scene(task):
 
 
 CHANGES = {
-    "the cabinet stands elsewhere": lambda scene: scene.place(
-        "cabinet", Pose.upright((0.3, 0.2, TABLE_HEIGHT_M))
-    ),
+    "the cabinet stands elsewhere": lambda s: s.place("cabinet", Pose.upright((0.3, 0.2, TABLE_HEIGHT_M))),
     "a sleeping block is carried": lambda scene: scene.place("item", Pose.upright((0.1, -0.2, 1.0))),
     "a drawer is opened": lambda scene: scene.set_joint("cabinet_top_slide", 0.1),
     "the table is painted": lambda scene: scene.set_color("table", (0.2, 0.4, 0.6, 1)),

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.registry import AXES
 
@@ -81,24 +81,6 @@ def test_reset_without_seed_continues_the_generator_of_the_last_seed(state_env):
     episodes = unseeded_episodes()
     assert len(set(episodes)) == 2
     assert unseeded_episodes() == episodes
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        ({"seed": 0.5}, "seed is 0.5"),
-        ({"seed": -1}, "seed is -1"),
-        ({"options": [("variation", 1)]}, "a mapping such as"),
-        ({"options": {"variaton": 1}}, "an option of reset is 'variaton', but must be one of: variation"),
-    ],
-)
-def test_bad_arguments_of_reset_leave_the_episode_as_it_is(arguments, complaint, state_env):
-    state_env.reset(seed=2)
-    before = state_env.state_hash()
-    with pytest.raises(InvalidChoice, match=complaint):
-        state_env.reset(**{"seed": 3} | arguments)
-    assert state_env.state_hash() == before
-    assert state_env.progress.seed == 2
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, copy.copy, lambda env: pickle.loads(pickle.dumps(env))])

@@ -1,21 +1,31 @@
-"""Experts solve their episodes, and the baselines do not."""
+"""Experts solve their episodes within the limits of load, and the baselines do not."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from sample_results import LIGHT
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle, rotation_angle_rad
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
+from lerobot_bimanual.results.episode import LoadMetrics
+from lerobot_env_bimanual import play_expert
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts import load as load_module
 from lerobot_env_bimanual.experts.baselines import make_player, mean_of_episodes
+from lerobot_env_bimanual.experts.load import BOUNDS, LoadMeter, excesses, keyframes_found, run_measured
 from lerobot_env_bimanual.experts.nearest import Layout, demonstrations
 from lerobot_env_bimanual.experts.runner import MAX_TIP_ERROR_MM, expert, run_episode
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.tasks.dual_push_buttons import COLORS, TRIPLES
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
+from lerobot_env_bimanual.world.arena import PHYSICS_STEP_S
+from lerobot_env_bimanual.world.contact_forces import felt
+from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, TICK_S
 
 SEED = 0
 TASK_NAMES = list_tasks()
@@ -165,3 +175,101 @@ def test_no_colour_of_a_button_tells_whether_it_is_meant():
     assert len(set(answers)) == len(answers)
     for triple in TRIPLES:
         assert sum(set(triple) == set(other) for other in TRIPLES) > 1
+
+
+def test_frames_of_an_expert_hold_the_actions_that_solve_the_task() -> None:
+    frames = list(play_expert("lift_ball", seed=3, obs="state"))
+    env = BimanualEnv("lift_ball", obs="state")
+    observation, info = env.reset(seed=3)
+    for frame in frames:
+        np.testing.assert_array_equal(frame.observation["ee_pose"], observation["ee_pose"])
+        observation, *_, info = env.step(frame.action)
+    assert info["is_success"]
+    assert {frame.keypose.shape for frame in frames} == {(18,)}
+
+
+MEASURED_SEED = 3
+LIMITS = PANDA_PAIR.joint_limits
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = BimanualEnv("lift_ball", split="val", obs="state")
+    yield env
+    env.close()
+
+
+@pytest.mark.sim
+@pytest.mark.parametrize("mode", ["none", "joint", "keypose"])
+def test_measuring_leaves_an_episode_as_it_is_and_its_replay_goes_through_the_same_states(env, mode):
+    found = run_measured(env, MEASURED_SEED, expert(), mode)
+    assert not env.tick_observers
+    assert not env.step_observers
+    assert found.keyframes_found
+    assert found.replayed is (None if mode == "none" else True)
+    unmeasured = found.model_copy(update={"load": None, "keyframes_found": None, "replayed": None})
+    assert unmeasured == run_episode(env, MEASURED_SEED, expert())  # the last state's hash among all else
+
+
+@pytest.mark.sim
+def test_a_replay_of_other_actions_and_keyframes_at_other_ticks_are_reported(env, monkeypatch):
+    actions = []
+    with env.observed_by(lambda _, action: actions.append(action.copy())):
+        ticks = [move.ticks for move in run_episode(env, MEASURED_SEED, expert()).moves]
+    assert keyframes_found(np.array(actions), ticks)
+    assert not keyframes_found(np.array(actions), [ticks[0] + 5, ticks[1] - 5, *ticks[2:]])
+
+    def changed(env, seed, variation, actions, hashes):
+        return replay(env, seed, variation, [actions[0] + np.float32(1e-6), *actions[1:]], hashes)
+
+    replay = load_module.replay
+    monkeypatch.setattr(load_module, "replay", changed)
+    assert run_measured(env, MEASURED_SEED, expert(), "keypose").replayed is False
+
+
+def test_arms_that_hold_still_touch_nothing_and_carry_their_own_weight():
+    scene = Scene()
+    meter = LoadMeter(scene)
+    for _ in range(2):
+        meter.observe_tick(scene.commanded)
+        scene.tick(scene.commanded, [meter.observe_step])
+    load = meter.result()
+    assert (load.velocity, load.acceleration, load.jerk, load.contact_force_n) == (0, 0, 0, 0)
+    assert (load.penetration_mm, load.penetrating) == (0, "")
+    assert load.torque > 0.1  # joint 2 holds up an arm that reaches out
+    assert load.finger_speed_m_s == pytest.approx(0, abs=1e-3)
+
+
+def test_commands_are_differentiated_over_ticks():
+    scene = Scene()
+    meter = LoadMeter(scene)
+    action, speed_rad_s = scene.commanded, 0.5
+    for _ in range(4):  # as if joint 1 of the left arm started at once
+        action[0] += speed_rad_s * TICK_S
+        meter.observe_tick(action)
+    meter.observe_step()
+    load = meter.result()
+    acceleration_rad_s2 = speed_rad_s / TICK_S
+    expected = (
+        (load.velocity, speed_rad_s / LIMITS.velocity_rad_s[0]),
+        (load.acceleration, acceleration_rad_s2 / LIMITS.acceleration_rad_s2[0]),
+        (load.jerk, acceleration_rad_s2 / PHYSICS_STEP_S / LIMITS.jerk_rad_s3[0]),
+    )
+    for found, value in expected:
+        assert found == pytest.approx(value, rel=1e-3)
+
+
+def test_a_force_is_felt_in_full_if_it_lasts_and_faintly_if_it_is_a_knock():
+    lasting, knock = np.zeros((2, 10 * STEPS_PER_TICK, 2, 3))
+    lasting[:, 0, 2] = 50.0
+    knock[7, 0, 2] = 50.0
+    assert felt(lasting).max() == pytest.approx(50.0, rel=1e-3)
+    assert 5.0 < felt(knock).max() < 7.0
+
+
+def test_every_number_has_a_bound_and_what_is_beyond_it_is_named():
+    assert list(excesses("lift_ball", LIGHT)) == []
+    heavy = LoadMetrics(**dict.fromkeys(BOUNDS, 1000.0), penetrating="pad, cube")
+    found = dict(excesses("lift_ball", heavy))
+    assert [*found] == [*BOUNDS]
+    assert found["penetration_mm"] == "penetration_mm is 1e+03 (pad, cube), but must be at most 2"

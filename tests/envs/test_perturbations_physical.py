@@ -156,13 +156,6 @@ def test_demonstrations_under_a_nudge_are_of_the_expert_who_looks_again(shared):
     assert outcome == looks_again
 
 
-def test_where_nothing_is_nudged_both_do_what_the_expert_does(shared):
-    env = shared("handover_item_easy")
-    outcomes = [run_episode(env, 2, make_player(name, 2)) for name in ("expert", "replanning")]
-    assert outcomes[0].success
-    assert outcomes[1:] == outcomes[:1]
-
-
 def test_distractors_lie_on_the_table_apart_from_everything_and_out_of_the_hands_way(shared):
     env = shared("handover_item", "clutter")
     env.reset(seed=0)

@@ -133,7 +133,7 @@ GREY = np.full((256, 256, 3), 128, np.uint8)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])
-def test_noise_of_depth_grows_with_the_square_of_the_distance(level):
+def test_noise_exposure_and_missing_cameras_are_as_strong_as_their_level_says(level):
     errors_m = [
         see("depth_noise", level, GREY, np.full((256, 256), distance_m))["front"][1] - distance_m
         for distance_m in (0.5, 1.0, 2.0)
@@ -142,6 +142,24 @@ def test_noise_of_depth_grows_with_the_square_of_the_distance(level):
         AXES.get("depth_noise").levels[level - 1] * np.array([0.25, 1, 4]), rel=0.03
     )
     assert np.mean(errors_m, axis=(1, 2)) == pytest.approx(0, abs=4e-4)
+    stops = AXES.get("colour_noise").levels[level - 1]
+    means, deviations = [], []
+    for seed in range(6):
+        rgb, depth_m = see("colour_noise", level, GREY, np.ones((256, 256)), seed)["front"]
+        means.append(rgb.mean())
+        deviations.append(rgb.std())
+        assert (depth_m == 1).all()
+    assert np.abs(np.log2(np.array(means) / 128)) * 2.2 == pytest.approx(stops, abs=0.05)
+    assert len({mean > 128 for mean in means}) == 2
+    assert np.array(deviations) == pytest.approx(12 * stops, rel=0.1)
+    gone = set()
+    for seed in range(30):
+        shown = see("fewer_cameras", level, GREY, np.ones((256, 256)), seed)
+        black = {camera for camera, (rgb, depth_m) in shown.items() if not rgb.any() and not depth_m.any()}
+        whole = {camera for camera, (rgb, depth_m) in shown.items() if rgb.all() and depth_m.all()}
+        assert (len(black), len(whole)) == (level, 5 - level)
+        gone |= black
+    assert gone == set(CAMERA_NAMES) - {"front"}
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])
@@ -169,32 +187,6 @@ def test_holes_are_beside_edges_on_dark_and_on_slanted_surfaces_and_nowhere_else
         rows = np.arange(256)[:, None] - 127.5
         plane = np.repeat(1 / (1 - rows * np.tan(np.deg2rad(slant_deg)) / focal), 256, axis=1)
         assert (depth_of(GREY, np.where(plane > 0, plane, 1))[128] == 0).all() == is_lost
-
-
-@pytest.mark.parametrize("level", [1, 2, 3])
-def test_exposure_and_noise_are_as_strong_as_they_say(level):
-    stops = AXES.get("colour_noise").levels[level - 1]
-    means, deviations = [], []
-    for seed in range(6):
-        rgb, depth_m = see("colour_noise", level, GREY, np.ones((256, 256)), seed)["front"]
-        means.append(rgb.mean())
-        deviations.append(rgb.std())
-        assert (depth_m == 1).all()
-    assert np.abs(np.log2(np.array(means) / 128)) * 2.2 == pytest.approx(stops, abs=0.05)
-    assert len({mean > 128 for mean in means}) == 2
-    assert np.array(deviations) == pytest.approx(12 * stops, rel=0.1)
-
-
-@pytest.mark.parametrize("level", [1, 2, 3])
-def test_as_many_cameras_are_black_as_the_level_says_and_the_front_one_stays(level):
-    gone = set()
-    for seed in range(30):
-        shown = see("fewer_cameras", level, GREY, np.ones((256, 256)), seed)
-        black = {camera for camera, (rgb, depth_m) in shown.items() if not rgb.any() and not depth_m.any()}
-        whole = {camera for camera, (rgb, depth_m) in shown.items() if rgb.all() and depth_m.all()}
-        assert (len(black), len(whole)) == (level, 5 - level)
-        gone |= black
-    assert gone == set(CAMERA_NAMES) - {"front"}
 
 
 @pytest.mark.slow

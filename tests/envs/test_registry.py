@@ -1,13 +1,27 @@
+"""Registries of tasks and of axes of perturbation."""
+
 import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_env_bimanual.commands.task_list import TaskListConfig, task_list
+from lerobot_env_bimanual.commands.task_list import (
+    TaskListConfig,
+    TaskPerturbationsConfig,
+    task_list,
+    task_perturbations,
+)
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.perturbations.axis import Axis, data
+from lerobot_env_bimanual.perturbations.axis import register as register_axis
+from lerobot_env_bimanual.registry import AXES
 from lerobot_env_bimanual.task import Prehension
 from lerobot_env_bimanual.tasks.registry import (
     TASKS,
@@ -28,20 +42,14 @@ def test_a_second_task_with_the_same_name_or_id_is_refused(changes):
     assert get_task("push_box").__class__ is original
 
 
-def test_unknown_names_are_answered_with_the_valid_ones():
+def test_names_are_resolved_in_order_and_unknown_ones_answered_and_suites_follow_the_taxonomy():
     for ask in (get_task, resolve_tasks):
         message = r"'push_boxes', .*handover_item_easy, lift_ball.*push_box.* Did you mean 'push_box'\?"
         with pytest.raises(InvalidChoice, match=message):
             ask("push_boxes")
-
-
-def test_a_selection_keeps_its_order_and_loses_repetitions():
     assert resolve_tasks("push_box, lift_ball,push_box") == ("push_box", "lift_ball")
     assert resolve_tasks(["lift_ball", "all"])[0] == "lift_ball"
     assert sorted(resolve_tasks("all")) == list(list_tasks())
-
-
-def test_suites_follow_from_the_taxonomy():
     suites = list_suites()
     for name in list_tasks():
         taxonomy = get_task(name).spec.taxonomy
@@ -87,9 +95,7 @@ def test_what_is_broken_in_another_distribution_is_a_warning_and_nothing_more(gr
         )
         assert not done.returncode, done.stderr
         assert {name for name in entries if f"'{name}' cannot be loaded" in done.stderr} == skipped
-        assert ("the task 'a b' of the distribution 'broken' has no name" in done.stderr) == (
-            group == "tasks"
-        )
+        assert ("the task 'a b' of the distribution 'broken' has no" in done.stderr) == (group == "tasks")
         assert "\x1b" not in done.stderr
         assert len(done.stderr) < 5000
 
@@ -98,3 +104,46 @@ def test_a_module_that_registers_no_task_of_its_entry_s_name_is_named(monkeypatc
     monkeypatch.setitem(TASKS.modules, "juggle", "json")
     with pytest.raises(BimanualError, match="module 'json' registers no task called 'juggle'"):
         get_task("juggle")
+
+
+@pytest.mark.parametrize("name", AXES.names)
+def test_every_axis_says_what_it_does_how_far_and_why(name):
+    axis = AXES.get(name)
+    assert axis.name == name
+    assert len(axis.levels) == 3
+    assert axis.unit
+    assert axis.summary
+    assert axis.source
+    differences = np.diff([1.0 if axis.unit.startswith("times") else 0.0, *axis.levels])
+    assert (differences > 0).all() or (differences < 0).all(), "level 0 comes before level 1 on the same dial"
+    assert any((axis.build, axis.begin, axis.look, axis.see, axis.command, axis.disturb))
+
+
+def test_options_hold_one_form_and_axes_that_cannot_be_are_refused():
+    assert EnvOptions(perturb="mass:1, arm_late:2").perturb == "arm_late:2,mass:1"
+    assert EnvOptions(perturb="mass:0").perturb == EnvOptions().perturb == ""
+    with pytest.raises(InvalidChoice, match=r"'masss', but must be one of: .*mass"):
+        BimanualEnv("lift_ball", perturb="masss:1")
+    env = BimanualEnv("dual_push_buttons", obs="state", perturb="mass:1")
+    with pytest.raises(InvalidChoice, match=r"for 'dual_push_buttons' is 'mass', but must be .*arm_late"):
+        env.reset(seed=0)
+    AXES.get("mass")
+    with pytest.raises(ValueError, match="another axis is called 'mass'"):
+        register_axis(Axis(**data("mass")))
+
+
+def test_a_perturbed_world_has_a_version_of_its_own_even_if_it_only_looks_different():
+    versions = [
+        world_version("lift_ball", perturb) for perturb in ("", "mass:1", "camera_moved:1", "camera_moved:2")
+    ]
+    assert len(set(versions)) == len(versions)
+
+
+def test_all_axes_are_listed_with_their_levels_or_those_of_a_group(capsys):
+    task_perturbations(TaskPerturbationsConfig())
+    listed = capsys.readouterr().out
+    assert [line.split()[0] for line in listed.splitlines() if line[0] != " "] == list(AXES.names)
+    task_perturbations(TaskPerturbationsConfig(group="words"))
+    listed = capsys.readouterr().out
+    assert listed.startswith("instruction  (words)")
+    assert "levels 1 to 3: 1, 2, 3 steps" in listed

@@ -1,21 +1,31 @@
-"""Vector environments: lazy, light, held after an episode, and the same bits in every process."""
+"""LeRobot's configuration, and vector environments: lazy, held after an episode, the same bits in every process."""
 
-import logging
 import os
 import re
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass
 from functools import partial
 
+import draccus
 import numpy as np
 import pytest
+from lerobot.configs import FeatureType
+from lerobot.envs.configs import EnvConfig
+from lerobot.envs.factory import make_env
+from lerobot.envs.utils import env_to_policy_features, preprocess_observation
+from lerobot.utils.feature_utils import dataset_to_policy_features
 
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
+from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.conditions import AtRest
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import SUCCESS_TICKS
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
+from lerobot_env_bimanual.tasks.registry import get_task, list_suites
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.workers import WorkerDied
 
@@ -183,25 +193,6 @@ def worker_processes(envs: LazyVectorEnv) -> list:
     return list(envs._ensure().processes)
 
 
-def test_outcomes_are_said_and_summed_up_and_lerobots_videos_of_keyposes_run_slowly(caplog, tmp_path):
-    make = partial(BimanualEnv, "lift_ball", obs="state", video_dir=tmp_path)
-    envs = LazyVectorEnv([make] * 2, asynchronous=False)
-    with caplog.at_level(logging.INFO):
-        envs.reset(seed=[3, 4])
-        for _ in range(3):
-            envs.step(np.stack([np.full(16, np.nan), holding(envs)[1]]))
-        assert envs.metadata["render_fps"] == 20
-        envs.step(np.zeros((2, 18)))
-        assert envs.metadata["render_fps"] == 2
-        envs.close()
-        envs.close()
-    first, second, summary = (record.message for record in caplog.records)
-    assert first.startswith("lift_ball, seed 3: not solved (invalid action: ")
-    assert second == "lift_ball, seed 4: not solved (left arm: zero quaternion), 3 ticks"
-    assert summary.startswith("lift_ball: 0 of 2 episodes solved (1 x invalid action: ")
-    assert summary.endswith(f"; videos in {tmp_path}")
-
-
 def roll_out(asynchronous: bool) -> list:
     envs = LazyVectorEnv([make_lift_ball] * 2, asynchronous=asynchronous)
     record = [envs.reset(seed=[3, 4], options={"lerobot_new_rollout": True})]
@@ -220,3 +211,80 @@ def roll_out(asynchronous: bool) -> list:
 
 def test_asynchronous_environments_do_the_same_as_synchronous_ones():
     np.testing.assert_equal(roll_out(asynchronous=True), roll_out(asynchronous=False))
+
+
+@dataclass
+class CommandLine:
+    env: EnvConfig
+
+
+def parse(*arguments: str) -> EnvConfig:
+    return draccus.parse(CommandLine, args=["--env.type=bimanual", *arguments]).env
+
+
+def test_flags_reach_the_environment():
+    given = {
+        "variation": 0,
+        "split": "val",
+        "cameras": "front,left_wrist",
+        "image_size": "24x32",
+        "obs": "rgb",
+        "control_mode": "joint",
+        "video_dir": "films",
+        "max_keyposes": 7,
+    }
+    config = parse("--env.task=lift_ball", *(f"--env.{name}={value}" for name, value in given.items()))
+    options = BimanualEnv("lift_ball", **config.gym_kwargs).options
+    assert {name: getattr(options, name) for name in given} == given
+    assert (options.camera_names, options.size) == (("front", "left_wrist"), (24, 32))
+
+
+@pytest.mark.parametrize(
+    ("given", "count"),
+    [({}, 16), ({"cameras": "left_wrist"}, 8), ({"obs": "rgb"}, 11), ({"obs": "state"}, 6)],
+)
+def test_the_declared_features_are_what_policies_get_and_what_datasets_hold(given, count, instant_placement):
+    config = BimanualEnvConfig(image_size="24x32", **given)
+    env = BimanualEnv("push_box", **config.gym_kwargs)
+    observation, _ = env.reset(seed=0)
+    env.close()
+    pixels = {camera: image[None] for camera, image in observation.pop("pixels", {}).items()}
+    batch = preprocess_observation(
+        {key: value[None] for key, value in observation.items()} | {"pixels": pixels}
+    )
+    features = env_to_policy_features(config)
+    action = features.pop(schema.ACTION)
+    assert (action.type, len(features)) == (FeatureType.ACTION, count)
+    assert {key: feature.shape for key, feature in features.items()} == {
+        key: tuple(value.shape[1:]) for key, value in batch.items()
+    }
+    stored = dataset_to_policy_features(schema.features(CAMERA_NAMES, 24, 32, "frames"))
+    assert features == {key: stored[key] for key in features}
+
+
+@pytest.mark.parametrize(("mode", "length"), [("auto", 16), ("joint", 16), ("keypose", 18)])
+def test_the_declared_action_follows_the_control_mode(mode, length):
+    config = BimanualEnvConfig(control_mode=mode)
+    assert config.features[schema.ACTION].shape == (length,)
+    assert BimanualEnv("push_box", **config.gym_kwargs).action_space.shape == (length,)
+
+
+def test_environments_are_grouped_by_suite_and_a_task_alone_is_a_group():
+    suites = list_suites()
+    alone = next(task for task in suites["all"] if task not in suites["symmetric"])
+    envs = make_env(parse(f"--env.task={alone}, symmetric"), n_envs=2)
+    groups = {alone: (alone,), "symmetric": suites["symmetric"]}
+    assert {group: list(by_id) for group, by_id in envs.items()} == {
+        group: [get_task(task).spec.id for task in tasks] for group, tasks in groups.items()
+    }
+    for group, by_id in envs.items():
+        assert [env.call("task") for env in by_id.values()] == [(task, task) for task in groups[group]]
+
+
+def test_bad_options_are_refused_with_the_valid_ones():
+    with pytest.raises(InvalidChoice, match="symmetric"):
+        BimanualEnvConfig(task="symetric")
+    with pytest.raises(InvalidChoice, match=r"share no task, .*push_box"):
+        BimanualEnvConfig(task="push_box,all")
+    with pytest.raises(InvalidChoice, match="20"):
+        BimanualEnvConfig(fps=30)

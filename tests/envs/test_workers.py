@@ -35,15 +35,6 @@ def test_a_result_is_noted_when_it_comes_and_handed_out_in_its_turn(tmp_path) ->
     assert noted == [(word, 2 * word) for word in [*words[1:], words[0]]]
 
 
-def test_parts_are_counted_as_workers_tell_them() -> None:
-    told: list[str] = []
-    with WorkerPool(2) as pool:
-        done = pool.map(jobs.in_parts, [2, 0, 3], "", "", part=lambda: told.append("part"))
-        assert [*done] == [2, 0, 3]
-    assert len(told) == 5
-    assert jobs.in_parts(4) == 4  # outside a worker nothing is told
-
-
 @pytest.mark.parametrize("workers", [1, 3])
 def test_a_dead_worker_takes_along_nothing_but_its_item_which_is_tried_again(workers):
     words = ["a", jobs.OBSTINATE, "b", "c"]
@@ -73,12 +64,15 @@ def test_a_pool_can_be_used_again_after_its_work_was_left_unfinished():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) -> None:
+def test_workers_end_with_their_parent_however_that_ends_and_leave_nothing(
+    end: signal.Signals, tmp_path
+) -> None:
     parent = subprocess.Popen(
         [sys.executable, "-c", BUSY],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
     )
     assert parent.stdout is not None
     parent.stdout.readline()
@@ -86,3 +80,4 @@ def test_workers_end_with_their_parent_however_that_ends(end: signal.Signals) ->
     parent.wait()
     while jobs.processes_of(parent.pid):
         time.sleep(0.1)
+    assert [*tmp_path.iterdir()] == []

@@ -1,3 +1,6 @@
+"""What cameras see of the world, and where it is drawn."""
+
+import hashlib
 import os
 import re
 import subprocess
@@ -17,9 +20,12 @@ from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
+from lerobot_env_bimanual.rendering.viewpoint import frame_of
+from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.cameras import calibration
 from lerobot_env_bimanual.world.rendering import Renderer
 from lerobot_env_bimanual.world.scene import Scene
+from lerobot_env_bimanual.world.textures import boards, plaster
 
 SIZE = 128
 FIXED = ("front", "left_shoulder", "right_shoulder")
@@ -55,7 +61,7 @@ def cameras_of(scene: Scene, height: int = SIZE, width: int = SIZE):
 def without_gl(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
     env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "LP_NUM_THREADS")}
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=env | variables
+        (sys.executable, "-c", program), capture_output=True, text=True, env=env | variables
     )
 
 
@@ -89,16 +95,6 @@ def test_depth_equals_rays_cast_through_the_pixel_centres(scene, images, camera)
     assert np.median(errors) < 2e-4  # silhouettes of faceted round shapes may differ more
 
 
-@pytest.mark.parametrize("camera", FIXED)
-def test_a_prop_appears_where_the_calibration_projects_it(scene, images, camera):
-    extrinsics, intrinsics = cameras_of(scene)
-    red, green, blue = images[camera][0].astype(int).transpose(2, 0, 1)
-    rows, columns = np.nonzero((red > 90) & (green < 30) & (blue < 30))
-    u, v, _ = project(scene.pose("item").position, intrinsics[camera], extrinsics[camera])
-    assert len(rows) > 8
-    assert np.hypot(columns.mean() + 0.5 - u, rows.mean() + 0.5 - v) < 1.5
-
-
 def test_the_front_camera_shows_hands_and_placements_and_the_others_the_table(scene):
     extrinsics, intrinsics = cameras_of(scene)
     hands = [scene.data.body(f"{arm}_hand") for arm in Arm]
@@ -117,6 +113,27 @@ def test_the_front_camera_shows_hands_and_placements_and_the_others_the_table(sc
         assert np.all(span > 0.5), f"{camera} wastes its image: the area spans {span} of it"
 
 
+@pytest.mark.parametrize("camera", FIXED)
+def test_a_film_holds_what_moves_and_shows_it_larger(camera):
+    scene, states = make_scene(), []
+    for x_m in (0.1, 0.3):
+        scene.reset()
+        scene.place("item", Pose.upright((x_m, 0.05, 0.80)))
+        scene.pose_arms(np.tile([0.0, 0.4, 0.0, -2.0, 0.0, 2.4, 0.8], (2, 1)))  # hands above the table
+        states.append(scene.save_state())
+    height, width = 480, 640
+    view, index = frame_of(scene, camera, states, (height, width)), scene.model.camera(camera).id
+    assert view["cam_fovy"][index] < 0.9 * scene.model.cam_fovy[index]
+    with applied(scene.model, scene.data, view):
+        axes, eye = scene.data.cam_xmat[index].reshape(3, 3).copy(), scene.data.cam_xpos[index].copy()
+    half = np.tan(np.deg2rad(view["cam_fovy"][index]) / 2)
+    for state in states:
+        scene.restore_state(state)
+        right, up, back = (scene.pose("item").position - eye) @ axes
+        assert abs(up / back) < half
+        assert abs(right / back) < half * width / height
+
+
 def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
     scene = make_scene()
     camera_in_hand = []
@@ -133,9 +150,7 @@ def test_extrinsics_of_a_wrist_camera_move_with_the_hand():
     assert moved["front"] == pytest.approx(extrinsics["front"])
 
 
-@pytest.mark.parametrize(
-    "cameras", [("right_wrist",), ("right_wrist", "front"), tuple(reversed(CAMERA_NAMES))]
-)
+@pytest.mark.parametrize("cameras", [("right_wrist",), ("right_wrist", "front"), CAMERA_NAMES[::-1]])
 def test_an_image_does_not_depend_on_which_other_cameras_are_rendered(scene, images, cameras):
     with Renderer(scene, cameras, SIZE, SIZE) as renderer:
         for camera, (rgb, depth) in renderer.render().items():
@@ -167,11 +182,8 @@ def test_edges_are_soft_in_colours_and_hard_in_depth(scene):
 @pytest.mark.parametrize(
     ("variables", "cause"),
     [
-        ({"MUJOCO_GL": "disable"}, "MUJOCO_GL is 'disable', which draws nothing here; set MUJOCO_GL=egl"),
         ({"MUJOCO_GL": "osmesa"}, "MUJOCO_GL is 'osmesa', which draws nothing here; set MUJOCO_GL=egl"),
-        ({"MUJOCO_GL": "foo"}, "MUJOCO_GL is 'foo', which draws nothing here; set MUJOCO_GL=egl"),
         ({"MUJOCO_EGL_DEVICE_ID": "99"}, r"MUJOCO_EGL_DEVICE_ID .*, got 99\.$"),
-        ({"MUJOCO_EGL_DEVICE_ID": "x"}, "MUJOCO_EGL_DEVICE_ID is 'x', but must be the number of a device$"),
         ({"PYOPENGL_PLATFORM": "glx"}, "PYOPENGL_PLATFORM"),
     ],
 )
@@ -185,16 +197,6 @@ def test_without_a_context_physics_runs_and_rendering_names_the_cause(variables,
     problem = result.stderr.splitlines()[-1]
     assert re.search(f"{MissingGL.__name__}: no offscreen OpenGL context: .*{cause}", problem)
     assert "apt-get" not in problem
-
-
-def test_the_line_that_installs_libraries_is_for_libraries_that_cannot_be_opened(monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "egl")
-    monkeypatch.setattr(gl, "LIBRARIES", (("libnone.so.1",), ("libnone.so.2", "libc.so.6")))
-    complaint = str(gl.missing_gl(AttributeError("'NoneType' object has no attribute 'eglQueryString'")))
-    assert (
-        "context: libnone.so.1 cannot be opened; on Debian or Ubuntu: sudo apt-get install libegl1"
-        in complaint
-    )
 
 
 @pytest.mark.parametrize(
@@ -214,9 +216,7 @@ def test_ranks_draw_on_gpus_of_their_own_unless_the_user_chose_one(variables, de
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    egl = SimpleNamespace(
-        eglQueryDevicesEXT=lambda: ["GPU", "GPU", "GPU", "GPU", "software"], EGL_NO_DISPLAY=0
-    )
+    egl = SimpleNamespace(eglQueryDevicesEXT=lambda: [*4 * ["GPU"], "software"], EGL_NO_DISPLAY=0)
     display = SimpleNamespace(
         EGL=egl,
         EGL_DISPLAY=None,
@@ -263,3 +263,47 @@ def test_environments_play_and_render_in_several_threads_at_once():
         at_once = list(pool.map(play, (0, 1)))
     for seed, images in enumerate(at_once):
         assert all(np.array_equal(a, b) for a, b in zip(images, play(seed), strict=True))
+
+
+MAX_DISTANCE_M = 0.02
+
+
+def distance_m(model, data, geom: int, points: np.ndarray) -> np.ndarray:
+    """Of points (n, 3) from the surface of a capsule, cylinder or box; negative inside."""
+    local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+    size, kind = model.geom_size[geom], model.geom_type[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
+        return np.linalg.norm(local, axis=1) - size[0]
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        over = np.column_stack([np.hypot(local[:, 0], local[:, 1]), np.abs(local[:, 2])]) - size[:2]
+    else:
+        assert kind == mujoco.mjtGeom.mjGEOM_BOX
+        over = np.abs(local) - size
+    return np.minimum(over.max(axis=1), 0) + np.linalg.norm(np.maximum(over, 0), axis=1)
+
+
+def test_an_arm_s_shells_stand_out_of_what_collides_by_two_centimetres_at_most(scene):
+    model, data = scene.model, scene.data
+    collides = model.geom_contype != 0
+    shells = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & ~collides)
+    assert len(shells) > 30
+    for shell in shells:
+        body = model.geom_bodyid[shell]
+        mesh = model.geom_dataid[shell]
+        first = model.mesh_vertadr[mesh]
+        corners = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+        corners = data.geom_xpos[shell] + corners @ data.geom_xmat[shell].reshape(3, 3).T
+        # At a joint the housing belongs to one link or the other.
+        kin = np.flatnonzero((model.body_parentid == body) | (np.arange(model.nbody) == body))
+        kin = np.append(kin, model.body_parentid[body])
+        near = np.flatnonzero(collides & np.isin(model.geom_bodyid, kin[kin > 0]))
+        away = np.min([distance_m(model, data, geom, corners) for geom in near], axis=0)
+        assert away.max() < MAX_DISTANCE_M, f"{model.body(body).name} looks larger than it is"
+
+
+def test_textures_are_the_same_pixels_on_every_machine():
+    wood = boards((0.8, 0.7, 0.6), (40, 64), count=4, joints=2, seed=5)
+    wall = plaster((0.6, 0.7, 0.7), (32, 48), skirting=3, seed=5)
+    assert (wood.dtype, wood.shape, wall.shape) == (np.uint8, (40, 64, 3), (32, 48, 3))
+    assert hashlib.sha256(wood.tobytes() + wall.tobytes()).hexdigest()[:16] == "89b0316a1eb822ac"

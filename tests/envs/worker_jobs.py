@@ -6,8 +6,6 @@ import signal
 import time
 from pathlib import Path
 
-from lerobot_env_bimanual.workers import part_done
-
 OBSTINATE = "obstinate"
 
 
@@ -27,12 +25,6 @@ def double_or_die(word: str) -> str:
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.05)
     return 2 * word
-
-
-def in_parts(count: int) -> int:
-    for _ in range(count):
-        part_done()
-    return count
 
 
 def raise_unportable(_: str) -> None:

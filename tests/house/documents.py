@@ -11,9 +11,7 @@ from lerobot_bimanual.cli.flags import parse_flags
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("", "docs/", "envs/", "policies/", "robots/", "examples/", "policies/lerobot_policy_bimanual/*/")
-DOCUMENTS = sorted(
-    path for folder in (*FOLDERS, "results/checkpoints/") for path in ROOT.glob(f"{folder}*.md")
-)
+DOCUMENTS = sorted(path for place in (*FOLDERS, "results/checkpoints/") for path in ROOT.glob(f"{place}*.md"))
 SHELL_BLOCK = re.compile(r"```bash\n(.*?)```", re.DOTALL)
 
 

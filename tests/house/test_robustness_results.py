@@ -22,7 +22,7 @@ WORLDS = json.loads((RESULTS / "expert_reports" / "expert.json").read_text())["w
 
 def test_the_pages_of_robustness_are_those_of_the_files():
     main = {path.stem: POLICIES[path.stem] for path in sorted((RESULTS / "robustness").glob("*.json"))}
-    page = robustness_page(main, "robustness_results.png")
+    page = robustness_page(main)
     assert (ROOT / "docs" / "robustness_results.md").read_text() == page
     assert (ROOT / "docs" / "expert_robustness.md").read_text() == expert_robustness_page(EXPERTS)
 

@@ -16,14 +16,8 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from test_repository import DISTRIBUTIONS, ROOT
 
-ROOT = Path(__file__).parents[2]
-FOLDERS = {
-    "lerobot_bimanual": ROOT,
-    "lerobot_env_bimanual": ROOT / "envs",
-    "lerobot_policy_bimanual": ROOT / "policies",
-    "lerobot_robot_bimanual": ROOT / "robots",
-}
 TASK_PACKAGE = ROOT / "examples/07_own_task"
 # Any attempt to reach the network fails the program that begins with these lines.
 NO_NETWORK = """
@@ -32,8 +26,8 @@ def refuse(*_): raise OSError("the network was used")
 socket.socket.connect = socket.getaddrinfo = refuse
 """
 USE = f"""
-import sys, {", ".join(FOLDERS)}
-for module in ({", ".join(FOLDERS)}):
+import sys, {", ".join(DISTRIBUTIONS)}
+for module in ({", ".join(DISTRIBUTIONS)}):
     assert module.__file__.startswith(sys.prefix), module.__file__
 import gymnasium as gym
 assert not gym.make("bimanual/RaiseBlock-v0", obs="state").reset(seed=0)[1]["is_success"]
@@ -42,7 +36,7 @@ assert not BimanualEnv("lift_ball", obs="state").reset(seed=0)[1]["is_success"]
 """
 SLIM_USE = """
 import gymnasium as gym, lerobot_env_bimanual
-import lerobot_env_bimanual.reports.results_page, lerobot_env_bimanual.reports.task_pages
+import lerobot_env_bimanual.reports.task_pages
 from lerobot_env_bimanual.world.video import VideoWriter
 env = gym.make("bimanual/PushBox-v0", image_size=32)
 observation, _ = env.reset(seed=0)
@@ -60,15 +54,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One wheel per distribution, each built from its source archive, as a release would be."""
-    return {name: built(folder, tmp_path_factory.mktemp(name)) for name, folder in FOLDERS.items()}
+    return {name: built(folder, tmp_path_factory.mktemp(name)) for name, folder in DISTRIBUTIONS.items()}
 
 
 @pytest.fixture(scope="module")
 def python(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Interpreter of an environment with the four wheels, a task of another distribution, and borrowed dependencies."""
-    borrowed = (
-        entry.name for entry in Path(sysconfig.get_path("purelib")).iterdir() if entry.suffix != ".pth"
-    )
+    borrowed = (each.name for each in Path(sysconfig.get_path("purelib")).iterdir() if each.suffix != ".pth")
     task = built(TASK_PACKAGE, tmp_path_factory.mktemp("task"))
     return environment(tmp_path_factory.mktemp("clean"), borrowed, (*wheels.values(), task))
 
@@ -123,10 +115,10 @@ def succeed(python: Path, *words: str, code: int = 0) -> str:
     return child.stdout + child.stderr
 
 
-@pytest.mark.parametrize("name", FOLDERS)
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
 def test_a_wheel_holds_exactly_its_package_with_types_and_licence(name: str, wheels: dict[str, Path]) -> None:
     members = set(zipfile.ZipFile(wheels[name]).namelist())
-    source = FOLDERS[name] / name
+    source = DISTRIBUTIONS[name] / name
     kept = [path for path in source.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     ours = {f"{name}/{path.relative_to(source)}" for path in kept} | {f"{name}/py.typed"}
     assert ours <= members
@@ -141,9 +133,7 @@ def test_the_wheels_are_used_without_checkout_and_network(python: Path) -> None:
     assert all(f"\n  {command} " in shown for command in ("demo", "dataset generate", "policy benchmark"))
 
 
-def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(
-    slim_python: Path, tmp_path: Path
-) -> None:
+def test_environment_experts_films_and_reports_need_neither_lerobot_nor_torch(slim_python, tmp_path):
     without = """
 from importlib.util import find_spec
 assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
@@ -161,9 +151,7 @@ assert not any(map(find_spec, ("lerobot", "torch", "datasets", "pyarrow")))
         assert len(told.splitlines()) == 1
 
 
-def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(
-    python: Path, tmp_path: Path
-) -> None:
+def test_a_task_of_another_distribution_is_listed_measured_recorded_and_scored(python, tmp_path):
     ours = ("-m", "lerobot_bimanual.cli")
     listed = succeed(python, *ours, "task", "list", "--task=prehensile", "--format=json")
     assert "raise_block" in {row["name"] for row in json.loads(listed[: listed.rindex("]") + 1])}

@@ -39,6 +39,7 @@ def generation(root: Path, **options) -> DatasetGenerateConfig:
         "view": "both",
         "image_size": "24x32",
         "cameras": ("front", "left_wrist"),
+        "depth": True,
         "intermediate": (0.5,),
         "episodes_per_shard": 2,
         "workers": 1,

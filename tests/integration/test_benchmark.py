@@ -1,16 +1,21 @@
-"""The benchmark from nothing to a result, and again after an interruption."""
+"""The benchmark from nothing to a result, and again after an interruption; every program of benchmarks/ runs."""
 
 import io
 import json
+import runpy
+import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import programs
 import pytest
 from rich.console import Console
 
+from lerobot_bimanual.benchmark import run as benchmark
 from lerobot_bimanual.benchmark.config import BenchmarkConfig
+from lerobot_bimanual.benchmark.pipeline import Pipeline
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.benchmark.run import run
 from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 
@@ -20,17 +25,16 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 def begun_by(plan: Plan) -> list[str]:
     """The commands that a benchmark begins, as they are shown."""
     console = Console(file=io.StringIO(), width=200, record=True)
-    run(plan, console)
+    benchmark.run(plan, console)
     return [line.removeprefix("$ ") for line in console.export_text().splitlines() if line.startswith("$ ")]
 
 
-def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path: Path, tiny_flags):
-    config = BenchmarkConfig(
-        demos=2,
-        image_size=32,
-        steps=4,
-        save_freq=2,
-        batch_size=2,
+@pytest.fixture
+def small(tmp_path: Path, tiny_flags, monkeypatch) -> BenchmarkConfig:
+    """A benchmark that takes seconds; the one of the README starts its programs as a user does."""
+    monkeypatch.setattr(benchmark, "Pipeline", partial(Pipeline, call=programs.call))
+    return BenchmarkConfig(
+        **{"demos": 2, "image_size": 32, "steps": 4, "save_freq": 2, "batch_size": 2},
         val_episodes=2,
         test_episodes=2,
         train_flags=" ".join([*tiny_flags["peract2"][1:], "--num_workers=0"]),
@@ -39,7 +43,10 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
         workers=1,
         output=tmp_path,
     )
-    plan = Plan.of(config)
+
+
+def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(small):
+    plan = Plan.of(small)
     begun = begun_by(plan)
     row = BenchmarkResult.read(plan.result)
     assert begun == [str(command) for command in plan.commands(row.checkpoint_step)]
@@ -63,24 +70,32 @@ def test_a_benchmark_gives_a_result_and_continues_after_an_interruption(tmp_path
     assert resumed.endswith("--resume=true")
 
 
-def test_benchmarks_of_several_tasks_score_one_network(tmp_path: Path, tiny_flags):
+def test_benchmarks_of_several_tasks_score_one_network(small):
     tasks = ("lift_ball", "push_box")
-    flags = {
-        "trained_on": ",".join(tasks),
-        "demos": 1,
-        "image_size": 32,
-        "steps": 2,
-        "save_freq": 1,
-        "batch_size": 2,
-        "test_episodes": 1,
-        "train_flags": " ".join(tiny_flags["peract2"][1:]),
-        "eval_flags": "--eval.batch_size=1",
-        "output": tmp_path,
-    }
-    words = [f"--{name}={value}" for name, value in flags.items()]
+    fewer = {"demos": 1, "steps": 2, "save_freq": 1, "val_episodes": None, "test_episodes": 1}
     for task in tasks:
-        programs.run("lerobot-bimanual", "policy", "benchmark", f"--task={task}", *words, folder=tmp_path)
-    scored = [BenchmarkResult.read(path) for path in sorted((tmp_path / "results").glob("*.json"))]
+        begun_by(Plan.of(replace(small, task=task, trained_on=",".join(tasks), **fewer)))
+    scored = [BenchmarkResult.read(path) for path in sorted((small.output / "results").glob("*.json"))]
     assert [row.task for row in scored] == list(tasks)
     assert {row.config.policy_id for row in scored} == {"peract2_on_lift_ball.push_box"}
     assert len({row.checkpoint_sha256 for row in scored}) == 1
+
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SMALL = (
+    "commands.py decoding --episodes=1 --image_size=32 --rounds=1",
+    "policies.py --policies peract2 --rounds=1",
+    "world.py observation --moments=1 --rounds=1 --image_size=32 --perturb=light:1",
+    "world.py planning --problems=1",
+    "world.py simulation --rounds=1 --resets=1",
+)
+
+
+@pytest.mark.parametrize("command", SMALL)
+def test_every_benchmark_runs_and_ends_with_its_figures(command, tmp_path, monkeypatch, capfd):
+    program = command.split()[0]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    monkeypatch.setattr(sys, "argv", command.split())
+    runpy.run_path(str(BENCHMARKS / program), run_name="__main__")
+    assert json.loads(capfd.readouterr().out.splitlines()[-1])["figures"]

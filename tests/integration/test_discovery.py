@@ -32,11 +32,10 @@ def discovery(tmp_path_factory) -> Any:
     return json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
 
 
-def test_lerobot_finds_the_environment_the_robot_and_both_teleoperators(discovery: Any) -> None:
+def test_lerobot_finds_the_environment_the_robot_and_the_teleoperator(discovery: Any) -> None:
     assert discovery["envs"]["bimanual"].startswith("lerobot_env_bimanual.")
     assert discovery["robots"]["bimanual_sim"].startswith("lerobot_robot_bimanual.")
-    for name in ("bimanual_keyboard", "bimanual_gamepad"):
-        assert discovery["teleoperators"][name].startswith("lerobot_robot_bimanual.")
+    assert discovery["teleoperators"]["bimanual_keyboard"].startswith("lerobot_robot_bimanual.")
 
 
 def test_every_policy_follows_the_naming_by_which_lerobot_finds_its_class(discovery: Any) -> None:

@@ -43,9 +43,7 @@ def assert_episodes(edited: Path, original: Path, expected: list[int]) -> None:
     """`edited` holds the expected episodes of `original`, with all vectors, scalars and depth as they were."""
     before, after = RecordedDataset(original), RecordedDataset(edited)
     assert after.view == before.view
-    assert (
-        after.provenance is None
-    )  # LeRobot's tools copy its own files alone; the keys of episodes are columns, and stay
+    assert after.provenance is None  # LeRobot's tools copy its own files alone
     assert len(after) == len(expected)
     images, images_before = LeRobotDataset("x/y", root=edited), LeRobotDataset("x/y", root=original)
     assert images.num_frames == sum(len(recorded) for recorded in after.episodes())

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import sys
 import zipfile
 from pathlib import Path
@@ -22,11 +23,13 @@ def evaluation(folder: Path) -> dict:
 
 
 def test_make_watch_shows_a_policy_that_solves_its_task(tmp_path):
-    run("make", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
+    said = run("make", "--dry-run", "watch", f"WATCH={tmp_path}", folder=EXAMPLES.parent)
+    (line,) = [line for line in said.replace("\\\n", "").splitlines() if "lerobot-eval --policy" in line]
+    run("lerobot-eval", *shlex.split(line)[1:], "--eval.n_episodes=2", folder=EXAMPLES.parent)
     videos = [path.stem for path in (tmp_path / "videos").glob("*.mp4")]
-    assert len(videos) == 4
+    assert len(videos) == 2
     # It solves 19 of 20. Processors differ in the last bit of a sum, so one may fail here that does not elsewhere.
-    assert sum(video.endswith("_success") for video in videos) >= 2
+    assert any(video.endswith("_success") for video in videos)
 
 
 @pytest.mark.parametrize(

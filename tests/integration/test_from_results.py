@@ -65,7 +65,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
         assert [bool(row[schema.SUCCESS]) for row in last] == [True, True, False]
         assert [row[schema.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
     frames = RecordedDataset(root / "frames")
-    results = [replay_recorded(frames, "joint", index)[1] for index in range(3)]
+    results = [replay_recorded(frames, index)[1] for index in range(3)]
     assert [(result.divergence, result.ticks) for result in results] == [
         (None, each.ticks) for each in played[:3]
     ]
@@ -73,7 +73,7 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
     reached = RecordedDataset(root / "keyframes").episode(1).columns
     given, found = (
         column.reshape(len(column), 2, -1)[:, :, :3]
-        for column in (reached[schema.EE_POSE][1:], reached[schema.NEXT_KEYPOSE][:-1])
+        for column in (reached[schema.EE_POSE][1:], reached[schema.ACTION][:-1])
     )
     assert np.abs(given - found).max() < 0.02
     assert main(["dataset", "verify", f"--root={root}", "--workers=1"]) == 3

@@ -10,7 +10,6 @@ from huggingface_hub.errors import HfHubHTTPError, OfflineModeIsEnabled
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import hub
-from lerobot_bimanual.dataset.card import PICTURE_FILE
 from lerobot_bimanual.dataset.checksums import checksum_problems
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 
@@ -62,7 +61,6 @@ def test_the_dataset_is_uploaded_in_one_commit_and_tagged(calls, dataset) -> Non
     card = DatasetCard((dataset / "README.md").read_text())
     assert {"LeRobot", "bimanual", "depth", "certified", "yes"} <= set(card.data.to_dict()["tags"])
     assert f"# {REPO_ID}" in card.text
-    assert (dataset / PICTURE_FILE).is_file()
 
 
 def test_a_branch_gets_no_tag(calls, dataset) -> None:

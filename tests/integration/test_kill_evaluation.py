@@ -83,9 +83,7 @@ def test_a_killed_evaluation_loses_at_most_what_was_running(number, asynchronous
         assert [path.name for path in (folder / "records").iterdir()] == [NAME]
         assert (folder / "records" / NAME).read_bytes() == expected
         films = sorted(path.name for path in (folder / "films").iterdir())
-        assert [re.findall(r"seed(\d+)", name) for name in films] == sorted(
-            [str(seed)] for seed in range(7, 14)
-        )
+        assert [re.findall(r"seed(\d+)", name) for name in films] == sorted([str(n)] for n in range(7, 14))
         info = json.loads((folder / "eval" / "eval_info.json").read_text())
         solved = [episode["success"] for episode in json.loads(expected)["episodes"]]
         assert info["per_task"][0]["metrics"]["successes"] == solved

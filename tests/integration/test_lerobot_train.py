@@ -155,8 +155,11 @@ def test_training_from_memory_gives_the_same_weights(room, tiny_flags, view, pol
     }
 
 
-def test_act_trains_on_a_dataset_without_depth_as_it_is(room):
-    flags = ("--task=push_box", "--episodes=1", f"--image_size={SIZE}", "--workers=1", "--view=frames")
-    run("lerobot-bimanual", "dataset", "generate", *flags, "--depth=false", "--root=colours", folder=room)
-    train(*UNNAMED_ACT, folder=room, data="colours", steps=2, output="unnamed")
-    assert evaluate("unnamed", room, "--env.obs=rgb")["n_episodes"] == 1
+@pytest.mark.parametrize(
+    ("view", "flags", "numbers", "mode"),
+    [("frames", UNNAMED_ACT, 16, "joint"), ("keyframes", TINY_ACT, 18, "keypose")],
+)
+def test_act_learns_the_actions_of_either_view_by_lerobot_alone(room, view, flags, numbers, mode):
+    train(*flags, folder=room, data=f"data/{view}", steps=2, output=f"act_{view}")
+    assert checkpoint_config(room / f"act_{view}")["output_features"]["action"]["shape"] == [numbers]
+    assert evaluate(f"act_{view}", room, "--env.obs=rgb", f"--env.control_mode={mode}")["n_episodes"] == 1

@@ -1,38 +1,27 @@
 """Recorded actions and keyposes replay to the same states, and a dataset that lies is found out."""
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-from corruptions import rewrite
+from corruptions import column, plus, rewrite
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
 from lerobot_bimanual.dataset.reader import RecordedDataset
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands.dataset_replay import DatasetReplayConfig, dataset_replay, parse_episodes
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.replay import hashes_of, keyposes_of, replay, replay_recorded
+from lerobot_env_bimanual.replay import actions_of, hashes_of, replay, replay_recorded
 
 pytestmark = pytest.mark.sim
 
 
 def test_every_recorded_episode_replays_tick_by_tick_and_keypose_by_keypose(generated) -> None:
     recorded = RecordedDataset(generated / "frames")
-    for view, mode in (("frames", "joint"), ("frames", "keypose"), ("keyframes", "keypose")):
+    for view in schema.VIEWS:
         dataset = RecordedDataset(generated / view)
-        for index in (2, 0, 1) if mode == "joint" else (1,):
-            meta, result = replay_recorded(dataset, mode, index)
+        for index in (2, 0, 1) if view == "frames" else (1,):
+            meta, result = replay_recorded(dataset, index)
             assert result.matches
             assert (meta.seed, result.ticks) == (index, len(recorded.episode(index)))
-
-
-def test_both_views_know_the_same_keyposes(generated) -> None:
-    frames, keyframes = (RecordedDataset(generated / view) for view in schema.VIEWS)
-    for index in range(3):
-        expected = keyposes_of(frames.episode(index), "frames")
-        assert np.array_equal(keyposes_of(keyframes.episode(index), "keyframes"), expected)
-        assert len(expected) == frames.episode(index).columns[schema.KEYPOSE_STEP][-1] + 1
 
 
 def test_the_command_prints_a_table_and_succeeds(generated, capsys) -> None:
@@ -44,27 +33,23 @@ def test_the_command_prints_a_table_and_succeeds(generated, capsys) -> None:
 
 def test_a_changed_action_is_found_at_its_tick_and_the_command_names_both(copy, capsys) -> None:
     root = copy("frames")
-    file = root / "data/chunk-000/file-000.parquet"
-    table = pq.read_table(file)
-    row = table["episode_index"].to_pylist().index(1) + 30
-    actions = table[schema.ACTION].to_pylist()
-    actions[row][0] += 0.01
-    column = table.column_names.index(schema.ACTION)
-    field = table.schema.field(schema.ACTION)
-    pq.write_table(table.set_column(column, field, pa.array(actions, field.type)), file)
-    (_, whole), (_, changed) = (replay_recorded(RecordedDataset(root), "joint", index) for index in (0, 1))
+    column(schema.ACTION, plus(0.01), [30])(root)
+    (_, whole), (_, changed) = (replay_recorded(RecordedDataset(root), index) for index in (0, 1))
     assert whole.matches
     assert changed.divergence == 30
     assert dataset_replay(DatasetReplayConfig(root=root, episode_indices="1", workers=1)) == 1
     assert "episode 1 (lift_ball, seed 1): another state after tick 30" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("mode", ["joint", "keypose"])
-def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(generated, mode) -> None:
-    recorded = RecordedDataset(generated / "frames").episode(2)
-    meta, length, hashes = recorded.meta, len(recorded), hashes_of(recorded, "frames")
-    actions = keyposes_of(recorded, "frames") if mode == "keypose" else recorded.columns[schema.ACTION]
-    env = BimanualEnv(meta.task, split=meta.split, obs="state", control_mode=mode)
+@pytest.mark.parametrize(("view", "control_mode"), [("frames", "joint"), ("keyframes", "keypose")])
+def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(
+    generated, view, control_mode
+) -> None:
+    every_tick, recorded = (RecordedDataset(generated / each).episode(2) for each in ("frames", view))
+    meta, length, hashes = recorded.meta, len(every_tick), hashes_of(every_tick, "frames")
+    actions = actions_of(recorded, view)
+    assert view == "frames" or len(actions) == every_tick.columns[schema.KEYPOSE_STEP][-1] + 1
+    env = BimanualEnv(meta.task, split=meta.split, obs="state", control_mode=control_mode)
 
     def divergence(actions, hashes) -> int | None:
         return replay(env, meta.seed, meta.variation, actions, hashes).divergence
@@ -81,14 +66,9 @@ def test_an_episode_that_ends_earlier_or_later_than_its_record_is_a_divergence(g
 def test_another_world_is_named(copy, capsys) -> None:
     root = copy("keyframes")
     rewrite(root / PROVENANCE_FILE, lambda origin: origin["worlds"].update(lift_ball="0123456789ab"))
-    config = DatasetReplayConfig(root=root, replay="keypose", episode_indices="0", workers=1)
+    config = DatasetReplayConfig(root=root, episode_indices="0", workers=1)
     assert dataset_replay(config) == 0
     assert "warning: it holds lift_ball in world 0123456789ab (here: " in capsys.readouterr().out
-
-
-def test_joint_actions_need_the_view_frames(generated) -> None:
-    with pytest.raises(DatasetError, match="--replay=keypose"):
-        dataset_replay(DatasetReplayConfig(root=generated / "keyframes"))
 
 
 def test_episodes_are_chosen_by_index_or_range_and_refused_if_they_are_not_there() -> None:

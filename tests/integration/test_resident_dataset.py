@@ -20,7 +20,6 @@ from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 from lerobot_policy_bimanual.training.train import check_training, images_read
 
 CPU = torch.device("cpu")
-TICK_S = 0.05
 LEARNT_WITH = {
     "each row alone": {},
     "a chunk of actions": {schema.ACTION: [0, 1, 2, 3, 4, 5, 6]},
@@ -32,20 +31,20 @@ LEARNT_WITH = {
         schema.image_key("left_wrist"): [0],
     },
 }
-"""By a name the ticks that rows are learnt together with, by column."""
+"""By a name the rows that a row is learnt together with, by column."""
 
 
-def stored_in(folder: Path, ticks: dict[str, list[int]], **options) -> LeRobotDataset:
+def stored_in(root: Path, view: schema.View, offsets: dict[str, list[int]], **options) -> LeRobotDataset:
     """A view as LeRobot loads it for training."""
-    seconds = {key: [tick * TICK_S for tick in of_key] for key, of_key in ticks.items()}
+    seconds = {key: [row / schema.FPS[view] for row in rows] for key, rows in offsets.items()}
     return LeRobotDataset(
-        "local/small", root=folder, return_uint8=True, delta_timestamps=seconds or None, **options
+        "local/small", root=root / view, return_uint8=True, delta_timestamps=seconds or None, **options
     )
 
 
 @pytest.fixture
 def stored(generated) -> LeRobotDataset:
-    return stored_in(generated / "keyframes", {})
+    return stored_in(generated, "keyframes", {})
 
 
 def as_lerobot_trains(batch: dict, colour_keys: set[str]) -> dict:
@@ -74,9 +73,9 @@ def assert_same_batches(held: ResidentDataset, stored: LeRobotDataset, rows: lis
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)
-@pytest.mark.parametrize("ticks", LEARNT_WITH.values(), ids=LEARNT_WITH)
-def test_every_batch_is_the_one_that_lerobot_trains_on(generated, view, ticks):
-    stored = stored_in(generated / view, ticks)
+@pytest.mark.parametrize("offsets", LEARNT_WITH.values(), ids=LEARNT_WITH)
+def test_every_batch_is_the_one_that_lerobot_trains_on(generated, view, offsets):
+    stored = stored_in(generated, view, offsets)
     held = ResidentDataset(stored, CPU)
     assert len(held) == len(stored)
     ends = {0, 1, len(stored) - 1} | {int(row) for row in held._last} | {int(row) for row in held._first}
@@ -88,7 +87,7 @@ def test_every_batch_is_the_one_that_lerobot_trains_on(generated, view, ticks):
 def test_chosen_episodes_are_learnt_with_their_own_rows_and_images_that_are_not_read_are_not_decoded(
     generated, view
 ):
-    stored = stored_in(generated / view, LEARNT_WITH["a chunk of actions"], episodes=[1])
+    stored = stored_in(generated, view, LEARNT_WITH["a chunk of actions"], episodes=[1])
     assert stored[0]["index"] > 0
     front = schema.image_key("front")
     held = ResidentDataset(stored, CPU, images={front})

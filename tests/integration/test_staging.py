@@ -109,23 +109,6 @@ def test_only_a_full_disk_is_told_as_one(tmp_path, monkeypatch) -> None:
         raise RuntimeError("an image writer that does not mention the disk")
 
 
-@pytest.mark.parametrize(
-    ("root", "message"),
-    [
-        ("/", "must be a new folder .* for example --root=/dataset"),
-        ("/proc/dataset", r"cannot write /proc/dataset\.partial: No such file or directory"),
-        ("file/dataset", "cannot write .*file/dataset.partial: Not a directory"),
-        ("linked", "must be a new folder"),
-    ],
-)
-def test_a_root_where_no_dataset_can_be_is_refused_before_the_work(options, tmp_path, root, message) -> None:
-    (tmp_path / "file").touch()
-    (tmp_path / "linked.partial").symlink_to(tmp_path)
-    with pytest.raises(DatasetError, match=message), staged(tmp_path / root, settings_of(options(tmp_path))):
-        pass
-    assert {path.name for path in tmp_path.iterdir()} == {"file", "linked.partial"}
-
-
 def test_a_root_that_is_a_link_is_the_folder_that_it_leads_to(options, tmp_path) -> None:
     place = tmp_path / "disk" / "real"
     place.mkdir(parents=True)

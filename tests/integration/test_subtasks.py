@@ -5,35 +5,20 @@ import shutil
 from pathlib import Path
 
 import pytest
-import torch
 from lerobot.configs.recipe import MessageTurn, TrainingRecipe
 from lerobot.datasets import LeRobotDataset
 from lerobot.lerobot_types import TransitionKey
-from lerobot.processor import PolicyProcessorPipeline
 from lerobot.processor.converters import batch_to_transition
 from lerobot.processor.render_messages_processor import RenderMessagesStep
-from lerobot.utils.collate import lerobot_collate_fn
-from lerobot.utils.constants import OBS_LANGUAGE_TOKENS
 from programs import run
-from tiny_clip import save_clip
 
 from lerobot_bimanual.cli import main
 from lerobot_bimanual.dataset import schema
-from lerobot_env_bimanual.verification.metadata import LANGUAGE_COLUMNS
 from lerobot_policy_bimanual.inspection.loading import batch_of
-from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
 
 pytestmark = [pytest.mark.slow, pytest.mark.sim]
 
 EXAMPLE = Path(__file__).parents[2] / "examples/10_subtasks.py"
-TOLD = EXAMPLE.with_name("11_subtask_policy.py")
-SENTENCE_STEPS = [
-    "SubtaskStep",
-    "RenameObservationsProcessorStep",
-    "AddBatchDimensionProcessorStep",
-    "TokenizerProcessorStep",
-]
-"""Of the preprocessor that the example makes: the first, up to the one that makes tokens."""
 STAGES = ["beside", "squeeze", "lift"]
 SAY_THE_SUBTASK = TrainingRecipe(
     messages=[
@@ -76,18 +61,6 @@ def test_lerobots_act_trains_on_annotated_datasets(annotated_once, tmp_path):
     assert (tmp_path / "trained/checkpoints/last/pretrained_model/model.safetensors").is_file()
 
 
-@pytest.fixture(scope="module")
-def told(annotated_once, tmp_path_factory) -> Path:
-    """Multi-Task DiT that knows nothing yet, with its preprocessor, made as the example says."""
-    folder = tmp_path_factory.mktemp("told")
-    save_clip(folder / "tiny_clip")
-    small = ("--cameras=front,left_wrist", "--hidden_dim=32", "--num_layers=1")
-    places = (f"--root={annotated_once / 'frames'}", f"--clip={folder / 'tiny_clip'}", "--output=dit")
-    run("python", str(TOLD), *places, *small, folder=folder)
-    assert main(["policy", "check", f"--checkpoint={folder / 'dit'}"]) == 3  # CLIP is looked up
-    return folder / "dit"
-
-
 def training(root: Path) -> list[str]:
     """Flags for two steps on a dataset."""
     return [
@@ -96,38 +69,6 @@ def training(root: Path) -> list[str]:
     ]
 
 
-def test_a_stock_policy_that_is_told_its_subtask_trains_and_reads_it_in_every_row(
-    told, annotated_once, tmp_path
-):
-    root = annotated_once / "frames"
-    policy = (f"--policy.path={told}", "--policy.push_to_hub=false", *training(root))
-    said = run("lerobot-bimanual-train", *policy, folder=tmp_path, fails=True)
-    assert "the policy 'multi_task_dit' loads" in said
-    run("lerobot-bimanual-train", *policy, "--trust_checkpoint=true", folder=tmp_path)
-    trained = tmp_path / "trained/checkpoints/last/pretrained_model"
-    dataset = LeRobotDataset("local/annotated", root=root)
-    rows = ResidentDataset(dataset, torch.device("cpu"), images=())
-    first = range(dataset.meta.episodes[0]["length"])
-    batch = rows.batch(lerobot_collate_fn([rows[index] for index in first]))
-    preprocessor = PolicyProcessorPipeline.from_pretrained(
-        trained, config_filename="policy_preprocessor.json"
-    )
-    preprocessor.steps = preprocessor.steps[: 1 + SENTENCE_STEPS.index("TokenizerProcessorStep")]
-    assert [type(step).__name__ for step in preprocessor.steps] == SENTENCE_STEPS
-    tokens = [tuple(row.tolist()) for row in preprocessor(batch)[OBS_LANGUAGE_TOKENS]]
-    stages = [min(int(step), len(STAGES) - 1) for step in batch[schema.KEYPOSE_STEP]]
-    assert len(set(batch["task"])) == 1
-    assert len(set(tokens)) == len(set(zip(stages, tokens, strict=True))) == len(STAGES)
-
-
-def test_where_loaders_drop_the_columns_its_training_is_refused(told, annotated_once, tmp_path):
-    flags = (f"--policy.path={told}", "--policy.push_to_hub=false", *training(annotated_once / "frames"))
-    assert "train it with `lerobot-bimanual-train`" in run(
-        "lerobot-train", *flags, folder=tmp_path, fails=True
-    )
-
-
 def test_rows_of_an_annotated_dataset_make_a_batch_for_inspect_and_accuracy(annotated_once):
     batch = batch_of(LeRobotDataset("local/annotated", root=annotated_once / "keyframes"), range(3))
-    assert batch[schema.NEXT_KEYPOSE].shape == (3, 18)
-    assert not batch.keys() & set(LANGUAGE_COLUMNS)
+    assert batch[schema.ACTION].shape == (3, 18)

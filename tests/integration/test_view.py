@@ -1,5 +1,6 @@
-"""The command `task view` without a display: a video and a sheet of an expert, or of a policy beside it."""
+"""The commands `task view` and `task render` without a display: their files, and their failures."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import av
@@ -8,11 +9,14 @@ import pytest
 from PIL import Image
 
 from lerobot_bimanual.cli import main
+from lerobot_bimanual.errors import BimanualError
 from lerobot_env_bimanual.commands import task_view
-from lerobot_env_bimanual.rendering import side_by_side
-from lerobot_env_bimanual.rendering.layout import GAP, PANEL_WIDTH
+from lerobot_env_bimanual.commands.task_render import TaskRenderConfig, task_render
+from lerobot_env_bimanual.rendering import episode_pictures
+from lerobot_env_bimanual.rendering.layout import CAPTION_HEIGHT, GAP, PANEL_WIDTH
+from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.viewer import Performance
-from lerobot_env_bimanual.window import no_window
+from lerobot_env_bimanual.workers import WorkerPool
 
 CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 
@@ -21,7 +25,7 @@ CHECKPOINT = Path(__file__).parents[2] / "results/checkpoints/peract2_on_all"
 def a_desk_without_a_screen(monkeypatch, tmp_path) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(side_by_side, "SIZE", (48, 64))
+    monkeypatch.setattr(episode_pictures, "SIZE", (48, 64))
     monkeypatch.chdir(tmp_path)
 
 
@@ -40,8 +44,11 @@ def test_without_a_display_one_line_says_so_and_a_video_is_written(capsys) -> No
     assert film == Path("films/lift_ball_v0_test_seed3_expert.mp4")
     pictures = frames(film)
     assert len(pictures) > 50
+    assert all(
+        np.abs(picture - pictures[-1]).mean() < 2 for picture in pictures[-20:]
+    )  # the last one is held
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
-    assert Image.open(sheet).width == side_by_side.N_MOMENTS * (PANEL_WIDTH + GAP) + GAP
+    assert Image.open(sheet).width == episode_pictures.COLUMNS * (PANEL_WIDTH + GAP) + GAP
 
 
 @pytest.mark.sim
@@ -67,28 +74,50 @@ def test_a_policy_stands_beside_the_expert_in_one_picture(capsys) -> None:
 
 def test_a_window_needs_a_display_that_opens(monkeypatch, capsys) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
-    assert no_window() == "the display cannot be opened"
+    assert task_view.no_window() == "the display cannot be opened"
     played: list[str] = []
     monkeypatch.setattr(task_view, "no_window", lambda: "")
     monkeypatch.setattr(Performance, "run", lambda self: played.append(self._name))
     assert main(["task", "view", "--task=lift_ball"]) == 0
     assert played == ["expert"]
-    assert "space: pause" in capsys.readouterr().out
+    assert "right/left: " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("flag", "message"),
-    [
-        ("--task=lift_bal", "Did you mean 'lift_ball'?"),
-        ("--variation=7", "variation of lift_ball is 7"),
-        ("--first_seed=-1", "first_seed is -1"),
-        ("--checkpoint=nowhere", "no checkpoint at nowhere"),
-        ("--perturb=fog:1", "fog"),
-        ("--output=/proc/films", "cannot write /proc/films"),
-    ],
-)
-def test_what_cannot_be_shown_is_one_clear_line(capsys, flag, message) -> None:
-    assert main(["task", "view", flag]) in (1, 2)
-    told = capsys.readouterr().err
-    assert message in told
-    assert told.count("\n") == 1
+@pytest.fixture
+def small(tmp_path: Path) -> Callable[..., TaskRenderConfig]:
+    def options(**others) -> TaskRenderConfig:
+        defaults = {"task": "lift_ball", "image_size": "48x64", "quality": "observation", "workers": 1}
+        return TaskRenderConfig(**defaults | others, output=tmp_path / "new")
+
+    return options
+
+
+@pytest.mark.sim
+def test_two_tasks_become_sheets_and_videos(small) -> None:
+    config = small(task="lift_ball,dual_push_buttons")
+    task_render(config)
+    names = [f"{task}{suffix}" for task in ("lift_ball", "dual_push_buttons") for suffix in (".png", ".mp4")]
+    assert {path.name for path in config.output.iterdir()} == {*names}
+    pictures = frames(config.output / "lift_ball.mp4")
+    assert pictures[0].shape == (48 + CAPTION_HEIGHT + 2 * GAP, 64 + 2 * GAP, 3)
+    assert len(pictures) > 60
+    assert np.abs(pictures[0] - pictures[-1]).mean() > 2
+
+
+@pytest.mark.sim
+def test_a_failing_expert_is_an_error_that_says_where_and_its_sheets_are_written(
+    small, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(WorkerPool, "map", lambda _, function, items, *__, **___: map(function, items))
+    task_class = type(get_task("lift_ball"))
+    whole = task_class.script
+
+    def without_lift(*arguments):
+        return (stage for stage in whole(*arguments) if stage.name != "lift")
+
+    monkeypatch.setattr(task_class, "script", without_lift)
+    config = small(first_seed=4, episodes=2, video=False)
+    with pytest.raises(BimanualError, match="lift_ball failed at test seed 4, stage 'squeeze': no move left"):
+        task_render(config)
+    written = {path.name for path in config.output.iterdir()}
+    assert written == {"lift_ball_seed4.png", "lift_ball_seed5.png"}

@@ -1,5 +1,6 @@
-"""vla-eval's own client plays the tasks of the example against a model server of its own."""
+"""vla-eval's client plays the tasks of its example, and LeRobot's loader makes environments of the EnvHub example."""
 
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,12 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from lerobot.envs.configs import HubEnvConfig
+from lerobot.envs.factory import make_env
+from planted_failures import expert_keyposes
 from vla_eval.api import evaluate
 from vla_eval.model_servers.base import ModelServer
 from vla_eval.registry import resolve_import_string
 
-from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.experts.runner import expert
+from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 
 EXAMPLE = Path(__file__).parents[2] / "examples/13_vla_eval"
 
@@ -39,18 +42,6 @@ class Server(ModelServer):
         return self.benchmark.get_observation_spec()
 
 
-def demonstrated(task: str, seed: int) -> list[np.ndarray]:
-    """The keyposes with which the expert solves an episode."""
-    env, actions = BimanualEnv(task, obs="state", control_mode="keypose"), []
-    env.reset(seed=seed)
-    for move in expert()(env):
-        actions.append(move.action)
-        if env.step(move.action)[2]:
-            break
-    env.close()
-    return actions
-
-
 @pytest.mark.sim
 def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_without(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
@@ -61,7 +52,7 @@ def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_wit
     assert sum(spec.dims for spec in benchmark.get_action_spec().values()) == 18
     overrides = {"episodes_per_task": 1, "params": params}
     for actions, rate in (
-        (demonstrated("lift_ball", 3), 1.0),
+        (expert_keyposes("lift_ball", seed=3), 1.0),
         ([np.full(18, np.nan)], 0.0),
         ([np.zeros(3)], 0.0),
     ):
@@ -69,3 +60,28 @@ def test_the_harness_solves_with_the_experts_keyposes_what_it_does_not_solve_wit
         (result,) = evaluate(server, config, output_dir=tmp_path, benchmark_overrides=overrides, no_save=True)
         assert [task["mean_success"] for task in result["tasks"]] == [rate]
     sys.modules.pop("bimanual_benchmark", None)
+
+
+ENV_PY = Path(__file__).parents[2] / "examples/12_envhub/env.py"
+COMMIT = 40 * "a"
+
+
+@pytest.fixture
+def downloaded(tmp_path) -> dict:
+    """Arguments with which LeRobot finds the repository `someone/bimanual` as the Hub's library stores it."""
+    place = tmp_path / "models--someone--bimanual/snapshots" / COMMIT
+    place.mkdir(parents=True)
+    shutil.copy(ENV_PY, place)
+    return {"hub_cache_dir": str(tmp_path), "trust_remote_code": True, "use_async_envs": False}
+
+
+def test_lerobot_makes_every_task_or_the_chosen_ones_with_the_options_of_the_repository(downloaded):
+    envs = make_env(f"someone/bimanual@{COMMIT}", n_envs=2, **downloaded)
+    assert {suite: list(numbered) for suite, numbered in envs.items()} == {
+        "all": [get_task(task).spec.id for task in list_tasks()]
+    }
+    env = envs["all"][get_task("lift_ball").spec.id]
+    assert env.num_envs == 2
+    assert env.single_observation_space["pixels"]["front"].shape == (128, 128, 3)
+    config = HubEnvConfig(task="lift_ball,push_box", hub_path=f"someone/bimanual@{COMMIT}")
+    assert set(make_env(config, n_envs=1, **downloaded)) == {"lift_ball", "push_box"}

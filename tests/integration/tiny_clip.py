@@ -1,9 +1,8 @@
-"""CLIP in miniature, made here, so that nothing is downloaded: a tokenizer that spells, and towers of random weights."""
+"""CLIP in miniature, made here, so that nothing is downloaded: a tokenizer that spells, and the sizes of its text tower."""
 
 from pathlib import Path
 
-import torch
-from transformers import CLIPConfig, CLIPModel, CLIPTextConfig, CLIPTokenizer, CLIPVisionConfig
+from transformers import CLIPTextConfig, CLIPTokenizer
 
 START, END = "<|startoftext|>", "<|endoftext|>"
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
@@ -29,24 +28,3 @@ def text_config(dim: int, context: int) -> CLIPTextConfig:
         bos_token_id=SYMBOLS.index(START),
         eos_token_id=SYMBOLS.index(END),
     )
-
-
-def save_clip(folder: Path, dim: int = 16, context: int = 77, image_size: int = 16) -> None:
-    """Both towers and the tokenizer."""
-    save_tokenizer(folder)
-    vision = CLIPVisionConfig(
-        hidden_size=dim,
-        intermediate_size=2 * dim,
-        num_hidden_layers=2,
-        num_attention_heads=2,
-        image_size=image_size,
-        patch_size=image_size // 2,
-    )
-    torch.manual_seed(0)
-    CLIPModel(
-        CLIPConfig(
-            text_config=text_config(dim, context).to_dict(),
-            vision_config=vision.to_dict(),
-            projection_dim=dim,
-        )
-    ).save_pretrained(folder)

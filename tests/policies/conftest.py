@@ -12,12 +12,12 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
 from lerobot_bimanual.dataset.schema import (
+    ACTION,
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     EE_POSE,
     GRIPPER_FINGERS,
     KEYPOSE_STEP,
-    NEXT_KEYPOSE,
     STATE,
     depth_key,
     image_key,
@@ -27,21 +27,11 @@ from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 LOOKING_DOWN = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])
 """world_T_camera of a camera two metres above the floor, over the workspace's centre."""
 
-TINY_PERACT = {
-    "device": "cpu",
-    "keypose_horizon": 25,
-    "voxel_size": 10,
-    "channels": 8,
-    "token_dim": 16,
-    "num_latents": 16,
-    "latent_dim": 32,
-    "depth": 2,
-    "heads": 2,
-    "feedforward_multiplier": 2,
-    "attention_dropout": 0.0,
-    "language_tokens": 4,
-    "language_dim": 16,
+TINY = {
+    **{"device": "cpu", "keypose_horizon": 25, "channels": 8, "token_dim": 16, "depth": 2, "heads": 2},
+    **{"feedforward_multiplier": 2, "attention_dropout": 0.0, "language_tokens": 4, "language_dim": 16},
 }
+TINY_PERACT = TINY | {"voxel_size": 10, "num_latents": 16, "latent_dim": 32}
 """Sizes of the smallest PerAct with every part in it."""
 
 TINY_PERACTS = {
@@ -56,22 +46,7 @@ TINY_PERACTS = {
     },
 }
 
-TINY_RVT = {
-    "device": "cpu",
-    "keypose_horizon": 25,
-    "voxel_size": 15,
-    "patch": 5,
-    "channels": 8,
-    "token_dim": 16,
-    "attention_dim": 32,
-    "depth": 2,
-    "heads": 2,
-    "feedforward_multiplier": 2,
-    "attention_dropout": 0.0,
-    "heatmap_sigma_px": 0.5,
-    "language_tokens": 4,
-    "language_dim": 16,
-}
+TINY_RVT = TINY | {"voxel_size": 15, "patch": 5, "attention_dim": 32, "heatmap_sigma_px": 0.5}
 """Sizes of the smallest RVT with every part in it."""
 
 
@@ -91,9 +66,7 @@ SPECIMENS = {
     "peract2": Specimen(66_180_794, TINY_PERACTS),
     "peract_independent": Specimen(2 * 33_240_669, TINY_PERACTS),
     "peract_lf": Specimen(33_240_669 + 33_241_181, TINY_PERACTS),
-    "rvt_lf": Specimen(
-        36_348_093 + 36_348_605, {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}
-    ),
+    "rvt_lf": Specimen(72_696_698, {"views": TINY_RVT, "filters": TINY_RVT | {"language_filters": True}}),
 }
 """By policy type. The parameter counts are those of the reference implementations (PerAct2 code)."""
 
@@ -183,8 +156,7 @@ def make_batch(random_keyposes: Callable[[int], torch.Tensor]) -> Callable[..., 
         batch[EE_POSE] = torch.rand(samples, 14)
         batch[GRIPPER_FINGERS] = 0.04 * torch.rand(samples, 4)
         batch[KEYPOSE_STEP] = torch.arange(samples).float()[:, None] % 5
-        batch[NEXT_KEYPOSE] = random_keyposes(samples)
-        batch["action"] = torch.rand(samples, 16)
+        batch[ACTION] = random_keyposes(samples)
         batch["task"] = [f"lift the ball {sample}" for sample in range(samples)]
         return batch
 
@@ -203,3 +175,9 @@ def save_policy() -> Callable[[str, dict[str, Any], Path], Path]:
         return folder
 
     return save
+
+
+@pytest.fixture
+def tiny_checkpoint(save_policy: Callable[..., Path], policy_type: str, tmp_path: Path) -> Path:
+    """Every policy's first variant in turn, saved."""
+    return save_policy(policy_type, next(iter(SPECIMENS[policy_type].tiny.values())), tmp_path / "model")

@@ -32,7 +32,7 @@ def in_left_frame(keyposes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return offset[..., 0], quat_wxyz_multiply(inverse, right[:, 3:7])
 
 
-def test_hands_keep_their_pose_relative_to_each_other(random_keyposes):
+def test_moved_keyposes_keep_their_relative_pose_flags_and_canonical_quaternions(random_keyposes):
     keyposes = random_keyposes(50).double()
     moved = move_keyposes(sample(keyposes), keyposes)
     before, after = in_left_frame(keyposes), in_left_frame(moved)
@@ -41,9 +41,6 @@ def test_hands_keep_their_pose_relative_to_each_other(random_keyposes):
     torch.testing.assert_close(
         rotation_angle_rad(after[1], before[1]), torch.zeros(50).double(), atol=1e-6, rtol=0
     )
-
-
-def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
     keyposes = random_keyposes(50)
     moved = arms(move_keyposes(sample(keyposes), keyposes))
     assert torch.equal(moved[..., 7:], arms(keyposes)[..., 7:])
@@ -53,7 +50,7 @@ def test_flags_stay_and_quaternions_stay_canonical(random_keyposes):
 
 def test_cloud_and_labels_move_by_the_same_transform(make_batch):
     batch = make_batch(samples=3)
-    motion = sample(batch["observation.next_keypose"])
+    motion = sample(batch["action"])
     still = observe(batch, cameras=("front",), keypose_horizon=25).points
     moved = observe(batch, cameras=("front",), keypose_horizon=25, motion=motion).points
     expected = motion[:, :3, :3] @ still + motion[:, :3, 3:]
@@ -84,15 +81,12 @@ def test_a_yaw_shifts_the_bins_of_upright_hands_by_whole_bins(random_keyposes):
     assert torch.equal((after[..., 2] - before[..., 2]) % 72, (steps[:, None] % 72).expand(-1, 2))
 
 
-def test_shift_stays_within_its_limits_and_fills_them(random_keyposes):
+def test_shifts_fill_their_limits_and_keep_both_hands_inside(random_keyposes):
     motion = sample(random_keyposes(500), augmentation_yaw_deg=0.0)
     shift = motion[:, :3, 3].abs().amax(0)
     limits = torch.tensor([0.125, 0.125, 0.05])
     assert (shift <= limits + 1e-6).all()
     assert (shift > 0.9 * limits).all()
-
-
-def test_both_hands_stay_inside_even_near_the_border(random_keyposes):
     keyposes = random_keyposes(100)
     per_arm = arms(keyposes)
     per_arm[:, 0, 0] = 0.695  # the left hand almost leaves through x, the right one through y
@@ -102,9 +96,6 @@ def test_both_hands_stay_inside_even_near_the_border(random_keyposes):
     moved = arms(move_keyposes(motion, keyposes))[..., :3]
     assert VOXEL_WORKSPACE.contains(moved.numpy()).all()
     assert (motion != torch.eye(4)).flatten(1).any(1).float().mean() > 0.5
-
-
-def test_a_keypose_that_cannot_be_kept_inside_is_left_alone(random_keyposes):
     keyposes = random_keyposes(2)
     keyposes[0, 0] = 5.0
     motion = sample(keyposes)
@@ -112,9 +103,7 @@ def test_a_keypose_that_cannot_be_kept_inside_is_left_alone(random_keyposes):
     assert not torch.equal(motion[1], torch.eye(4))
 
 
-def test_processes_of_one_training_draw_other_motions_though_they_are_seeded_alike(
-    random_keyposes, monkeypatch
-):
+def test_processes_of_one_training_that_are_seeded_alike_draw_other_motions(random_keyposes, monkeypatch):
     keyposes = random_keyposes(4)
 
     def drawn(rank: int, processes: int = 2) -> torch.Tensor:

@@ -28,6 +28,7 @@ PREPROCESSOR, POSTPROCESSOR = "policy_preprocessor.json", "policy_postprocessor.
 BIAS = "network.stem.conv.bias"
 FRONT, WRIST = "observation.images.front", "observation.images.left_wrist"
 FAR = {"type": "ACTION", "shape": [10**12]}
+FLOAT8 = torch.float8_e4m3fn
 
 Damage = Callable[[Path], Any]
 
@@ -95,52 +96,34 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "pickled weights": (write(WEIGHTS, pickle.dumps({"network": [1, 2]})), "not a valid safetensors file"),
     "a tensor missing": (weights(lambda tensors: tensors.pop(BIAS)), f"lacks tensors.*{BIAS}"),
     "a tensor too many": (weights(lambda tensors: tensors.update(more=torch.ones(1))), "unknown.* more"),
-    "a tensor of another shape": (
-        weights(lambda tensors: tensors.update({BIAS: torch.ones(9)})),
-        r"is \(9,\)",
-    ),
+    "a tensor of another shape": (weights(lambda held: held.update({BIAS: torch.ones(9)})), r"is \(9,\)"),
     "one infinite weight": (
-        weights(lambda tensors: tensors[BIAS].view(-1)[:1].fill_(torch.inf)),
+        weights(lambda held: held[BIAS][:1].fill_(torch.inf)),
         f"{BIAS} in .* not finite",
     ),
     "no preprocessor": (remove(PREPROCESSOR), "policy_preprocessor.json does not exist"),
-    "a step by class": (
-        edit(PREPROCESSOR, lambda value: value["steps"].append({"class": "subprocess.Popen"})),
-        "names the class 'subprocess.Popen'",
-    ),
+    "a step by class": (step(**{"class": "subprocess.Popen"}), "names the class 'subprocess.Popen'"),
     "an unknown step": (step(registry_name="stranger"), "the step 'stranger' loads something"),
     "another step of LeRobot": (step(registry_name="to_batch_processor", config={}), "but must list"),
     "a state file outside": (step(state_file="../secret.safetensors"), "state_file: .* pattern"),
     "a state file without end": (step(state_file="a" * 5000), "state_file: .* pattern"),
-    "a tower by name": (
-        config(language_encoder="clip:/none"),
-        "policy 'peract2' loads language_encoder='clip:/none'",
-    ),
-    "an unknown option": (
-        step(config={"tokenizer": "evil", "rename_map": {}}),
-        "step 'rename_observations_processor' loads tokenizer='evil' by name",
-    ),
+    "a tower by name": (config(language_encoder="clip:/none"), "loads language_encoder='clip:/none'"),
+    "an unknown option": (step(config={"tokenizer": "evil"}), "loads tokenizer='evil' by name"),
     "cameras exchanged": (step(config={"rename_map": {FRONT: WRIST, WRIST: FRONT}}), "see another camera"),
     "a state for an action": (step(config={"rename_map": {"observation.state": "action"}}), "see another"),
     "a device of any text": (processor_step(2, {"device": "rm -rf"}), "device: .* pattern"),
     "a feature too large": (processor_step(3, {"features": {"a": FAR}}), "features.a.shape.0: .* less than"),
     "an output too large": (config(output_features={"action": FAR}), "shape.0: .* less than"),
-    "an odd shape": (
-        config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}),
-        "shape: .* but is 'x'",
-    ),
-    "more beside the steps": (
-        edit(PREPROCESSOR, lambda value: value.update(more=1)),
-        "more: .* not permitted",
-    ),
+    "an odd shape": (config(input_features={FRONT: {"type": "VISUAL", "shape": "x"}}), "shape: .* is 'x'"),
+    "more beside the steps": (edit(PREPROCESSOR, lambda value: value.update(more=1)), "more: .* permitted"),
     "control characters": (config(repo_id="\x1b[2J\x00"), "holds a text with control characters"),
     "float8": (
-        weights(lambda tensors: tensors.update({BIAS: tensors[BIAS].to(torch.float8_e4m3fn)})),
-        f"{BIAS} in .*float8_e4m3fn, but",
+        weights(lambda held: held.update({BIAS: held[BIAS].to(FLOAT8)})),
+        f"{BIAS} in .*{FLOAT8}, but",
     ),
     "float8 in a state": (
         lambda folder: [
-            save_file({"a": torch.full((1,), torch.nan).to(torch.float8_e4m3fn)}, folder / "a.safetensors"),
+            save_file({"a": torch.full((1,), torch.nan).to(FLOAT8)}, folder / "a.safetensors"),
             step(state_file="a.safetensors")(folder),
         ],
         "a in .*a.safetensors holds numbers that are not finite",
@@ -173,27 +156,22 @@ def test_a_checkpoint_with_changed_bytes_is_read_or_refused(data, sound, tmp_pat
         check_checkpoint(folder)
 
 
-def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(save_policy, policy_type, specimens, tmp_path):
-    checkpoint = save_policy(
-        policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path / "model"
-    )
+def test_a_program_in_a_checkpoint_of_any_policy_does_not_run(tiny_checkpoint, tmp_path):
     marker = tmp_path / "it_ran"
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text('{"total_frames": 1}')
     for name in (PREPROCESSOR, POSTPROCESSOR):
         stranger = {"class": "subprocess.Popen", "config": {"args": ["touch", str(marker)]}}
-        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(checkpoint)
+        edit(name, lambda value, stranger=stranger: value["steps"].insert(0, stranger))(tiny_checkpoint)
         for command in ("check", "accuracy", "inspect"):
             data = [] if command == "check" else [f"--root={tmp_path}"]
-            assert cli.main(["policy", command, f"--checkpoint={checkpoint}", *data]) == 1
+            assert cli.main(["policy", command, f"--checkpoint={tiny_checkpoint}", *data]) == 1
         with pytest.raises(CheckpointError, match=r"subprocess\.Popen.*Do not load"):
-            load_policy(checkpoint)
+            load_policy(tiny_checkpoint)
     assert not marker.exists()
 
 
-def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
-    save_policy, policy_type, specimens, make_batch, tmp_path, capsys
-):
+def test_a_sound_checkpoint_is_described(save_policy, policy_type, specimens, make_batch, tmp_path, capsys):
     for variant, options in specimens[policy_type].tiny.items():
         checkpoint = save_policy(policy_type, options, tmp_path / variant)
         assert cli.main(["policy", "check", f"--checkpoint={checkpoint}"]) == 0
@@ -207,29 +185,24 @@ def test_a_sound_checkpoint_of_any_policy_is_loaded_and_described(
         assert torch.equal(loaded.select_action(batch), stock.select_action(batch))
 
 
-def test_lerobot_loads_the_weights_of_a_policy_strictly(save_policy, policy_type, specimens, tmp_path):
-    checkpoint = save_policy(policy_type, next(iter(specimens[policy_type].tiny.values())), tmp_path)
+def test_lerobot_loads_the_weights_of_a_policy_strictly(tiny_checkpoint, policy_type):
     stock = get_policy_class(policy_type)
-    stock.from_pretrained(checkpoint)
-    weights(lambda tensors: tensors.pop(min(tensors)))(checkpoint)
+    stock.from_pretrained(tiny_checkpoint)
+    weights(lambda tensors: tensors.pop(min(tensors)))(tiny_checkpoint)
     with pytest.raises(CheckpointError, match="lacks tensors"):
-        stock.from_pretrained(checkpoint)
+        stock.from_pretrained(tiny_checkpoint)
 
 
 def test_what_may_look_something_up_is_not_called_safe(checkpoint, specimens):
     for name in PreTrainedConfig.get_known_choices().keys() - SAFE_POLICIES:
         if name not in specimens:
             config(type=name, vlm_model_name="evil/repo")(checkpoint)
-            with pytest.raises(
-                NotSafeToSay, match=f"policy '{name}' loads .*vlm_model_name='evil/repo' by name"
-            ):
+            with pytest.raises(NotSafeToSay, match=f"policy '{name}' .*vlm_model_name='evil/repo' by name"):
                 check_checkpoint(checkpoint)
 
 
 def test_no_step_that_lerobot_registers_is_safe_but_those_on_the_list(tmp_path):
-    for name in (
-        set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys()
-    ):  # one of them trusts remote code by default
+    for name in set(ProcessorStepRegistry.list()) - SAFE_STEPS.keys():
         options = {"action_tokenizer_name": "evil/repo"}
         processor = {"name": "x", "steps": [{"registry_name": name, "config": options}]}
         with pytest.raises(NotSafeToSay, match=f"the step '{name}' loads action_tokenizer_name='evil/repo'"):

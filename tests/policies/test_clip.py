@@ -67,18 +67,14 @@ def test_the_tower_runs_once_per_instruction(tower, monkeypatch):
     assert len(seen) == 2
 
 
-def test_the_tower_is_neither_trained_nor_saved(tower, make_policy):
+def test_a_policy_learns_on_frozen_tokens_which_are_neither_trained_nor_saved_and_comes_back(
+    tower, make_policy, make_batch, tmp_path
+):
     policy = make_policy(language_encoder=f"clip:{tower}", language_tokens=TOKENS, language_dim=DIM)
     assert not list(policy.language.parameters())
     assert not [name for name in policy.state_dict() if name.startswith("language.")]
     own = {id(parameter) for parameter in policy.network.parameters()}
     assert {id(parameter) for parameter in policy.get_optim_params()} == own
-
-
-def test_a_policy_learns_on_frozen_tokens_and_comes_back_from_its_checkpoint(
-    tower, make_policy, make_batch, tmp_path
-):
-    policy = make_policy(language_encoder=f"clip:{tower}", language_tokens=TOKENS, language_dim=DIM)
     batch = make_batch(samples=1)
     action = policy.select_action(batch)
     policy.train()(batch)[0].backward()
@@ -86,16 +82,6 @@ def test_a_policy_learns_on_frozen_tokens_and_comes_back_from_its_checkpoint(
     policy.save_pretrained(tmp_path)
     again = type(policy).from_pretrained(tmp_path, config=policy.config)
     assert torch.equal(again.select_action(batch), action)
-
-
-@pytest.mark.parametrize("context", [torch.inference_mode, lambda: torch.autocast("cpu", torch.bfloat16)])
-def test_what_an_evaluation_caches_serves_training(tower, context):
-    language = encoder(tower)
-    with context():
-        language(["lift the ball"])
-    tokens = language(["lift the ball"])
-    assert torch.equal(tokens, encoder(tower)(["lift the ball"]))
-    torch.nn.Linear(DIM, 1)(tokens).sum().backward()
 
 
 @pytest.mark.parametrize(("tokens", "dim"), [(TOKENS, 2 * DIM), (CONTEXT + 1, DIM)])

@@ -1,11 +1,15 @@
 """The config is checked, survives the command line and the checkpoint, and gives LeRobot its presets."""
 
+import re
+from dataclasses import fields
+
 import draccus
 import pytest
 import torch
+from draccus.wrappers.docstring import get_attribute_docstring, get_preferred_help_text
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 
-from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE, VECTORS, depth_key, image_key
+from lerobot_bimanual.dataset.schema import EE_POSE, VECTORS, depth_key, image_key
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_policy_bimanual import PerAct2Config, PerActIndependentConfig, PerActLFConfig
 from lerobot_policy_bimanual.errors import BadConfig
@@ -17,8 +21,7 @@ def dataset_inputs(cameras: tuple[str, ...]) -> dict[str, PolicyFeature]:
         inputs[image_key(camera)] = PolicyFeature(FeatureType.VISUAL, (3, 16, 16))
         inputs[depth_key(camera)] = PolicyFeature(FeatureType.VISUAL, (1, 16, 16))
     for key, names in VECTORS.items():
-        if key.startswith("observation."):
-            inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
+        inputs[key] = PolicyFeature(FeatureType.STATE, (len(names),))
     return inputs
 
 
@@ -49,9 +52,7 @@ def test_config_survives_saving(tmp_path):
     ("changes", "error", "hint"),
     [
         ({"translation_head": "sparse"}, InvalidChoice, "dense, factorised"),
-        ({"voxel_cells": 5}, BadConfig, "translation_head=factorised"),
         ({"voxel_cells": 1}, BadConfig, "at least 2"),
-        ({"projection_dilations": (3, 9)}, BadConfig, "translation_head=factorised"),
         ({"translation_head": "factorised", "projection_dilations": (0,)}, BadConfig, "numbers from 1"),
         ({"language_filters": True}, BadConfig, "translation_head=factorised"),
         ({"decode": "mean"}, InvalidChoice, "voxel, expectation"),
@@ -61,16 +62,12 @@ def test_config_survives_saving(tmp_path):
         ({"cameras": ("front", "front")}, BadConfig, "none twice"),
         ({"heads": 0}, BadConfig, "heads is 0, but must be a whole number from 1 to 128"),
         ({"heads": True}, BadConfig, "whole number"),
-        ({"depth": 2.0}, BadConfig, "whole number"),
         ({"optimizer_lr": float("nan")}, BadConfig, "a number from 0 to 10"),
         ({"attention_dropout": 1.0}, BadConfig, "a number from 0 to 0.9"),
-        ({"workspace_upper": (1.0, 1.0)}, BadConfig, "3 numbers from -100 to 100"),
         ({"workspace_upper": (0.7, -0.5, 1.6)}, BadConfig, "on every axis"),
-        ({"rotation_bin_deg": 0}, BadConfig, "a number from 0.5 to 180"),
         ({"n_obs_steps": 2}, BadConfig, "must be 1"),
         ({"voxel_size": 64}, BadConfig, "multiple of 5"),
         ({"num_latents": 33}, BadConfig, "evenly"),
-        ({"latent_dim": 100}, BadConfig, "multiple of 8"),
         ({"rotation_bin_deg": 7.0}, BadConfig, "divide 360"),
     ],
 )
@@ -83,7 +80,7 @@ def test_only_what_the_policy_reads_stays_among_its_inputs_and_missing_depth_is_
     config = PerAct2Config(device="cpu", cameras=("front",))
     config.input_features = dataset_inputs(("front", "left_wrist"))
     config.validate_features()
-    assert NEXT_KEYPOSE not in config.input_features
+    assert EE_POSE not in config.input_features
     assert set(config.image_features) == {image_key("front"), depth_key("front")}
     del config.input_features[depth_key("front")]
     with pytest.raises(DatasetError, match=r"observation\.images\.front_depth"):
@@ -116,3 +113,13 @@ def test_learning_rate_warms_up_and_ends_low_whatever_the_number_of_steps(steps)
     assert rates.index(max(rates)) == pytest.approx(0.05 * steps, abs=2)
     assert max(rates) == pytest.approx(1e-3, rel=0.01)
     assert rates[-1] == pytest.approx(0.02e-3, rel=0.02)
+
+
+def test_every_flag_of_a_policy_has_a_help_text(policy_type):
+    config_class = PreTrainedConfig.get_choice_class(policy_type)
+    lerobots = {field.name for field in fields(PreTrainedConfig)}
+    for field in fields(config_class):
+        if field.name not in lerobots:
+            text = get_preferred_help_text(get_attribute_docstring(config_class, field.name))
+            assert text, field.name
+            assert not re.search(r"""^#|field\(|def |class |"{3}""", text), (field.name, text)

@@ -13,7 +13,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import lerobot_policy_bimanual
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE, depth_key
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP, depth_key
 from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_policy_bimanual import PerAct2Config
@@ -51,14 +51,10 @@ def test_the_package_offers_the_config_the_policy_and_the_processors_of_every_ty
 
 def test_defaults_have_the_reference_implementations_parameter_count(policy_type, specimens):
     policy_class = get_policy_class(policy_type)
-    config = PreTrainedConfig.get_choice_class(policy_type)(
-        device="cpu"
-    )  # nothing else is needed, no statistics
+    config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
     with torch.device("meta"):
         policy = policy_class(config)
-    count = sum(
-        value.numel() for name, value in policy.named_parameters() if not name.startswith("language.")
-    )
+    count = sum(each.numel() for name, each in policy.named_parameters() if not name.startswith("language."))
     assert count == specimens[policy_type].parameters
 
 
@@ -77,9 +73,9 @@ def test_action_is_a_valid_keypose_of_both_arms(make_policy, make_batch, decode)
 def test_labels_and_recorded_actions_do_not_change_the_action(make_policy, make_batch):
     policy = make_policy()
     batch = make_batch()
-    observation = {key: value for key, value in batch.items() if key not in (NEXT_KEYPOSE, "action")}
+    observation = {key: value for key, value in batch.items() if key != ACTION}
     action = policy.select_action(observation)
-    batch[NEXT_KEYPOSE] = batch[NEXT_KEYPOSE].flip(0)
+    batch[ACTION] = batch[ACTION].flip(0)
     assert torch.equal(policy.select_action(batch), action)
     assert torch.equal(policy.predict_action_chunk(batch)[:, 0], action)
 
@@ -121,18 +117,20 @@ def test_bfloat16_gives_nearly_the_same_loss(make_policy, make_batch):
     torch.testing.assert_close(loss, full(batch)[0], atol=0, rtol=0.02)
 
 
-def test_neither_training_nor_acting_changes_the_batch(make_policy, make_batch):
+def test_a_batch_stays_as_it_is_and_only_the_training_loss_is_augmented(make_policy, make_batch):
     policy = make_policy()
     batch = make_batch()
     before = copy.deepcopy(batch)
     policy.train()(batch)
     policy.select_action(batch)
     assert_equal_batches(batch, before)
+    policy = make_policy()
+    batch = make_batch()
+    assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
+    assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
 
 
-def test_policy_survives_saving_and_answers_with_a_keypose_whatever_the_environments_action(
-    make_policy, make_batch, tmp_path
-):
+def test_policy_survives_saving_whatever_the_environments_action(make_policy, make_batch, tmp_path):
     policy = make_policy().eval()
     policy.save_pretrained(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"config.json", "model.safetensors"}
@@ -158,13 +156,6 @@ def test_only_the_chosen_cameras_are_looked_at(make_policy, make_batch, cameras)
     assert torch.equal(policy(batch)[0], loss)
 
 
-def test_evaluation_loss_is_not_augmented_and_the_training_loss_is(make_policy, make_batch):
-    policy = make_policy()
-    batch = make_batch()
-    assert torch.equal(policy.eval()(batch)[0], policy.eval()(batch)[0])
-    assert not torch.equal(policy.train()(batch)[0], policy.train()(batch)[0])
-
-
 def test_processors_leave_observations_alone_and_survive_saving(policy_type, make_batch, tmp_path):
     config = PreTrainedConfig.get_choice_class(policy_type)(device="cpu")
     config.output_features = {"action": PolicyFeature(FeatureType.ACTION, (16,))}
@@ -181,23 +172,17 @@ def test_processors_leave_observations_alone_and_survive_saving(policy_type, mak
         assert torch.equal(postprocess(keypose), keypose)
 
 
-@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2)])
-def test_the_horizon_is_taken_from_the_dataset_and_kept_in_the_checkpoint(
+@pytest.mark.parametrize(("largest", "horizon"), [(7.0, 8), (1.0, 2), (0.0, 2), (None, 25)])
+def test_the_horizon_is_that_of_the_dataset_or_of_the_papers_code_and_kept(
     make_policy, tmp_path, largest, horizon
 ):
-    stats = {KEYPOSE_STEP: {"max": np.array([largest])}}
+    stats = None if largest is None else {KEYPOSE_STEP: {"max": np.array([largest])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
     assert PreTrainedConfig.from_pretrained(tmp_path).keypose_horizon == horizon
 
 
-def test_without_a_dataset_the_horizon_is_that_of_the_papers_code(make_policy):
-    assert make_policy(dataset_stats=None, keypose_horizon=None).config.keypose_horizon == 25
-
-
-def test_flags_must_not_contradict_a_checkpoint_and_a_longer_dataset_is_warned_of(
-    make_policy, tmp_path, caplog
-):
+def test_flags_must_not_contradict_a_checkpoint_and_long_datasets_warn(make_policy, tmp_path, caplog):
     stats = {KEYPOSE_STEP: {"max": np.array([5.0])}}
     policy = make_policy(dataset_stats=stats, keypose_horizon=None)
     policy.save_pretrained(tmp_path)
@@ -206,7 +191,7 @@ def test_flags_must_not_contradict_a_checkpoint_and_a_longer_dataset_is_warned_o
         with pytest.raises(BadConfig, match=rf"leave out --policy\.{name}"):
             type(policy).from_pretrained(tmp_path, config=replace(config, **{name: other}))
     labels = {"min": -np.ones(18), "max": np.ones(18)}
-    longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, NEXT_KEYPOSE: labels}
+    longer = {KEYPOSE_STEP: {"max": np.array([6.0])}, ACTION: labels}
     restored = type(policy).from_pretrained(tmp_path, config=config, dataset_stats=longer)
     assert restored.config.keypose_horizon == 6
     steps, workspace = (record.getMessage() for record in caplog.records)
@@ -245,7 +230,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
     assert loss < 0.05
     predicted, truth = (
         policy.codec.encode(policy.select_action(batch)),
-        policy.codec.encode(batch[NEXT_KEYPOSE]),
+        policy.codec.encode(batch[ACTION]),
     )
     assert (predicted.voxel - truth.voxel).abs().max() <= 1
     turn = (predicted.rotation - truth.rotation).abs() % 72
@@ -256,9 +241,7 @@ def test_four_keyframes_are_learned_by_heart(make_policy, make_batch):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_a_compiled_network_has_the_losses_of_the_plain_one_and_is_compiled_once(
-    specimens, make_batch, monkeypatch
-):
+def test_a_compiled_network_has_the_plain_losses_and_is_compiled_once(specimens, make_batch, monkeypatch):
     graphs = []
 
     def backend(graph: torch.fx.GraphModule, inputs: list) -> Callable:
@@ -269,9 +252,7 @@ def test_a_compiled_network_has_the_losses_of_the_plain_one_and_is_compiled_once
     compiler = torch.nn.Module.compile
     monkeypatch.setattr(torch.nn.Module, "compile", lambda module: compiler(module, backend=backend))
     options = specimens["peract2"].tiny["factorised"] | {"augmentation": False}
-    plain, compiled = (
-        PerAct2Policy(PerAct2Config(**options, compile=flag)).train() for flag in (False, True)
-    )
+    plain, compiled = (PerAct2Policy(PerAct2Config(**options, compile=on)).train() for on in (False, True))
     compiled.load_state_dict(plain.state_dict())
     batch = make_batch()
     for _ in range(2):

@@ -1,11 +1,24 @@
 """What all keypose policies do around their networks, tried on the smallest PerAct2."""
 
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
 import pytest
 import torch
+from lerobot.optim.optimizers import AdamWConfig
 
-from lerobot_bimanual.dataset.schema import CAMERA_INTRINSICS, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, CAMERA_INTRINSICS
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual import PerAct2Config
+from lerobot_policy_bimanual.keypose.losses import keypose_errors
+from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
+from lerobot_policy_bimanual.nn.language import MAX_WORDS, LearnedLanguage, word_ids
+from lerobot_policy_bimanual.nn.precision import full_precision
+from lerobot_policy_bimanual.peract.dense_head import LogitConv3d, SkipConv3d
+from lerobot_policy_bimanual.peract.pooling import pool
+from lerobot_policy_bimanual.peract.upsample import UpsampledConv3d
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy
 
 
@@ -28,15 +41,12 @@ def test_images_of_any_size_are_accepted(tiny, make_batch):
         assert policy.select_action(batch).shape == (2, 18)
 
 
-def test_time_runs_from_one_to_minus_one_over_the_horizon(tiny, make_batch):
+def test_proprioception_is_per_arm_left_first_and_time_runs_over_the_horizon(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny | {"keypose_horizon": 5}))
     batch = make_batch(samples=4)
     batch["observation.keypose_step"] = torch.tensor([[0.0], [2.0], [4.0], [9.0]])
     proprio = policy.observe(batch).proprio.view(4, 2, 4)
     assert proprio[:, :, 3].tolist() == [[1.0] * 2, [0.0] * 2, [-1.0] * 2, [-1.0] * 2]
-
-
-def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
     policy = PerAct2Policy(PerAct2Config(**tiny))
     batch = make_batch(samples=1)
     batch["observation.state"] = torch.zeros(1, 16)
@@ -48,8 +58,8 @@ def test_proprioception_is_per_arm_and_left_first(tiny, make_batch):
 
 def test_training_without_labels_is_refused(tiny, make_batch):
     batch = make_batch()
-    del batch[NEXT_KEYPOSE]
-    with pytest.raises(DatasetError, match=NEXT_KEYPOSE):
+    del batch[ACTION]
+    with pytest.raises(DatasetError, match=ACTION):
         PerAct2Policy(PerAct2Config(**tiny))(batch)
 
 
@@ -64,3 +74,173 @@ def test_outer_autocast_does_not_touch_the_geometry(tiny, make_batch):
     with torch.autocast("cpu", torch.bfloat16):
         policy.eval()(batch)
     assert torch.equal(seen[0].points, expected)
+
+
+def test_errors_are_the_distances_that_were_put_in(random_keyposes):
+    keyposes = random_keyposes(4)
+    per_arm = keyposes.view(4, 2, 9).clone()
+    per_arm[:, 0, 0] += 0.03
+    per_arm[:2, 1, 2] -= 0.08
+    half = math.radians(10) / 2
+    per_arm[:, 0, 3:7] = torch.tensor([math.cos(half), 0.0, 0.0, math.sin(half)])
+    truth = keyposes.view(4, 2, 9).clone()
+    truth[:, 0, 3:7] = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    errors = {
+        name: value.item() for name, value in keypose_errors(per_arm.flatten(1), truth.flatten(1)).items()
+    }
+    assert errors == pytest.approx(
+        {
+            "left_position_cm": 3.0,
+            "left_rotation_deg": 10.0,
+            "left_far": 0.0,
+            "right_position_cm": 4.0,
+            "right_rotation_deg": 0.0,
+            "right_far": 0.5,
+        },
+        abs=1e-2,
+    )
+
+
+def written_out_lamb(weight: np.ndarray, gradients: list[np.ndarray], config: LambConfig) -> np.ndarray:
+    first, second = np.zeros_like(weight), np.zeros_like(weight)
+    for gradient in gradients:
+        first = config.betas[0] * first + (1 - config.betas[0]) * gradient
+        second = config.betas[1] * second + (1 - config.betas[1]) * gradient**2
+        direction = first / (np.sqrt(second) + config.eps) + config.weight_decay * weight
+        norm = min(np.linalg.norm(weight), 10.0)
+        ratio = norm / np.linalg.norm(direction) if norm > 0 and np.linalg.norm(direction) > 0 else 1.0
+        weight = weight - config.lr * ratio * direction
+    return weight
+
+
+def test_steps_equal_the_written_out_formula():
+    config = LambConfig(weight_decay=0.01)
+    starts = [torch.randn(4, 3), torch.zeros(5), 100 * torch.randn(6)]  # one zero, one beyond the clamp
+    gradients = [[torch.randn_like(start) for start in starts] for _ in range(3)]
+    weights = [torch.nn.Parameter(start.clone()) for start in starts]
+    optimizer = config.build(weights)
+    for step in gradients:
+        for weight, gradient in zip(weights, step, strict=True):
+            weight.grad = gradient.clone()
+        optimizer.step()
+    for index, weight in enumerate(weights):
+        history = [step[index].double().numpy() for step in gradients]
+        expected = written_out_lamb(starts[index].double().numpy(), history, config)
+        np.testing.assert_allclose(weight.detach().numpy(), expected, rtol=1e-5, atol=1e-6)
+
+
+def test_fused_adamw_takes_the_steps_of_lerobots_adamw():
+    start = torch.randn(40, 30)
+    gradients = torch.randn(5, 40, 30)
+    ends = []
+    for config in (AdamWConfig(lr=0.01), FusedAdamWConfig(lr=0.01)):
+        weight = torch.nn.Parameter(start.clone())
+        optimizer = config.build([weight])
+        for gradient in gradients:
+            weight.grad = gradient.clone()
+            optimizer.step()
+        ends.append(weight.detach())
+    torch.testing.assert_close(*ends, rtol=1e-6, atol=1e-7)
+    assert not torch.equal(ends[0], start)
+
+
+def test_equal_sentences_give_equal_tokens_whatever_their_neighbours():
+    language = LearnedLanguage(tokens=5, dim=7).eval()
+    alone = language(["lift the ball"])
+    together = language(["push the very heavy box over to the red area", "lift the ball"])
+    assert alone.shape == (1, 5, 7)
+    torch.testing.assert_close(together[1], alone[0])
+
+
+def test_word_slots_are_stable_and_other_words_give_other_tokens():
+    language = LearnedLanguage(tokens=5, dim=7).eval()
+    tokens = language(["press the red button", "press the blue button", "button red the press"])
+    assert not torch.allclose(tokens[0], tokens[1])
+    assert not torch.allclose(tokens[0], tokens[2])
+    assert word_ids("Lift the BALL!") == word_ids("lift the ball")
+    assert word_ids("lift ball") == [0, 1918, 118]  # a checkpoint relies on these
+
+
+@pytest.mark.parametrize("instruction", ["", "  ?!", "défense d'afficher 機械", "\ud800", "word " * 300])
+def test_no_sentence_is_refused(instruction):
+    assert torch.isfinite(LearnedLanguage(tokens=3, dim=4)([instruction, "lift the ball"])).all()
+    assert len(word_ids(instruction)) <= MAX_WORDS
+
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def in_both_precisions(function: Callable[..., Any], *inputs: torch.Tensor) -> tuple[Any, Any]:
+    """Results in float32 and under autocast to bfloat16."""
+    inputs = tuple(x.to(DEVICE) for x in inputs)
+    with torch.autocast(DEVICE, torch.bfloat16):
+        half = function(*inputs)
+    return function(*inputs), half
+
+
+def relative_error(actual: torch.Tensor, expected: torch.Tensor) -> float:
+    return ((actual.float() - expected).norm() / expected.norm()).item()
+
+
+def decode(channels: int) -> Callable[..., torch.Tensor]:
+    """Upsampling, skip convolution and logits, one after the other."""
+    upsample = UpsampledConv3d(channels, channels).to(DEVICE)
+    join, logits = SkipConv3d(channels).to(DEVICE), LogitConv3d(channels).to(DEVICE)
+    return lambda coarse, stem: logits(join(join.skip_half(stem), upsample(coarse, upsample.kernel())))
+
+
+def test_decoder_gradients_in_bfloat16_stay_close():
+    coarse, stem = torch.randn(2, 8, 3, 3, 3), torch.randn(2, 8, 15, 15, 15)
+    decoder = decode(8)
+
+    def gradient(coarse: torch.Tensor, stem: torch.Tensor) -> torch.Tensor:
+        coarse = coarse.clone().requires_grad_()
+        return torch.autograd.grad(decoder(coarse, stem).square().sum(), coarse)[0]
+
+    full, half = in_both_precisions(gradient, coarse, stem)
+    assert half.dtype == torch.float32
+    assert relative_error(half, full) < 0.05
+
+
+def test_spatial_softmax_of_float32_features_ignores_autocast():
+    full, half = in_both_precisions(pool, torch.randn(2, 3, 5, 5, 5))
+    assert torch.equal(full, half)
+
+
+MATMUL = torch.backends.cuda.matmul
+
+
+@pytest.fixture
+def tf32() -> Iterator[None]:
+    """TF32 as LeRobot's programs switch it on; a process without a GPU has the setting, too."""
+    MATMUL.allow_tf32 = True
+    yield
+    MATMUL.allow_tf32 = False
+
+
+@pytest.mark.usefixtures("tf32")
+def test_geometry_on_a_gpu_is_without_tf32_until_the_last_thread_has_left():
+    gpu = torch.device("cuda")
+    with full_precision(gpu):
+        first, second = full_precision(gpu), full_precision(gpu)
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert not MATMUL.allow_tf32
+        second.__exit__(None, None, None)
+        assert not MATMUL.allow_tf32
+    assert MATMUL.allow_tf32
+    with pytest.raises(ZeroDivisionError), full_precision(gpu):
+        1 / 0  # noqa: B018
+    assert MATMUL.allow_tf32
+    assert torch.get_float32_matmul_precision() == "high"
+
+
+@pytest.mark.gpu
+@pytest.mark.usefixtures("tf32")
+def test_points_on_a_gpu_are_those_of_the_cpu(tiny, make_batch):
+    batch = make_batch()
+    policy = PerAct2Policy(PerAct2Config(**tiny))
+    expected = policy.infer(batch)[0].points
+    moved = {key: value.cuda() if torch.is_tensor(value) else value for key, value in batch.items()}
+    torch.testing.assert_close(policy.cuda().infer(moved)[0].points.cpu(), expected, atol=1e-5, rtol=0)

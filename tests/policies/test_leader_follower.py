@@ -5,7 +5,7 @@ import torch
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_bimanual.dataset.schema import GRIPPER_FINGERS, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, GRIPPER_FINGERS
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 from lerobot_policy_bimanual.nn.arms import LeaderFollower
 from lerobot_policy_bimanual.peract_independent.configuration_peract_independent import (
@@ -48,9 +48,7 @@ def numbers(policy: KeyposePolicy, bins: KeyposeBins, arm) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("shift_m", [(0.0, 0.0, 0.0), (0.05, -0.05, 0.05)])
-def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the_scene(
-    make_leader_follower, leader, make_batch, monkeypatch, shift_m
-):
+def test_training_tells_the_moved_label(make_leader_follower, leader, make_batch, monkeypatch, shift_m):
     policy = make_leader_follower(leader=str(leader), augmentation=True).train()
     motion = torch.eye(4).repeat(4, 1, 1)
     motion[:, :3, 3] = torch.tensor(shift_m)
@@ -58,7 +56,7 @@ def test_in_training_the_follower_is_told_the_label_of_the_leader_moved_with_the
     seen, batch = spy(policy), make_batch(samples=4)
     policy(batch)
     assert seen["follower"].shape == (4, 4 + 8)
-    moved = batch[NEXT_KEYPOSE].view(-1, 2, 9).clone()
+    moved = batch[ACTION].view(-1, 2, 9).clone()
     moved[..., :3] += torch.tensor(shift_m)
     label = policy.codec.encode(moved.flatten(1))
     torch.testing.assert_close(seen["follower"][:, 4:], numbers(policy, label, leader))
@@ -88,7 +86,7 @@ def test_predictions_come_left_arm_first(policy, leader, make_batch):
 def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leader, make_batch):
     policy.eval()
     batch = make_batch()
-    observation, bins = policy.observe(batch), policy.target_bins(batch[NEXT_KEYPOSE])
+    observation, bins = policy.observe(batch), policy.target_bins(batch[ACTION])
 
     def turned(arm) -> KeyposeBins:
         rotation = bins.rotation.clone()
@@ -104,7 +102,7 @@ def test_the_follower_heeds_the_leader_and_not_the_other_way_round(policy, leade
 
 def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch):
     batch = make_batch()
-    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    target = policy.target_bins(batch[ACTION])
     prediction = policy.predict(policy.observe(batch), target)
     follower = leader.other.ordinal
     loss = prediction.translation.cross_entropy(target.voxel)[:, follower].sum()
@@ -117,12 +115,10 @@ def test_the_followers_loss_does_not_reach_the_leader(policy, leader, make_batch
 def test_independent_arms_ignore_each_others_fingers_and_labels(tiny, make_batch):
     policy = PerActIndependentPolicy(PerActIndependentConfig(**tiny, translation_head="factorised")).eval()
     batch = make_batch()
-    target = policy.target_bins(batch[NEXT_KEYPOSE])
+    target = policy.target_bins(batch[ACTION])
     before = policy.predict(policy.observe(batch), target)
     batch[GRIPPER_FINGERS][:, 2:] = 0.04 - batch[GRIPPER_FINGERS][:, 2:]
-    other = KeyposeBins(
-        *(torch.stack([value[:, 0], value[:, 1].flip(0)], dim=1) for value in vars(target).values())
-    )
+    other = KeyposeBins(*(torch.stack([x[:, 0], x[:, 1].flip(0)], dim=1) for x in vars(target).values()))
     after = policy.predict(policy.observe(batch), other)
     assert torch.equal(after.rotation[:, 0], before.rotation[:, 0])
     assert not torch.allclose(after.rotation[:, 1], before.rotation[:, 1])

@@ -1,12 +1,12 @@
 """The network computes the written-out formulation, faster."""
 
+import peract2_written_out as reference
 import pytest
 import torch
 
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
-from lerobot_policy_bimanual.peract import reference
 from lerobot_policy_bimanual.peract.convolutions import PatchConv3d, PointwiseConv3d, pad_replicate
 from lerobot_policy_bimanual.peract.factorised_head import (
     FactorisedTranslation,
@@ -60,9 +60,7 @@ def pose_logits(prediction) -> torch.Tensor:
     ("arms", "checkpointing", "chunk"),
     [(1, False, 2**21), (2, False, 2**21), (2, True, 2**21), (2, False, 900)],
 )
-def test_dense_network_and_its_gradients_equal_the_written_out_formulation(
-    make_network, monkeypatch, arms, checkpointing, chunk
-):
+def test_dense_network_equals_the_written_out_one(make_network, monkeypatch, arms, checkpointing, chunk):
     for module in ("pooling", "upsample"):
         monkeypatch.setattr(f"lerobot_policy_bimanual.peract.{module}.CHUNK_CPU", chunk)
     network = make_network(arms, activation_checkpointing=checkpointing)
@@ -83,9 +81,7 @@ def test_dense_network_and_its_gradients_equal_the_written_out_formulation(
     losses = keypose_losses(prediction, KeyposeBins(voxel, angles, *flags.unbind(-1)))
     sum(losses.values()).mean().backward()
     for name, parameter in parameters.items():
-        torch.testing.assert_close(
-            parameter.grad, expected[name], msg=lambda text, name=name: f"{name}: {text}"
-        )
+        torch.testing.assert_close(parameter.grad, expected[name], msg=lambda text, of=name: f"{of}: {text}")
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
@@ -113,9 +109,7 @@ def test_padding_and_its_gradient_equal_torchs_own(before, after):
     actual = pad_replicate(x, before, after)
     assert torch.equal(actual, expected)
     probe = torch.randn_like(actual)
-    torch.testing.assert_close(
-        torch.autograd.grad(actual, x, probe)[0], torch.autograd.grad(expected, x, probe)[0]
-    )
+    torch.testing.assert_close(*(torch.autograd.grad(padded, x, probe)[0] for padded in (actual, expected)))
 
 
 def test_pooling_keeps_the_ranking_of_bfloat16_features():
@@ -125,9 +119,7 @@ def test_pooling_keeps_the_ranking_of_bfloat16_features():
     torch.testing.assert_close(pool(x)[0], torch.tensor([1.0, -1.0, -1 / 3, 8.0]))
 
 
-def test_factorised_head_gives_one_distribution_over_all_voxels_of_which_the_loss_is_the_likelihood(
-    make_network,
-):
+def test_factorised_head_is_one_distribution_over_all_voxels_and_its_loss_the_likelihood(make_network):
     network, inputs = make_network(translation_head="factorised").eval(), make_inputs()
     candidates = network(*inputs).translation.candidates()  # 8 patches, all within the beam
     assert len(torch.unique(candidates.voxel[0, 0], dim=0)) == candidates.voxel.shape[2] == 1000
@@ -234,14 +226,3 @@ def test_dense_candidates_leave_out_neighbours_beyond_the_border(make_network):
     candidates = prediction.translation.candidates()
     assert candidates.best().tolist() == [[[0, 9, 5]] * 2] * 2
     assert torch.isneginf(candidates.score).sum(-1).unique().tolist() == [27 - 2 * 2 * 3]
-
-
-@pytest.mark.parametrize("centred", [False, True])
-def test_patches_equal_a_strided_convolution(centred):
-    layer = PatchConv3d(3, 4, centred=centred).double()
-    x = torch.randn(2, 3, 10, 10, 10, dtype=torch.float64)
-    padding = 2 if centred else 0
-    expected = reference.leaky(
-        reference.conv(x, layer.conv.weight, layer.conv.bias, stride=5, padding=padding)
-    )
-    torch.testing.assert_close(layer(x), expected.flatten(2).transpose(1, 2))

@@ -2,23 +2,31 @@
 
 import logging
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.policies.factory import get_policy_class
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
     KEYPOSE_STEP,
-    NEXT_KEYPOSE,
+    SCHEMA_VERSION,
     STATE,
+    TASK_NAME,
+    VERSION_INFO,
+    WRIST_EXTRINSICS,
     depth_key,
+    features,
     image_key,
 )
+from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadObservation
 from lerobot_policy_bimanual.keypose.dataset_fit import fit_config
@@ -123,19 +131,13 @@ def test_a_camera_that_is_off_is_a_warning_once(make_policy, make_batch, caplog)
 class Meta:
     """What LeRobot says of a dataset, as far as a policy looks."""
 
-    def __init__(self, instructions, height, width):
+    def __init__(self, instructions, height, width, view="keyframes", calibration=None):
+        self.root = Path("here")
         self.tasks = pd.DataFrame({"task_index": range(len(instructions))}, index=list(instructions))
-        names = ["height", "width", "channels"]
-        self.features = {
-            key: {"dtype": "image", "shape": (height, width, channels), "names": names}
-            for camera in CAMERA_NAMES
-            for key, channels in ((image_key(camera), 3), (depth_key(camera), 1))
-        }
+        self.features = features(CAMERA_NAMES, height, width, view, calibration=calibration)
 
 
-def test_another_task_and_another_size_are_warned_of_once_and_survive_saving(
-    make_policy, make_batch, caplog, tmp_path
-):
+def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batch, caplog, tmp_path):
     policy = make_policy()
     policy.config.input_features = {
         key: PolicyFeature(FeatureType.VISUAL, (3, 8, 8)) for key in policy.config.observation_keys
@@ -161,10 +163,31 @@ def test_datasets_with_endless_instructions_are_not_remembered(instructions):
     assert config.trained_instructions == ()
 
 
-def test_labels_are_not_looked_at_when_acting(make_policy, make_batch):
-    batch = make_batch()
-    batch[NEXT_KEYPOSE] = "no label at all"
-    assert torch.isfinite(make_policy().select_action(batch)).all()
+def test_a_batch_of_rows_is_completed_with_the_calibration_of_all_rows(make_policy, make_batch):
+    batch, config = make_batch(), make_policy().config
+    calibration = Calibration.of_observation(
+        {key: batch[key][0].numpy() for key in (CAMERA_EXTRINSICS, CAMERA_INTRINSICS)}
+    )
+    torch.manual_seed(0)
+    meta = Meta(["lift"], 16, 16, calibration=calibration)
+    policy = get_policy_class(config.type)(config, dataset_meta=meta).eval()
+    rows = {key: value for key, value in batch.items() if key != CAMERA_INTRINSICS}
+    rows[WRIST_EXTRINSICS] = rows.pop(CAMERA_EXTRINSICS)[:, 48:]
+    assert torch.equal(policy(rows)[0], policy(batch)[0])
+    policy.calibration = None
+    with pytest.raises(BadObservation, match=CAMERA_EXTRINSICS):
+        policy(rows)
+
+
+def test_datasets_of_joint_actions_and_of_another_schema_are_refused():
+    for view, version, message in (
+        ("frames", SCHEMA_VERSION, r"has the shape \(16,\), .* the view `keyframes`"),
+        ("keyframes", 2, "has schema version 2, .* `lerobot-bimanual dataset generate"),
+    ):
+        meta = Meta(["lift"], 16, 16, view)
+        meta.features[TASK_NAME]["info"] = {VERSION_INFO: version}
+        with pytest.raises(DatasetError, match=message):
+            fit_config(PerAct2Config(device="cpu"), meta, None)
 
 
 def test_what_was_measured_is_where_it_was_bit_for_bit_and_what_was_not_is_no_point(make_batch):

@@ -5,10 +5,10 @@ import itertools
 import pytest
 import torch
 import torch.nn.functional as F  # noqa: N812
+from peract2_written_out import block, leaky
 
 from lerobot_bimanual.errors import BimanualError
 from lerobot_policy_bimanual import RVTLFConfig
-from lerobot_policy_bimanual.peract.reference import block, leaky
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation, best_voxel
 from lerobot_policy_bimanual.rvt_lf.network import RVTNetwork
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS, pixels_of_voxels, sum_over_views
@@ -160,9 +160,7 @@ def test_loss_equals_the_divergence_from_a_target_image_with_gradients():
     expected = (target.xlogy(target) - target * logits.flatten(3).log_softmax(3).view_as(logits)).sum((3, 4))
     expected, actual = expected.mean(2), prediction.cross_entropy(voxel)
     torch.testing.assert_close(actual, expected)
-    torch.testing.assert_close(
-        torch.autograd.grad(actual.sum(), logits)[0], torch.autograd.grad(expected.sum(), logits)[0]
-    )
+    torch.testing.assert_close(*(torch.autograd.grad(each.sum(), logits)[0] for each in (actual, expected)))
 
 
 def test_planes_hold_what_a_voxel_gets_from_all_views():

@@ -1,7 +1,5 @@
 """The simulated arms as a LeRobot robot."""
 
-from unittest.mock import MagicMock
-
 import numpy as np
 import pytest
 from lerobot.utils.errors import DeviceNotConnectedError
@@ -76,14 +74,11 @@ def test_an_episode_that_cannot_begin_leaves_no_robot_connected(make_robot, monk
     def fail(*_):
         raise PlacementFailure("nowhere")
 
-    window = MagicMock()
     monkeypatch.setattr("lerobot_env_bimanual.episode.reset.EpisodeReset.start", fail)
-    monkeypatch.setattr("lerobot_robot_bimanual.bimanual_sim.Viewer", lambda _: window)
-    robot = make_robot(connected=False, viewer=True)
+    robot = make_robot(connected=False)
     with pytest.raises(PlacementFailure):
         robot.connect()
     assert not robot.is_connected
-    window.close.assert_called_once()
     with pytest.raises(DeviceNotConnectedError):
         robot.get_observation()
 
@@ -155,18 +150,7 @@ def test_in_real_time_the_world_goes_on_with_the_last_action(make_robot, monkeyp
     assert robot.env.state_hash() == patient.env.state_hash()
 
 
-def test_every_episode_has_a_video(make_robot, tmp_path):
-    robot = make_robot(video_dir=str(tmp_path / "videos"))
-    for offset_rad in (0.2, 0.0, 0.2):
-        robot.send_action(home(offset_rad))
-    robot.disconnect()
-    videos = sorted(path.stem for path in (tmp_path / "videos").glob("*.mp4"))
-    assert videos == [f"push_box_v0_train_seed{seed}_unfinished" for seed in (0, 1)]
-
-
-def test_an_option_outside_its_choices_is_refused_with_the_choices_and_a_window_without_a_display(
-    make_robot, monkeypatch
-):
+def test_an_option_outside_its_choices_is_refused_with_the_choices():
     for option, named in (
         ({"task": "push_bocks"}, "push_box"),
         ({"seed": -1}, "2\\*\\*63"),
@@ -174,7 +158,3 @@ def test_an_option_outside_its_choices_is_refused_with_the_choices_and_a_window_
     ):
         with pytest.raises(BimanualError, match=named):
             BimanualSimConfig(**option)
-    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(BimanualError, match=r"--robot\.video_dir"):
-        make_robot(viewer=True)

@@ -1,8 +1,7 @@
-"""Both hands of the leader arms are moved by the keys of a terminal, or at once by the sticks of a gamepad."""
+"""Both hands of the leader arms are moved by the keys of a terminal."""
 
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -14,12 +13,10 @@ from lerobot.utils.keyboard_input import init_keyboard_listener
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual import leaders
-from lerobot_robot_bimanual.config_leaders import BimanualGamepadConfig, BimanualKeyboardConfig
-from lerobot_robot_bimanual.gamepad import FULL, NoGamepad
-from lerobot_robot_bimanual.leaders import BimanualGamepad, BimanualKeyboard, Leader
+from lerobot_robot_bimanual.config_leaders import BimanualKeyboardConfig
+from lerobot_robot_bimanual.leaders import BimanualKeyboard
 from lerobot_robot_bimanual.terminal_keys import WRITTEN, NoTerminal, TerminalKeys
 
 
@@ -37,27 +34,6 @@ class Script:
         pass
 
 
-class Pad:
-    """A gamepad as SDL shows it.
-
-    Attributes:
-        held: values of axes and buttons by name; what is missing is at rest.
-        is_there: whether it is connected.
-    """
-
-    name = "pad of a test"
-
-    def __init__(self):
-        self.held: dict[str, float] = {}
-        self.is_there = self.is_open = True
-        self.attached = lambda: self.is_there
-        self.get_axis = lambda name: int(self.held.get(name, 0.0) * FULL)
-        self.get_button = lambda name: bool(self.held.get(name, False))
-
-    def quit(self) -> None:
-        self.is_open = False
-
-
 @pytest.fixture
 def script(monkeypatch) -> Script:
     script = Script()
@@ -65,24 +41,7 @@ def script(monkeypatch) -> Script:
     return script
 
 
-@pytest.fixture
-def pad(monkeypatch) -> Pad:
-    """The second device, after one that is no gamepad, in a pygame of ours."""
-    pad, pygame, sdl = Pad(), ModuleType("pygame"), ModuleType("pygame._sdl2.controller")
-    # A constant such as CONTROLLER_AXIS_LEFTX is its own name.
-    pygame.__getattr__ = lambda constant: constant.split("_", 2)[2]
-    vars(sdl).update(
-        dict.fromkeys(("init", "quit", "update"), lambda: None),
-        get_count=lambda: 2 * pad.is_there,
-        is_controller=lambda index: index == 1,
-        Controller=lambda index: {1: pad}[index],
-    )
-    for module in (pygame, ModuleType("pygame._sdl2"), sdl):
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-    return pad
-
-
-def poses(leader: Leader) -> dict:
+def poses(leader: BimanualKeyboard) -> dict:
     joints = np.array([*leader.get_action().values()]).reshape(2, 8)[:, :7]
     return {arm: PANDA_PAIR.kinematics[arm].pose(joints[arm.ordinal]) for arm in ARMS}
 
@@ -98,27 +57,9 @@ def keyboard_leader(script, tmp_path) -> BimanualKeyboard:
     return leader
 
 
-@pytest.fixture
-def gamepad_leader(pad, tmp_path) -> BimanualGamepad:
-    """Connected, its hands 20 cm below home."""
-    leader = BimanualGamepad(BimanualGamepadConfig(calibration_dir=tmp_path))
-    leader.connect()
-    hold(leader, pad, 20, LEFTSHOULDER=1, LEFTY=1.0, RIGHTSHOULDER=1, RIGHTY=1.0)
-    return leader
-
-
 def strike(leader: BimanualKeyboard, script: Script, keys: str) -> dict:
     """The hands' poses after some keys."""
     script.keys = keys
-    return poses(leader)
-
-
-def hold(leader: BimanualGamepad, pad: Pad, ticks: int = 1, **held: float) -> dict:
-    """The hands' poses after holding the pad for some ticks and letting it go."""
-    pad.held = dict(held)
-    for _ in range(ticks):
-        leader.get_action()
-    pad.held = {}
     return poses(leader)
 
 
@@ -144,29 +85,6 @@ def test_a_key_moves_or_turns_the_chosen_hands_by_a_step(keyboard_leader, script
     assert_moved(before, after, leaders.HANDS[choice], offset_m, turn_rad)
 
 
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize(
-    ("modifier", "axis", "value", "offset", "turn"),
-    [
-        ("", "Y", -1.0, (1, 0, 0), (0, 0, 0)),
-        ("", "X", -1.0, (0, 1, 0), (0, 0, 0)),
-        ("{side}SHOULDER", "Y", -1.0, (0, 0, 1), (0, 0, 0)),
-        ("{side}SHOULDER", "X", -1.0, (0, 0, 0), (0, 0, 1)),
-        ("TRIGGER{side}", "Y", -1.0, (0, 0, 0), (0, 1, 0)),
-        ("TRIGGER{side}", "X", 1.0, (0, 0, 0), (1, 0, 0)),
-    ],
-)
-def test_a_stick_moves_and_turns_its_own_hand(gamepad_leader, pad, arm, modifier, axis, value, offset, turn):
-    side = arm.value.upper()
-    held = {f"{side}{axis}": value} | ({modifier.format(side=side): 1.0} if modifier else {})
-    before, after = poses(gamepad_leader), hold(gamepad_leader, pad, 3, **held)
-    offset_m, turn_rad = (
-        np.array(offset) * 0.2 * 3 / CONTROL_HZ,
-        np.array(turn) * np.deg2rad(60) * 3 / CONTROL_HZ,
-    )
-    assert_moved(before, after, (arm,), offset_m, turn_rad)
-
-
 def test_keys_switch_grippers_and_send_both_hands_home(keyboard_leader, script):
     openings = []
     for keys in ("1", "f", "f", "2f", "3f"):
@@ -178,76 +96,36 @@ def test_keys_switch_grippers_and_send_both_hands_home(keyboard_leader, script):
     assert np.allclose([*keyboard_leader.get_action().values()], [*PANDA_PAIR.home_joints, 1.0] * 2)
 
 
-def test_a_pressed_stick_switches_its_gripper_once_and_start_sends_both_hands_home(gamepad_leader, pad):
-    for right_opening in (0.0, 1.0, 0.0):
-        hold(gamepad_leader, pad, 5, RIGHTSTICK=1)
-        action = gamepad_leader.get_action()
-        assert (action["left_gripper.pos"], action["right_gripper.pos"]) == (1.0, right_opening)
-    hold(gamepad_leader, pad, START=1, LEFTY=-1.0)
-    assert np.allclose([*gamepad_leader.get_action().values()], [*PANDA_PAIR.home_joints, 1.0] * 2)
-
-
-def test_a_stick_begins_at_no_speed_beyond_its_dead_zone(gamepad_leader, pad):
-    start = gamepad_leader.get_action(), poses(gamepad_leader)
-    hold(gamepad_leader, pad, LEFTX=0.14, RIGHTY=-0.14)
-    assert gamepad_leader.get_action() == start[0]
-    slow = hold(gamepad_leader, pad, LEFTY=-0.2)
-    assert 0 < slow[Arm.LEFT].position[0] - start[1][Arm.LEFT].position[0] < 0.001
-
-
-def test_an_arm_goes_as_far_as_it_reaches_and_says_so_once(gamepad_leader, pad, capsys):
-    start = poses(gamepad_leader)
-    far = hold(gamepad_leader, pad, 200, LEFTX=-1.0)
+def test_an_arm_goes_as_far_as_it_reaches_and_says_so_once(keyboard_leader, script, capsys):
+    start = poses(keyboard_leader)
+    far = strike(keyboard_leader, script, "1" + "a" * 100)
     assert far[Arm.LEFT].position[1] - start[Arm.LEFT].position[1] > 0.4
     assert capsys.readouterr().err.count("left arm cannot go there") == 1
-    hold(gamepad_leader, pad, 5, LEFTX=1.0)
-    hold(gamepad_leader, pad, 50, LEFTX=-1.0)
+    strike(keyboard_leader, script, "dd" + "a" * 25)
     assert capsys.readouterr().err.count("left arm cannot go there") == 1
 
 
-def test_the_leader_arms_go_where_the_robot_is_whatever_is_held_meanwhile(
-    keyboard_leader, gamepad_leader, script, pad
-):
-    for leader in (keyboard_leader, gamepad_leader):
-        assert teleop_supports_feedback(leader)
-        elsewhere = leader.get_action()
-        if leader is keyboard_leader:
-            strike(leader, script, "3ccww2dd")
-            script.keys = "3wf"
-        else:
-            hold(leader, pad, 10, LEFTY=-1.0)
-            pad.held = {"LEFTSTICK": 1}
-        leader.send_feedback(elsewhere)
-        assert leader.get_action() == elsewhere
-        leader.send_feedback({"left_joint1.pos": 100.0})  # of a policy that has gone astray
-        limited = leader.get_action()
-        assert limited == elsewhere | {"left_joint1.pos": limited["left_joint1.pos"]}
-        assert limited["left_joint1.pos"] < PANDA_PAIR.joint_upper[0]
+def test_the_leader_arms_go_where_the_robot_is_whatever_is_struck_meanwhile(keyboard_leader, script):
+    assert teleop_supports_feedback(keyboard_leader)
+    elsewhere = keyboard_leader.get_action()
+    strike(keyboard_leader, script, "3ccww2dd")
+    script.keys = "3wf"
+    keyboard_leader.send_feedback(elsewhere)
+    assert keyboard_leader.get_action() == elsewhere
+    keyboard_leader.send_feedback({"left_joint1.pos": 100.0})  # of a policy that has gone astray
+    limited = keyboard_leader.get_action()
+    assert limited == elsewhere | {"left_joint1.pos": limited["left_joint1.pos"]}
+    assert limited["left_joint1.pos"] < PANDA_PAIR.joint_upper[0]
 
 
-@pytest.mark.parametrize("config", [BimanualKeyboardConfig, BimanualGamepadConfig])
-def test_lerobot_makes_it_from_its_config(script, pad, config, tmp_path):
-    leader = make_teleoperator_from_config(config(calibration_dir=tmp_path))
+def test_lerobot_makes_it_from_its_config(script, tmp_path):
+    leader = make_teleoperator_from_config(BimanualKeyboardConfig(calibration_dir=tmp_path))
     assert tuple(leader.action_features) == schema.JOINT_NAMES
     leader.connect()
     assert tuple(leader.get_action()) == schema.JOINT_NAMES
     leader.disconnect()
-    assert pad.is_open == (config is BimanualKeyboardConfig)
     with pytest.raises(DeviceNotConnectedError):
         leader.get_action()
-
-
-def test_a_gamepad_that_is_not_there_is_one_clear_error(pad, gamepad_leader, tmp_path, monkeypatch):
-    pad.is_there = False
-    with pytest.raises(NoGamepad, match="has been disconnected"):
-        gamepad_leader.get_action()
-    another = BimanualGamepad(BimanualGamepadConfig(calibration_dir=tmp_path))
-    with pytest.raises(NoGamepad, match="bimanual_keyboard needs a terminal only"):
-        another.connect()
-    monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(NoGamepad, match=r"pip install 'lerobot_robot_bimanual\[gamepad\]'"):
-        another.connect()
-    assert not another.is_connected
 
 
 def test_keys_are_shared_with_lerobots_controls_and_without_a_terminal_there_are_none(
@@ -276,16 +154,7 @@ def test_keys_are_shared_with_lerobots_controls_and_without_a_terminal_there_are
             TerminalKeys(leaders.KEYS)
 
 
-@pytest.mark.parametrize(
-    ("config", "option", "value"),
-    [
-        (BimanualKeyboardConfig, "step_m", 1.0),
-        (BimanualKeyboardConfig, "step_deg", float("nan")),
-        (BimanualGamepadConfig, "speed_m_s", 2.0),
-        (BimanualGamepadConfig, "speed_deg_s", float("nan")),
-        (BimanualGamepadConfig, "dead_zone", 1.0),
-    ],
-)
-def test_what_no_servo_should_be_sent_is_refused(config, option, value):
+@pytest.mark.parametrize(("option", "value"), [("step_m", 1.0), ("step_deg", float("nan"))])
+def test_what_no_servo_should_be_sent_is_refused(option, value):
     with pytest.raises(InvalidChoice, match=option):
-        config(**{option: value})
+        BimanualKeyboardConfig(**{option: value})

@@ -21,7 +21,7 @@ from lerobot.datasets import LeRobotDataset
 
 from lerobot_bimanual import cli
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.joint_action import by_arm
+from lerobot_bimanual.joint_action import CONTROL_HZ, by_arm
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_robot_bimanual.bimanual_sim import BimanualSim
 from lerobot_robot_bimanual.leaders import BimanualKeyboard
@@ -147,7 +147,7 @@ def test_a_recording_has_an_episode_per_seed_with_the_columns_of_our_datasets(re
     began = [message for message in told if message.endswith('"push the box to the red area"')]
     assert [re.search(r"seed (\d+)", message)[1] for message in began] == ["0", "1"]
     dataset = LeRobotDataset("local/by_hand", root=recorded)
-    assert (dataset.num_episodes, dataset.fps) == (2, schema.FPS)
+    assert (dataset.num_episodes, dataset.fps) == (2, CONTROL_HZ)
     assert dataset.meta.robot_type == schema.ROBOT_TYPE
     assert {schema.STATE, schema.ACTION, schema.image_key("front")} <= set(dataset.features)
     rows = dataset.hf_dataset.with_format("numpy")[:]

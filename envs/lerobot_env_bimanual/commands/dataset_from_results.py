@@ -26,7 +26,7 @@ class DatasetFromResultsConfig:
     view: Literal["frames", "keyframes", "both"] = "both"
     image_size: str = ""  # side in pixels, or HEIGHTxWIDTH; by default that of the first result
     cameras: str = ""  # whose images are stored, separated by commas; by default those of the first result
-    depth: bool = True  # store depth beside the colours
+    depth: bool | None = None  # store depth beside the colours; by default in `keyframes` alone
     repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
     workers: int = 0  # processes; 0 takes one per core
 
@@ -69,6 +69,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
     given = {"image_size": config.image_size, "cameras": config.cameras}
     seen = EnvOptions.of(**{name: value or usual.get(name, value) for name, value in given.items()})
     views = VIEWS if config.view == "both" else (config.view,)
+    perturbed = any(result.record.options.get("perturb") for result in results)
     wanted = {"all": (True, False), "solved": (True,), "failed": (False,)}[config.outcome]
     with plain_write_errors(config.root):
         config.root.absolute().parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +80,7 @@ def dataset_from_results(config: DatasetFromResultsConfig) -> None:
             for start in range(0, len(episodes), EPISODES_PER_PART):
                 part = tuple(episodes[start : start + EPISODES_PER_PART])
                 options, place = tuple(record.options.items()), folder / f"{len(jobs):06d}"
-                how = (repo_id, views, seen.camera_names, seen.size, config.depth)
+                how = (repo_id, views, seen.camera_names, seen.size, config.depth, perturbed)
                 jobs.append(Replays(record.task, options, part, place, *how))
         with WorkerPool(config.workers, preload=PRELOADED) as pool:
             left_out = [*pool.map(record_replays, jobs, "replay", "part", name=lambda job: job.task)]

@@ -45,9 +45,9 @@ class DatasetGenerateConfig:
     view: Literal["frames", "keyframes", "both"] = "keyframes"
     image_size: str = "256"  # side in pixels, or HEIGHTxWIDTH
     cameras: tuple[str, ...] = CAMERA_NAMES  # whose images are stored; calibration covers all five
-    # Store depth beside the colours. Keypose policies need it; LeRobot's own policies take every image for colours, and
-    # train on a dataset without depth as it is.
-    depth: bool = True
+    # Store depth beside the colours: by default in `keyframes` alone, as keypose policies need it and LeRobot's own policies,
+    # which learn from `frames`, take every image for colours.
+    depth: bool | None = None
     # Further rows of `keyframes`, at these fractions of each stage's motion, e.g. 0.35,0.7.
     intermediate: tuple[float, ...] = ()
     # Voxels per axis to which keyposes are rounded before they are executed and stored; 0 leaves them exact.
@@ -57,13 +57,7 @@ class DatasetGenerateConfig:
     setting: Literal["standard", "varied"] = (
         "standard"  # in `varied` sizes, heights and places of things differ more
     )
-    # Who records: `processes` of this machine, or the machines of a `ray` cluster (extra lerobot_bimanual[ray], the
-    # same versions installed everywhere). Shards travel through ray; ROOT need not be shared between the machines.
-    executor: Literal["processes", "ray"] = "processes"
-    # Of the ray cluster. Without it, that of RAY_ADDRESS or of this machine, or else one is started for this run, as
-    # `local` always does.
-    ray_address: str | None = None
-    workers: int = 0  # shards recorded at the same time; 0 takes one per core, of the whole cluster with ray
+    workers: int = 0  # shards recorded at the same time; 0 takes one per core
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset
     repo_id: str | None = None  # LeRobot's name of the dataset; without it, local/ and the folder's name
@@ -83,19 +77,12 @@ def dataset_generate(config: DatasetGenerateConfig) -> None:
         lerobot-bimanual dataset generate --task=lift_ball --episodes=50 --root=data/lift_ball
         lerobot-bimanual dataset generate --task=all --image_size=128 --root=data/all --repo_id=me/all
         lerobot-bimanual dataset generate --task=lift_ball --view=both --root=data/lift_ball_both
-        lerobot-bimanual dataset generate --task=all --executor=ray --ray_address=10.0.0.1:6379 --root=data/all
     """
+    from lerobot_env_bimanual.generation.build import process_executor
+
     settings = settings_of(config)
-    if config.executor == "ray":
-        from lerobot_env_bimanual.generation.ray_cluster import ray_executor
-
-        executor: Executor = ray_executor(config.workers, config.ray_address)
-    else:
-        from lerobot_env_bimanual.generation.build import process_executor
-
-        executor = process_executor(config.workers)
-        print(estimate(settings, worker_count(config.workers)))
-    make_dataset(settings, config.root, executor)
+    print(estimate(settings, worker_count(config.workers)))
+    make_dataset(settings, config.root, process_executor(config.workers))
 
 
 def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
@@ -115,9 +102,11 @@ def settings_of(config: DatasetGenerateConfig) -> GenerationSettings:
     )
     # Options that are settings of the same name are taken as they are, but for those that follow.
     given = {name: value for name, value in vars(config).items() if name in GenerationSettings.model_fields}
+    by_default = None if config.view == "both" else config.view == "keyframes"
     return GenerationSettings.of(
         **given
         | {
+            "depth": by_default if config.depth is None else config.depth,
             "tasks": resolve_tasks(config.task),
             "views": VIEWS if config.view == "both" else (config.view,),
             "cameras": options.camera_names,

@@ -6,54 +6,46 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.terminal import print_table, say, show_next
 from lerobot_env_bimanual.workers import WorkerPool
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.reader import RecordedDataset
-    from lerobot_bimanual.dataset.schema import View
     from lerobot_bimanual.episode import EpisodeMeta
-    from lerobot_env_bimanual.replay import ReplayMode, ReplayResult
+    from lerobot_env_bimanual.replay import ReplayResult
 
 
 @dataclass
 class DatasetReplayConfig:
     """Options of the command `dataset replay`."""
 
-    root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made
-    # `joint` plays the column `action` open-loop (view `frames`), `keypose` executes the recorded keyposes (either
-    # view). Both compare the state after every tick that is recorded.
-    replay: Literal["joint", "keypose"] = "joint"
+    # Folder of a dataset that `dataset generate` made; of two views, `frames` unless it is the folder of `keyframes`
+    root: Path = field(kw_only=True)
     episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     workers: int = 0  # processes; 0 takes one per core
 
 
 def dataset_replay(config: DatasetReplayConfig) -> int:
-    """Replay recorded episodes from their seeds and compare the states.
+    """Play the column `action` of recorded episodes from their seeds, and compare the states.
 
-    Exits with 1 if an episode ends in another state, or is not solved.
+    That of `frames` is a joint action for every tick, that of `keyframes` a keypose for a whole motion. The state is compared
+    after every tick that is recorded. Exits with 1 if an episode ends in another state, or is not solved.
 
     Examples:
         lerobot-bimanual dataset replay --root=data/lift_ball
-        lerobot-bimanual dataset replay --root=data/lift_ball --replay=keypose --episode_indices=0:10
+        lerobot-bimanual dataset replay --root=data/lift_ball/keyframes --episode_indices=0:10
     """
     from lerobot_bimanual.dataset.reader import RecordedDataset, find_view
     from lerobot_env_bimanual.experts.world_version import other_simulation
 
-    preferred: tuple[View, ...] = ("frames",) if config.replay == "joint" else ("frames", "keyframes")
-    dataset = RecordedDataset(find_view(config.root, preferred))
-    if config.replay == "joint" and dataset.view != "frames":
-        raise DatasetError(
-            f"{dataset.root} is a {dataset.view!r} view, which does not store every action. Replay the 'frames' view "
-            "of the same episodes, or use --replay=keypose"
-        )
+    dataset = RecordedDataset(find_view(config.root))
     if difference := other_simulation(dataset.provenance):
         say(f"warning: {difference}: trajectories may differ")
     indices = parse_episodes(config.episode_indices, len(dataset))
-    play = partial(_replay, dataset.root, config.replay)
+    play = partial(_replay, dataset.root)
     with WorkerPool(config.workers) as pool:
         results = pool.map(play, indices, "replay", "episode", failed=lambda _, reason: reason)
         played = dict(zip(indices, results, strict=True))
@@ -124,7 +116,7 @@ def _dataset(root: Path) -> RecordedDataset:
     return RecordedDataset(root)
 
 
-def _replay(root: Path, mode: ReplayMode, index: int) -> tuple[EpisodeMeta, ReplayResult] | str:
+def _replay(root: Path, index: int) -> tuple[EpisodeMeta, ReplayResult] | str:
     from lerobot_env_bimanual.replay import replay_recorded
 
-    return replay_recorded(_dataset(root), mode, index)
+    return replay_recorded(_dataset(root), index)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import secrets
-import tempfile
 from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -25,11 +23,8 @@ PASSED, FAULTS, NOT_REPLAYED = 0, 1, 3
 """Exit codes; 2 is a command line that cannot be understood."""
 
 MAX_LINES_PER_CHECK = 10
-LOADED_AFTER = ("description", "schema", "episodes", "statistics of the dataset")
-"""Checks of the dataset without which LeRobot's loader is not used: it might ask the Hub for what is missing."""
-
-PRELOADED = ("lerobot.datasets.lerobot_dataset",)
-"""Decodes depth and loads rows: seconds of LeRobot and torch."""
+PRELOADED = ("lerobot.datasets.depth_utils",)
+"""Decodes depth: seconds of LeRobot and torch."""
 
 
 @dataclass
@@ -41,32 +36,27 @@ class DatasetVerifyConfig:
     episode_indices: str = "all"  # `all`, indices 0,3,7 or a half-open range a:b
     # Rows of every episode whose images are rendered again and compared: a number, or `all`.
     render: str = "4"
-    # Seed of the random choice of those rows, and of the episode that is read through LeRobot's loader; by default another
-    # one in every run, which is printed.
+    # Seed of the random choice of those rows; by default another one in every run, which is printed.
     sample_seed: int | None = None
     workers: int = 0  # processes; 0 takes one per core
 
 
 def dataset_verify(config: DatasetVerifyConfig) -> int:
-    """Check files, schema, columns, statistics, images and replay of a dataset.
+    """Check files, columns, images and replay of a dataset.
 
     Every file is hashed, every image decoded, every episode played again and every column compared with it; images of
-    a few random rows of every episode are rendered again, and one episode is also read through LeRobot's loader. Prints
-    how many episodes passed each check, what is wrong and where, and one hash per view for all its content.
+    a few random rows of every episode are rendered again. Prints how many episodes passed each check, and what is wrong
+    and where.
 
     Exits with 0 if all checks passed, with 1 if anything is wrong, and with 3 if nothing is wrong but the episodes were
-    not replayed, because the dataset names other versions of the simulation than are installed, or none. What depends on
-    the version of LeRobot that wrote the dataset, such as its estimates of quantiles, is compared only if it is installed.
+    not replayed, because the dataset names other versions of the simulation than are installed, or none.
 
     Examples:
         lerobot-bimanual dataset verify --root=data/lift_ball
         lerobot-bimanual dataset verify --root=data/lift_ball --episode_indices=0:20 --render=all
     """
-    import numpy as np
-
     from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE
-    from lerobot_env_bimanual.verification.fault import Fault, Findings
-    from lerobot_env_bimanual.verification.metadata import READABLE
+    from lerobot_env_bimanual.verification.fault import READABLE, Fault, Findings
     from lerobot_env_bimanual.verification.rendering import ALL_ROWS
     from lerobot_env_bimanual.verification.verifier import EpisodeReport, Thoroughness
 
@@ -77,34 +67,22 @@ def dataset_verify(config: DatasetVerifyConfig) -> int:
             f"render is {config.render!r}, but must be a number of rows per episode, such as 3, or 'all'"
         )
     rows = ALL_ROWS if config.render == "all" else int(config.render)
-    os.environ["HF_HUB_OFFLINE"] = "1"  # for LeRobot's loader in workers
     views = [_ViewReport(root) for root in _views(config.root)]
     readable = [view for view in views if view.n_episodes]
     if readable:
         indices = parse_episodes(config.episode_indices, max(view.n_episodes for view in readable))
-        sampled = int(np.random.default_rng(seed).choice(indices))
-        with tempfile.TemporaryDirectory(prefix="bimanual_verify_") as cache:
-            plans = [
-                Thoroughness(
-                    simulate=not view.remark,
-                    rendered_rows=rows,
-                    seed=seed,
-                    sampled=sampled if view.is_loadable else None,
-                    cache=Path(cache),
-                )
-                for view in readable
-            ]
+        plans = tuple(Thoroughness(not view.remark, rows, seed) for view in readable)
 
-            def unverified(index: int, reason: str) -> list[EpisodeReport]:
-                """The reports of an episode whose checks came to no end."""
-                return [EpisodeReport(index, "", Findings({READABLE: [Fault(reason)]}))] * len(readable)
+        def unverified(index: int, reason: str) -> list[EpisodeReport]:
+            """The reports of an episode whose checks came to no end."""
+            return [EpisodeReport(index, Findings({READABLE: [Fault(reason)]}))] * len(readable)
 
-            # Both views of an episode are verified in one go, which plays it once.
-            verify = partial(_verify, tuple(view.root for view in readable), tuple(plans))
-            with WorkerPool(config.workers, PRELOADED) as pool:
-                for reports in pool.map(verify, indices, "verifying", "episode", failed=unverified):
-                    for view, report in zip(readable, reports, strict=True):
-                        view.add(report)
+        # Both views of an episode are verified in one go, which plays it once.
+        verify = partial(_verify, tuple(view.root for view in readable), plans)
+        with WorkerPool(config.workers, PRELOADED) as pool:
+            for reports in pool.map(verify, indices, "verifying", "episode", failed=unverified):
+                for view, report in zip(readable, reports, strict=True):
+                    view.add(report)
     for view in views:
         view.print()
     print(f"rows were drawn by --sample_seed={seed}")
@@ -137,7 +115,7 @@ def _views(root: Path) -> list[Path]:
 
 
 class _ViewReport:
-    """What was found in one view; its metadata are checked at once.
+    """What was found in one view; its files are checked at once.
 
     Args:
         root: its folder.
@@ -146,38 +124,28 @@ class _ViewReport:
         root: its folder.
         n_episodes: number of its episodes, 0 if none can be read.
         remark: what is not checked, and why; may be empty.
-        note: what is not compared exactly, and why; may be empty.
-        is_loadable: whether LeRobot's loader may be used; see `LOADED_AFTER`.
     """
 
     def __init__(self, root: Path):
-        from lerobot_bimanual.dataset.provenance import other_lerobot
         from lerobot_bimanual.dataset.reader import RecordedDataset
         from lerobot_env_bimanual.experts.world_version import other_simulation
-        from lerobot_env_bimanual.verification.fault import Fault
-        from lerobot_env_bimanual.verification.metadata import READABLE, verify_metadata
+        from lerobot_env_bimanual.verification.fault import READABLE
+        from lerobot_env_bimanual.verification.verifier import check_files
 
-        self.root, self.n_episodes, self.remark, self.note = root, 0, "", ""
-        self._episodes: list[EpisodeReport] = []
+        self.root, self.n_episodes, self.remark = root, 0, ""
         self._faults: dict[str, list[tuple[int | None, list[Fault]]]] = defaultdict(list)
-        metadata = verify_metadata(root)
-        self.is_loadable = not any(metadata.get(check) for check in LOADED_AFTER)
-        if READABLE not in metadata:
-            try:
+        found = check_files(root)
+        if READABLE not in found:
+            with found.of(READABLE):
                 dataset = RecordedDataset(root)
                 self.n_episodes = len(dataset)
                 if difference := other_simulation(dataset.provenance):
                     self.remark = f"not replayed, so not passed: {difference}"
-                if version := other_lerobot(dataset.provenance):
-                    self.note = f"quantiles are not compared exactly: by LeRobot {version}"
-            except BimanualError as error:
-                metadata[READABLE] = [Fault(str(error))]
-        for check, faults in metadata.items():
+        for check, faults in found.items():
             self._faults[check].append((None, faults))
 
     def add(self, report: EpisodeReport) -> None:
         """Add what was found in an episode."""
-        self._episodes.append(report)
         for check, faults in report.faults.items():
             self._faults[check].append((report.index, faults))
 
@@ -187,10 +155,8 @@ class _ViewReport:
         return any(faults for outcomes in self._faults.values() for _, faults in outcomes)
 
     def print(self) -> None:
-        """The table, the list of what is wrong, and the hash."""
+        """The table, and the list of what is wrong."""
         import pandas as pd
-
-        from lerobot_bimanual.dataset.content_hash import combined_hash
 
         rows = {
             check: [sum(not faults for _, faults in outcomes), sum(bool(faults) for _, faults in outcomes)]
@@ -198,18 +164,14 @@ class _ViewReport:
         }
         table = pd.DataFrame(rows, index=pd.Index(["passed", "failed"])).T
         print_table(table.rename_axis("check").reset_index(), str(self.root))
-        for text in filter(None, (self.remark, self.note)):
-            say(text)
+        if self.remark:
+            say(self.remark)
         for check, outcomes in self._faults.items():
             lines = [_line(episode, fault) for episode, faults in outcomes for fault in faults]
             for line in lines[:MAX_LINES_PER_CHECK]:
                 say(f"{check}: {line}")
             if len(lines) > MAX_LINES_PER_CHECK:
                 print(f"{check}: {len(lines) - MAX_LINES_PER_CHECK} more")
-        is_whole = [report.index for report in self._episodes] == [*range(self.n_episodes)]
-        hashes = [report.content_hash for report in self._episodes]
-        if is_whole and hashes and all(hashes):
-            print(f"content hash: {combined_hash(hashes)}")
 
 
 def _line(episode: int | None, fault: Fault) -> str:

@@ -114,7 +114,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     log = None
     if config.output is not None:
         check_output_file(config.output)
-        log = EpisodeLog(config.output.with_suffix(".partial.jsonl"))
+        log = EpisodeLog(config.output.with_suffix(".partial.jsonl"), exclusive=True)
     with Evaluator(config.workers, log) as evaluator:
         specs = [spec for task in tasks for spec in _specs(evaluator, config, task)]
         outcomes = evaluator.play(specs, config.player)

@@ -28,12 +28,12 @@ class PolicyRobustnessConfig:
     split: Literal["val", "test"] = "test"  # the same seeds mean other episodes in each
     variation: str = "any"  # index, or `any` to draw one per episode
     # Environments side by side; a network's answers differ in their last bits between sizes.
-    batch_size: int = 2
+    eval_batch_size: int = 2
     device: str | None = None  # device of the policy; by default that of its config, or what there is
     # Mixed precision of the policy; by default as in its training. On a CPU LeRobot's loop cannot take every policy's actions then.
     use_amp: bool | None = None
     workers: int = 0  # processes for the expert and the open-loop baseline; 0 takes one per core
-    # The result, a JSON file; by default outputs/robustness/TASK_POLICY_HASH.json. Its figure and records are written beside it.
+    # The result, a JSON file; by default outputs/robustness/TASK_POLICY_HASH.json. Its records are written beside it.
     output: Path | None = None
     # Folder of `expert evaluate --axes`: the expert on many more seeds, which then decides which conditions are valid.
     expert_reports: Path | None = None
@@ -48,7 +48,7 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     on these seeds. The expert and the open-loop baseline play the same episodes; for axes that change only what is seen or
     said, their nominal episodes count. A condition is valid if the expert solves 97 %; others are played, shown hatched and
     counted in no sum. Prints for each condition the success, the paired difference to the nominal world and McNemar's exact
-    p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, a figure, and one
+    p-value, corrected by Holm over the axes with a valid condition of that level; writes a JSON file, and one
     record per condition that `results verify` plays again. The loader builds what the checkpoint names, as `lerobot-eval`
     does, so a checkpoint that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
@@ -64,7 +64,6 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
     from tqdm import tqdm
 
     from lerobot_bimanual.checkpoint_trust import require_safe
-    from lerobot_bimanual.reports.robustness_figure import heat_map
     from lerobot_bimanual.reports.robustness_table import print_robustness
 
     sweep, console = _sweep(config), Console(soft_wrap=True, highlight=False)
@@ -95,10 +94,8 @@ def policy_robustness(config: PolicyRobustnessConfig) -> None:
         raise KeyboardInterrupt("the same command continues where it stopped") from None
     result = sweep.played()
     assert result is not None  # it has the nominal condition at least
-    figure = sweep.output.with_suffix(".png")
-    heat_map({sweep.output.stem: result}).save(figure)
     print_robustness(result)
-    console.print(f"result  {sweep.output}\nfigure  {figure}\nrecords {sweep.records}")
+    console.print(f"result  {sweep.output}\nrecords {sweep.records}")
     show_next("lerobot-bimanual", "results", "diagnose", f"--results={sweep.records}")
 
 
@@ -108,7 +105,7 @@ def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
     from lerobot_env_bimanual.sweep.conditions import conditions_of
 
-    for name, minimum in (("episodes", 1), ("batch_size", 1), ("first_seed", 0)):
+    for name, minimum in (("episodes", 1), ("eval_batch_size", 1), ("first_seed", 0)):
         check_range(name, getattr(config, name), minimum)
     get_task(config.task).spec.variation_index(config.variation)
     checkpoint = Checkpoint.read(config.checkpoint)
@@ -128,7 +125,7 @@ def _sweep(config: PolicyRobustnessConfig) -> PolicySweep:
         ),
         conditions=conditions,
         seeds=range(config.first_seed, config.first_seed + config.episodes),
-        batch_size=min(config.batch_size, config.episodes),
+        batch_size=min(config.eval_batch_size, config.episodes),
         policy_flags=tuple(
             f"--{name}={str(value).lower()}"  # LeRobot reads true and false
             for name in ("device", "use_amp")

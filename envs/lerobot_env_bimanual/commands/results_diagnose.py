@@ -27,7 +27,7 @@ class ResultsDiagnoseConfig:
     policy: str | None = None
     sample: int = 0  # random failed episodes of each result; 0 takes all
     sample_seed: int = 0  # seed of the random choice
-    # JSON file with everything that was found; a figure of it, OUTPUT.png, is written beside it.
+    # JSON file with everything that was found.
     output: Path | None = None
     workers: int = 0  # processes; 0 takes one per core
 
@@ -80,11 +80,8 @@ def results_diagnose(config: ResultsDiagnoseConfig) -> int:
     ):
         _print_counts(groups, kind, title)
     if config.output is not None:
-        from lerobot_env_bimanual.reports.failure_figure import failure_figure
-
         write_file(config.output, json.dumps(content, indent=1) + "\n")
-        failure_figure(groups).save(config.output.with_suffix(".png"))
-    show_next("lerobot-bimanual", "results", "report", f"--results={config.results}", "--format=html")
+    show_next("lerobot-bimanual", "results", "report", f"--results={config.results}")
     return 0
 
 

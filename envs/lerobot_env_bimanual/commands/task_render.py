@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -31,10 +30,8 @@ class TaskRenderConfig:
     )
     first_seed: int = 0  # seed of each task's first episode
     episodes: int = 1  # episodes of each task
-    # `clearest` takes the fixed camera that shows most of what the episode moves, and zooms in on it and on the hands.
-    camera: Literal["clearest", "front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = (
-        "clearest"
-    )
+    # which camera sees it; a fixed one turns and zooms to hands and moved things
+    camera: Literal["front", "left_shoulder", "right_shoulder", "left_wrist", "right_wrist"] = "front"
     image_size: str = "480x640"  # side in pixels, or HEIGHTxWIDTH
     # On one CPU core a picture costs 300 ms with shadows and anti-aliasing (`high`), 25 ms without.
     quality: Literal["observation", "high"] = "high"
@@ -90,10 +87,6 @@ def _plan(config: TaskRenderConfig) -> tuple[EnvOptions, list[Job]]:
         control_mode="keypose",
         render_quality=config.quality,
     )
-    if config.video and any(side % 2 for side in options.size):
-        raise BimanualError(
-            f"image_size is {config.image_size!r}, but videos need even sides; or use --video=false"
-        )
     jobs = []
     for name in sorted(resolve_tasks(config.task), key=lambda name: get_task(name).spec.id):
         get_task(name).spec.variation_index(options.variation)
@@ -111,45 +104,15 @@ def _render(config: TaskRenderConfig, options: EnvOptions, job: Job) -> EpisodeO
     """
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
-    from lerobot_env_bimanual.rendering.layout import GREEN, INK, RED, Panel, contact_sheet
+    from lerobot_env_bimanual.rendering.episode_pictures import write_pictures
     from lerobot_env_bimanual.rendering.rollout import rollout
-    from lerobot_env_bimanual.rendering.viewpoint import clearest_camera, frame_of
-    from lerobot_env_bimanual.world.rendering import Renderer
-    from lerobot_env_bimanual.world.servo_commands import TICK_S
-    from lerobot_env_bimanual.world.video import VideoWriter
 
     task, seed, stem = job
     env = BimanualEnv(task, options=options)
     try:
-        recording, outcome = rollout(env, seed, expert())
+        played = rollout(env, seed, expert())
     except BimanualError as error:
         raise BimanualError(f"{task} at {options.split} seed {seed}: {error}") from None
-    states, camera = recording.states, config.camera
-    names = ["start", *(f"{number}. {move.name}" for number, move in enumerate(outcome.moves, 1))]
-    ends = [*accumulate((move.ticks for move in outcome.moves), initial=0)]
-    frame, moments = {}, [states[end] for end in ends]
-    if camera == "clearest":
-        camera = clearest_camera(env.scene, moments)
-        frame = frame_of(env.scene, camera, moments, options.size)
-    with Renderer(env.scene, (camera,), *options.size, options.render_quality) as renderer:
-
-        def panel(tick: int, caption: str = "", color: tuple[int, int, int] = INK) -> Panel:
-            env.scene.restore_state(states[tick])
-            env.scene.appearance = env.scene.appearance.wearing(**frame)
-            return Panel(renderer.render()[camera][0], caption, f"{tick * TICK_S:.1f} s", color)
-
-        verdict, color = ("success", GREEN) if outcome.success else ("failure", RED)
-        panels = [panel(tick, name) for tick, name in zip(ends[:-1], names[:-1], strict=True)]
-        panels.append(panel(ends[-1], f"{names[-1]} - {verdict}", color))
-        facts = f"{options.split} seed {outcome.seed}, variation {outcome.variation}, {outcome.ticks * TICK_S:.1f} s"
-        lines = (env.task_description, f"{facts}, seen from {camera}")
-        stem.parent.mkdir(parents=True, exist_ok=True)
-        contact_sheet(task, lines, panels).save(stem.with_suffix(".png"))
-        if config.video:
-            caption = f"{task} v{outcome.variation} {options.split} seed{seed}"
-            writer = VideoWriter(stem.parent, stem.name, caption=caption)
-            for tick in range(len(states)):
-                writer.add(panel(tick).rgb)
-            writer.close(verdict, name=f"{stem.name}.mp4")
+    write_pictures(env, {"expert": played}, stem, config.camera, options.size, config.video)
     env.close()
-    return outcome
+    return played[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +12,6 @@ from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import EnvOptions
-from lerobot_env_bimanual.window import mujoco_window, no_window
 
 
 @dataclass
@@ -28,7 +28,7 @@ class TaskViewConfig:
     # side by side in the same episode.
     checkpoint: Path | None = None
     trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
-    video: bool = False  # write a video although there is a display
+    window: bool = True  # open a window where there is a display; otherwise a video is written
     output: Path = Path("outputs/view")  # folder of the videos and their contact sheets
 
 
@@ -37,23 +37,23 @@ def task_view(config: TaskViewConfig) -> None:
 
     Where there is a display, MuJoCo's interactive viewer opens and the episode is played in real time: turn with the
     left mouse button, move with the right one, zoom with the wheel. Right and left arrow take the next seed and the one
-    before, up and down another variation; space pauses, backspace plays again. Closing the window ends the command.
+    before. Closing the window ends the command.
 
-    Where there is none, or with `--video`, a video and a contact sheet are written instead.
+    Where there is none, or with `--window=false`, a video and a contact sheet are written instead.
 
     A policy sees the cameras and the image size that its checkpoint names. LeRobot calls whatever a checkpoint's files
     name, so one that `policy check` does not pass is refused unless `--trust_checkpoint` is given.
 
     Examples:
         lerobot-bimanual task view --task=lift_ball
-        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --video
-        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --video
-        lerobot-bimanual task view --task=handover_item_easy --video \
+        lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --window=false
+        lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --window=false
+        lerobot-bimanual task view --task=handover_item_easy --window=false \
             --checkpoint=results/checkpoints/peract2_on_all
     """
     check_range("first_seed", config.first_seed, 0)
     check_range("episodes", config.episodes, 1)
-    reason = "--video was given" if config.video else no_window()
+    reason = no_window() if config.window else "--window=false was given"
     if reason:
         # Before MuJoCo is loaded; a display may be there that does not open.
         os.environ.setdefault("MUJOCO_GL", "egl")
@@ -64,13 +64,23 @@ def task_view(config: TaskViewConfig) -> None:
     )
 
 
+def no_window() -> str:
+    """Why no window can be opened; empty if one can."""
+    if "DISPLAY" not in os.environ and "WAYLAND_DISPLAY" not in os.environ:
+        return "there is no display"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW's own text of the same
+        import glfw
+
+        return "" if glfw.init() else "the display cannot be opened"
+
+
 def _play(config: TaskViewConfig, reason: str) -> None:
     """Play in a window, or write videos if there is a reason why not."""
     from lerobot_env_bimanual.env import BimanualEnv
     from lerobot_env_bimanual.experts.runner import expert
+    from lerobot_env_bimanual.rendering.episode_pictures import write_pictures
     from lerobot_env_bimanual.rendering.rollout import rollout
-    from lerobot_env_bimanual.rendering.side_by_side import write_side_by_side
-    from lerobot_env_bimanual.viewer import KEYS, Performance
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
@@ -84,15 +94,20 @@ def _play(config: TaskViewConfig, reason: str) -> None:
         players["policy"] = policy_player(config.checkpoint)
     env = BimanualEnv(config.task, options=_options(config))
     if not reason:
+        from lerobot_env_bimanual.viewer import KEYS, Performance
+
         print(KEYS)
         name, player = players.popitem()
-        Performance(env, player, name, config.first_seed, mujoco_window).run()
+        Performance(env, player, name, config.first_seed).run()
         env.close()
         return
     print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
-        files = write_side_by_side(env, rollouts, config.output)
+        perturb = env.options.perturb.replace(":", "").replace(",", "_")
+        episode = f"{env.task}_v{env.variation}_{config.split}_seed{seed}"
+        name = "_".join(filter(None, (episode, perturb, "_and_".join(players))))
+        files = write_pictures(env, rollouts, config.output / name)
         for name, (recording, outcome) in rollouts.items():
             verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
             print(f"{name}: {verdict} after {recording.duration_s:.1f} s")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
 from pathlib import Path
 
 from tqdm import tqdm
@@ -36,10 +35,8 @@ def process_executor(workers: int) -> Iterator[RecordShards]:
     with WorkerPool(workers, preload=PRELOADED) as pool:
 
         def record(jobs: Sequence[Job], note: Callable[[int], object]) -> None:
-            for _ in pool.map(
-                record_shard, jobs, "", "", name=lambda job: f"shard {job[1].name}", part=partial(note, 1)
-            ):
-                pass
+            for episodes in pool.map(record_shard, jobs, "", "", name=lambda job: f"shard {job[1].name}"):
+                note(episodes)
 
         yield record
 
@@ -107,7 +104,7 @@ def merge_view(job: tuple[Sequence[Path], Path, Provenance]) -> None:
 
 def _provenance(staging: Staging, view: View, reports: Sequence[ShardReport]) -> Provenance:
     return Provenance(
-        schema_version=2,
+        schema_version=staging.origin.schema_version,
         view=view,
         versions=staging.origin.versions,
         worlds=staging.origin.worlds,

@@ -11,6 +11,7 @@ import numpy as np
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM, by_arm
@@ -38,7 +39,8 @@ class Replays:
         views: which rows are stored.
         cameras: whose images are stored.
         size: height and width of the images in pixels.
-        depth: whether depth images are stored.
+        depth: whether depth images are stored; None for `keyframes` alone.
+        perturbed: whether any episode of the dataset is of a perturbed world, so that every row holds its calibration.
     """
 
     task: str
@@ -49,7 +51,8 @@ class Replays:
     views: tuple[View, ...]
     cameras: tuple[str, ...]
     size: tuple[int, int]
-    depth: bool
+    depth: bool | None
+    perturbed: bool
 
 
 def record_replays(job: Replays) -> list[str]:
@@ -82,11 +85,14 @@ def record_replays(job: Replays) -> list[str]:
                 played = played if actions else _with_reached_keyposes(played)
                 reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
                 outcome = {schema.SUCCESS: np.array([episode.success]), schema.FAILURE_CLASS: reason}
+                calibration = None if job.perturbed else Calibration.of_observation(played.final_observation)
                 for view in () if writers else job.views:
-                    place = folder / view
-                    writer = ViewWriter(
-                        place, job.repo_id, view, job.cameras, *job.size, depth=job.depth, outcome=True
-                    )
+                    how = {
+                        "depth": job.depth,
+                        "outcome": True,
+                        "calibration": calibration,
+                    }
+                    writer = ViewWriter(folder / view, job.repo_id, view, job.cameras, *job.size, **how)
                     writers.append(stack.enter_context(writer))
                 write_episode(replace(played, outcome=outcome), writers)
         if writers:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from lerobot_bimanual.dataset.provenance import Provenance
-from lerobot_bimanual.dataset.schema import VIEWS, View
+from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.results.record import Record
 from lerobot_bimanual.versions import Version, installed_versions
@@ -35,7 +35,7 @@ class GenerationSettings(Record):
         cameras: cameras whose images are stored.
         height: image height in pixels.
         width: image width in pixels.
-        depth: whether every camera's depth is stored beside its colours.
+        depth: whether every camera's depth is stored beside its colours; None for the view `keyframes` alone.
         intermediate: fractions of each stage's motion at which the view `keyframes` has another row.
         discretise: voxels per axis to which keyposes are rounded before they are executed; 0 leaves them exact.
         episodes_per_shard: episodes per file of the dataset.
@@ -56,7 +56,7 @@ class GenerationSettings(Record):
     cameras: Annotated[tuple[str, ...], Field(min_length=1)]
     height: int
     width: int
-    depth: bool
+    depth: bool | None
     intermediate: tuple[Fraction, ...]
     discretise: Annotated[int, Field(ge=0, le=1000)]
     episodes_per_shard: Annotated[int, Field(ge=1, le=10_000)]
@@ -102,7 +102,7 @@ class GenerationSettings(Record):
             "view": "both" if self.views == VIEWS else self.views[0],
             "image_size": f"{self.height}x{self.width}",
             "cameras": ",".join(self.cameras),
-            "depth": str(self.depth).lower(),
+            "depth": "" if self.depth is None else str(self.depth).lower(),
             "intermediate": ",".join(map(str, self.intermediate)),
             "discretise": self.discretise,
             "perturb": self.perturb,
@@ -136,11 +136,13 @@ class Origin(Record):
     """What decides every byte of a dataset; its provenance says it, too.
 
     Attributes:
+        schema_version: version of the feature table.
         settings: what was asked for, by option name.
         versions: package -> version with which it was made.
         worlds: task -> version of the world in which its episodes are played.
     """
 
+    schema_version: int
     settings: dict[str, Any]
     versions: dict[str, Version]
     worlds: dict[str, Version]
@@ -149,6 +151,7 @@ class Origin(Record):
     def here(cls, settings: GenerationSettings) -> Self:
         """That of what is made by this installation; plays one episode per task to know its world."""
         return cls(
+            schema_version=SCHEMA_VERSION,
             settings=settings.model_dump(mode="json"),
             versions=installed_versions(),
             worlds=world_versions(settings.tasks, settings.perturb, settings.setting),
@@ -160,7 +163,8 @@ class Origin(Record):
         Raises:
             DatasetError: it does; the message lists what differs.
         """
-        pairs = [(getattr(found, part), getattr(self, part)) for part in Origin.model_fields]
+        pairs = [(getattr(found, part), getattr(self, part)) for part in ("settings", "versions", "worlds")]
+        pairs.append(({"schema_version": found.schema_version}, {"schema_version": self.schema_version}))
         differences = [
             f"{name} is {theirs.get(name)!r}, not {ours.get(name)!r}"
             for theirs, ours in pairs

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.provenance import EpisodeKey, SkippedSeed
 from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.experts.recorder import Recorder
 from lerobot_env_bimanual.generation.plan import Shard, ShardReport
 from lerobot_env_bimanual.generation.settings import GenerationSettings
 from lerobot_env_bimanual.generation.staging import REPORT, new_folder, place_shard, plain_write_errors
-from lerobot_env_bimanual.workers import part_done
 
 if TYPE_CHECKING:
     from lerobot_bimanual.dataset.writer import ViewWriter
@@ -57,6 +57,10 @@ def record_shard(job: Job) -> int:
                     skipped.append(SkippedSeed(**candidate.model_dump(), reason=reason))
                     continue
                 episodes.append(candidate)
+                # Perturbed cameras stand elsewhere in every episode.
+                calibration = (
+                    None if settings.perturb else Calibration.of_observation(episode.final_observation)
+                )
                 for view in () if writers else settings.views:  # a dataset without episodes is none
                     writer = ViewWriter(
                         folder / view,
@@ -66,10 +70,10 @@ def record_shard(job: Job) -> int:
                         *options.size,
                         settings.intermediate,
                         settings.depth,
+                        calibration=calibration,
                     )
                     writers.append(stack.enter_context(writer))
                 write_episode(episode, writers)
-                part_done()
         ShardReport(episodes=tuple(episodes), skipped=tuple(skipped)).write(folder / REPORT)
         place_shard(folder, target)
     return len(episodes)

@@ -53,13 +53,7 @@ def contact_sheet(title: str, lines: Sequence[str], panels: Sequence[Panel], col
 
 
 def gallery(panels: Sequence[Panel], columns: int, panel_width: int = PANEL_WIDTH) -> Image.Image:
-    """Panels in rows.
-
-    Args:
-        panels: at least one.
-        columns: number of columns.
-        panel_width: width to which pictures are scaled, pixels.
-    """
+    """Panels, at least one, in rows, their pictures scaled to a width in pixels."""
     pictures = [_draw_panel(panel, panel_width) for panel in panels]
     width, height = (side + GAP for side in pictures[0].size)
     columns = min(columns, len(pictures))

@@ -222,7 +222,7 @@ def sweep_expert(
     earlier = read_earlier(ExpertRobustnessReport, output, config, conditions)
     keys = [key for key in conditions if conditions.played_as(key) == key]
     seeds = range(config.first_seed, config.first_seed + config.expert_episodes)
-    log = EpisodeLog(output.with_suffix(".partial.jsonl"))
+    log = EpisodeLog(output.with_suffix(".partial.jsonl"), exclusive=True)
     with Evaluator(workers, log) as evaluator:
         worlds = conditions.worlds(keys, evaluator)
         known = earlier.by_key if earlier else {}

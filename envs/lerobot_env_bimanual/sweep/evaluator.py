@@ -116,15 +116,16 @@ class EpisodeLog:
 
     Args:
         path: the file; its folder is made.
+        exclusive: whether other processes are kept out until `close`, or the end of this one.
 
     Raises:
-        BimanualError: it cannot be read.
+        BimanualError: it cannot be read, or another process has it.
         UnwritableOutput: it cannot be written.
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, *, exclusive: bool = False):
         header = json.dumps(simulation_versions() | {"sources": _source_digest()}, sort_keys=True)
-        self._journal = Journal(path, _Line)
+        self._journal = Journal(path, _Line, exclusive=exclusive)
         if self._journal.header != header:
             self._journal.restart(header)
         self._outcomes = {line.spec: line.outcome for line in self._journal.entries()}
@@ -142,6 +143,10 @@ class EpisodeLog:
         key = _key(spec)
         self._journal.add(_Line(spec=key, outcome=outcome))
         self._outcomes[key] = outcome
+
+    def close(self) -> None:
+        """Let other processes have the file."""
+        self._journal.close()
 
     def remove(self) -> None:
         """Delete the file: the result is safe elsewhere."""
@@ -182,6 +187,12 @@ class Evaluator(WorkerPool):
         super().__init__(workers)
         self._log = log
         self._mean_keyposes: dict[tuple[str, str, str], Keyposes] = {}
+
+    def __exit__(self, *error: object) -> None:
+        """End the processes, and close the log."""
+        super().__exit__(*error)
+        if self._log is not None:
+            self._log.close()
 
     def play(self, specs: Sequence[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
         """Outcomes of episodes, in their order, with a progress bar called `label`.

@@ -11,6 +11,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import owned
 from lerobot_bimanual.results.evaluation import result_versions
 from lerobot_bimanual.results.robustness import (
     ConditionKey,
@@ -114,9 +115,14 @@ class PolicySweep:
         """Renew validity by the expert's report, play missing conditions, and give each after it is written.
 
         Raises:
-            BimanualError: as in `played`; or a condition or its expert report is of another world, or cannot be played.
+            BimanualError: as in `played`; or a condition or its expert report is of another world, or cannot be played; or
+                another process plays this sweep.
         """
         self._check_worlds()
+        with owned(self.records):
+            yield from self._run()
+
+    def _run(self) -> Iterator[PolicyCondition]:
         result, missing = self.played(), self.missing()
         if result is not None:
             result = self._write(result, map(self._with_expert_report, result.conditions))

@@ -1,75 +1,20 @@
-"""Checks of an episode's columns: which episode it is, LeRobot's own columns, and all others, which its expert plays again."""
+"""Plays an episode of a dataset again, by its expert, and compares every column of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.dataset.provenance import EpisodeKey
-from lerobot_bimanual.dataset.reader import (
-    EPISODE_INDEX,
-    FRAME_INDEX,
-    INDEX,
-    TASK_INDEX,
-    TIMESTAMP,
-    RecordedDataset,
-    RecordedEpisode,
-)
+from lerobot_bimanual.dataset.reader import RecordedDataset, RecordedEpisode
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 from lerobot_bimanual.episode import Demonstration, EpisodeMeta
 from lerobot_bimanual.errors import DatasetError
 from lerobot_env_bimanual.experts.recorder import Recorder, recording_options
-from lerobot_env_bimanual.options import SPLITS, STANDARD
-from lerobot_env_bimanual.tasks.registry import get_task
+from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.verification.fault import Fault, first_of
-
-
-def check_key(dataset: RecordedDataset, episode: RecordedEpisode) -> Iterator[Fault]:
-    """Task, variation, split and seed are the same in every row, exist, and are those that the dataset lists."""
-    for key in (schema.TASK_NAME, schema.VARIATION, schema.SPLIT, schema.SEED):
-        column = episode.columns[key]
-        yield from first_of(column != column[0], f"{key} changes within the episode")
-    meta = episode.meta
-    if meta.split not in SPLITS or meta.seed < 0:
-        yield Fault(f"there is no seed {meta.seed} of the split {meta.split!r}")
-        return
-    spec = get_task(meta.task).spec
-    spec.variation_index(meta.variation)
-    sentences = spec.instructions_for(spec.variations[meta.variation])
-    if meta.instruction not in sentences:
-        expected = ", ".join(map(repr, sentences))
-        yield Fault(f"the instruction is {meta.instruction!r}, but the task has {expected}")
-    listed = dataset.provenance.episodes if dataset.provenance is not None else ()
-    found = EpisodeKey(task=meta.task, variation=meta.variation, split=meta.split, seed=meta.seed)
-    if episode.index < len(listed) and listed[episode.index] != found:
-        yield Fault(f"it holds {found}, but the dataset lists {listed[episode.index]}")
-
-
-def check_bookkeeping(
-    episode: RecordedEpisode, entry: dict[str, Any], sentences: Sequence[str], fps: int
-) -> Iterator[Fault]:
-    """Time, numbers and sentence of every row, by which training finds it.
-
-    Args:
-        episode: its columns.
-        entry: its row in the table of episodes.
-        sentences: all sentences in the order in which LeRobot numbers them.
-        fps: rows per second.
-    """
-    rows = np.arange(len(episode))
-    numbers = [number for number, text in enumerate(sentences) if text == episode.meta.instruction]
-    wanted = {
-        TIMESTAMP: (rows / fps).astype(np.float32),
-        FRAME_INDEX: rows,
-        EPISODE_INDEX: np.full(len(rows), episode.index),
-        INDEX: entry["dataset_from_index"] + rows,
-        TASK_INDEX: np.full(len(rows), numbers[0] if len(numbers) == 1 else -1),
-    }
-    for key, values in wanted.items():
-        yield from first_of(episode.bookkeeping[key] != values, f"{key} is not that of its row")
 
 
 class Player:
@@ -131,7 +76,9 @@ def check_replay(dataset: RecordedDataset, stored: RecordedEpisode, played: Demo
         yield Fault(f"the ticks are {_short(ticks)}, not {_short(expected)}")
     rows = [row for row, tick in enumerate(ticks) if tick in expected]
     wanted = [row_columns(played, int(ticks[row]), dataset.view) for row in rows]
-    for key in (schema.VECTORS | schema.SCALARS) if rows else ():
+    if dataset.calibration is not None:
+        wanted = [dataset.calibration.rest(columns) for columns in wanted]
+    for key in stored.columns if rows else ():
         values = np.stack([np.squeeze(columns[key]) for columns in wanted])
         differs = np.zeros(len(stored), bool)
         differs[rows] = (stored.columns[key][rows] != values).reshape(len(rows), -1).any(axis=1)

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 
 from lerobot_bimanual.errors import BimanualError
 
+READABLE = "readable"
+"""Check whether something can be read at all; nothing else is checked of what cannot."""
+
 
 @dataclass(frozen=True)
 class Fault:

@@ -14,7 +14,7 @@ from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.joint_action import CONTROL_HZ
 
 CRF = "20"
-"""Default quality: visually clean at about 100 kB per second of video."""
+"""Constant rate factor of H.264: visually clean at about 100 kB per second of video."""
 HOLD_S = 1.0
 """For which the last frame stays."""
 LETTERS_PX = 14
@@ -41,22 +41,14 @@ class VideoWriter:
     Args:
         folder: created if absent.
         stem: beginning of the file name; `close` adds the outcome.
-        fps: frames per second.
-        crf: constant rate factor of H.264; 6 more is about half the size.
         caption: of every frame, e.g. the task and the seed; the held one adds the outcome.
-
-    Attributes:
-        frames: written so far.
     """
 
-    def __init__(self, folder: Path, stem: str, fps: int = CONTROL_HZ, crf: str = CRF, caption: str = ""):
-        self.frames = 0
+    def __init__(self, folder: Path, stem: str, caption: str = ""):
         self._caption = caption
         self._last: NDArray[np.uint8] | None = None
         self._folder = folder
         self._stem = stem
-        self._fps = fps
-        self._crf = crf
         self._container: Any = None
         self._stream: Any = None
 
@@ -80,12 +72,11 @@ class VideoWriter:
             if self._container is None:
                 self._folder.mkdir(parents=True, exist_ok=True)
                 self._container = av.open(str(self._partial), "w", format="mp4")
-                self._stream = self._container.add_stream("libx264", rate=self._fps)
+                self._stream = self._container.add_stream("libx264", rate=CONTROL_HZ)
                 self._stream.height, self._stream.width = rgb.shape[:2]
                 self._stream.pix_fmt = "yuv420p"
-                self._stream.options = {"crf": self._crf, "preset": "veryfast"}
+                self._stream.options = {"crf": CRF, "preset": "veryfast"}
             self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
-        self.frames += 1
 
     def close(self, outcome: str, name: str | None = None) -> Path | None:
         """Hold the last frame, and finish the file, replacing an older one of that name.
@@ -103,7 +94,7 @@ class VideoWriter:
         if self._container is None or self._last is None:
             return None
         held = captioned(self._last, self._caption, outcome) if self._caption else self._last
-        for _ in range(round(HOLD_S * self._fps)):
+        for _ in range(round(HOLD_S * CONTROL_HZ)):
             self._write(held)
         container, self._container = self._container, None
         with self._plain_errors():

@@ -6,7 +6,7 @@ import torch
 from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
-from lerobot_bimanual.dataset.schema import EE_POSE, KEYPOSE_STEP, NEXT_KEYPOSE, VECTORS
+from lerobot_bimanual.dataset.schema import ACTION, EE_POSE, KEYPOSE_STEP, VECTORS
 from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
 from lerobot_policy_blind_mlp.configuration_blind_mlp import BlindMlpConfig
 
@@ -33,7 +33,7 @@ class BlindMlpPolicy(PreTrainedPolicy):
         return self.network(torch.cat([batch[key].reshape(rows, -1) for key in INPUTS], dim=-1))
 
     def forward(self, batch: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
-        loss = (self._predict(batch) - batch[NEXT_KEYPOSE]).abs().mean()
+        loss = (self._predict(batch) - batch[ACTION]).abs().mean()
         return loss, {"mean_error": loss.item()}
 
     def select_action(self, batch: dict[str, Tensor], **kwargs: Any) -> Tensor:

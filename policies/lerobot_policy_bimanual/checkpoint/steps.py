@@ -12,9 +12,6 @@ from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.keypose.weights import check_weights
 
-SUBTASK_STEP = {"class": "lerobot_policy_bimanual.training.subtask_step.SubtaskStep", "config": {}}
-"""The one step that is allowed by class: registering it would make every plugin discovery import LeRobot's processors."""
-
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
 type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
@@ -76,7 +73,7 @@ def check_classes(file: Path, processor: object) -> None:
     """
     steps = processor.get("steps") if isinstance(processor, dict) else None
     for step in steps if isinstance(steps, list) else ():
-        if isinstance(step, dict) and "class" in step and step != SUBTASK_STEP:
+        if isinstance(step, dict) and "class" in step:
             raise CheckpointError(
                 f"{file} names the class {shown(step['class'])}, which LeRobot's loader would call. Do not load this checkpoint"
             )
@@ -112,8 +109,6 @@ def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     Raises:
         BimanualError: as `step_names`.
     """
-    if value == SUBTASK_STEP:
-        return "SubtaskStep"
     step = _Step.from_json(json.dumps(value))
     name, kind = step.registry_name, SAFE_STEPS.get(step.registry_name)
     known = (

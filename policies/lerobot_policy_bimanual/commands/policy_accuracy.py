@@ -11,7 +11,7 @@ class PolicyAccuracyConfig:
     """Options of the command `policy accuracy`."""
 
     checkpoint: Path = field(kw_only=True)  # folder pretrained_model of a trained keypose policy
-    root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made, either view
+    root: Path = field(kw_only=True)  # folder of a dataset that `dataset generate` made, view `keyframes`
     trust_checkpoint: bool = False  # load what the checkpoint names, without `policy check`
 
 

@@ -8,7 +8,7 @@ from lerobot.datasets import LeRobotDataset
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, GRIPPER_OPEN, IGNORE_COLLISIONS
 from lerobot_policy_bimanual.inspection.loading import Batch, batch_of
 from lerobot_policy_bimanual.keypose.losses import distances
@@ -31,7 +31,7 @@ def measure(
     starts = range(0, len(dataset), BATCH_SIZE)
     for start in tqdm(starts, desc="predicting", unit_scale=BATCH_SIZE, unit="row"):
         batch = preprocess(batch_of(dataset, range(start, min(start + BATCH_SIZE, len(dataset)))))
-        predicted, label = policy.select_action(batch), batch[NEXT_KEYPOSE]
+        predicted, label = policy.select_action(batch), batch[ACTION]
         distance_m, angle_rad = distances(predicted, label)
         flags = [vector.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM)) > 0.5 for vector in (predicted, label)]
         wrong = flags[0] != flags[1]

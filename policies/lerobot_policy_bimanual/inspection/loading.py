@@ -10,10 +10,15 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 
-from lerobot_bimanual.dataset.reader import check_features, find_view, read_info
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.layout import check_features
+from lerobot_bimanual.dataset.reader import find_view, read_info
+from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
+from lerobot_policy_bimanual.keypose.dataset_fit import check_label
+from lerobot_policy_bimanual.keypose.observation import with_calibration
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 Batch = dict[str, Any]
@@ -48,18 +53,20 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
 
 
 def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
-    """Rows as LeRobot's loaders collate them: without language columns, whose length differs from row to row."""
+    """Rows as LeRobot's loaders collate them, with the calibration that holds for all rows."""
     found: list[Any] = [dataset[row] for row in rows]
-    return cast(Batch, lerobot_collate_fn(found))
+    calibration = Calibration.of_features(dataset.meta.features)
+    return with_calibration(cast(Batch, lerobot_collate_fn(found)), calibration)
 
 
 def open_dataset(dataset: Path) -> LeRobotDataset:
-    """Open a dataset, or the view `keyframes` of a folder of both views.
+    """Open a dataset of keyposes, or the view `keyframes` of a folder of both views.
 
     Raises:
-        DatasetError: there is no dataset.
-        DatasetError: the dataset lacks the label.
+        DatasetError: there is none.
     """
     root = find_view(dataset, ("keyframes", "frames"))
-    check_features(read_info(root)["features"], root)
+    features = read_info(root)["features"]
+    check_features(features, root)
+    check_label(features[ACTION]["shape"])
     return LeRobotDataset(f"local/{root.name}", root=root)

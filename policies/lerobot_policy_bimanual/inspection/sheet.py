@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
-from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_policy_bimanual.keypose.losses import distances
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
@@ -70,7 +70,7 @@ def draw_sheet(policy: KeyposePolicy, batch: dict[str, Any], origin: str) -> Fig
         BadObservation: the batch cannot be true.
     """
     observation, prediction, chosen = policy.infer(batch)
-    label = batch[NEXT_KEYPOSE]
+    label = batch[ACTION]
     workspace, voxels = policy.config.workspace, min(policy.config.voxel_size, MAX_SCENE_VOXELS)
     grid = voxelise(observation.points[:1], observation.colours[:1], workspace=workspace, voxels=voxels)[0]
     occupied = grid[9].nonzero().cpu()

@@ -15,6 +15,7 @@ from lerobot_bimanual.dataset.schema import (
     GRIPPER_FINGERS,
     KEYPOSE_STEP,
     STATE,
+    VECTORS,
     depth_key,
     image_key,
 )
@@ -175,9 +176,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     def validate_features(self) -> None:
         """Keep the inputs that the policy reads, check that none is missing, and name its output.
 
-        The label `observation.next_keypose` and unused cameras are removed, so that a checkpoint does not require them.
-        The output is a keypose, whatever the column `action` of a dataset, or the action of an environment, which LeRobot
-        puts there.
+        Unused cameras and vectors are removed, so that a checkpoint does not require them. The output is a keypose, also where
+        LeRobot has put the joint action of an environment there.
 
         Raises:
             DatasetError: if inputs are listed but some are missing.
@@ -185,13 +185,18 @@ class KeyposePolicyConfig(PreTrainedConfig):
         self.output_features = {ACTION: PolicyFeature(FeatureType.ACTION, (KEYPOSE_DIM,))}
         if not self.input_features:
             return
-        missing = [key for key in self.observation_keys if key not in self.input_features]
+        calibration = {
+            key: PolicyFeature(FeatureType.STATE, (len(VECTORS[key]),))
+            for key in (CAMERA_EXTRINSICS, CAMERA_INTRINSICS)
+        }
+        known = self.input_features | calibration  # which a dataset's metadata complete
+        missing = [key for key in self.observation_keys if key not in known]
         if missing:
             raise DatasetError(
                 f"policy inputs {', '.join(missing)} are not in the dataset. Record RGB-D data with "
                 "`lerobot-bimanual dataset generate`, or choose cameras with --policy.cameras"
             )
-        self.input_features = {key: self.input_features[key] for key in self.observation_keys}
+        self.input_features = {key: known[key] for key in self.observation_keys}
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""
@@ -216,5 +221,5 @@ class KeyposePolicyConfig(PreTrainedConfig):
             decay_lr=self.final_lr_fraction * self.optimizer_lr,
         )
 
-    # One observation is enough, and neither joint actions nor rewards of the dataset are used.
+    # One observation is enough, and one action, and rewards are not used.
     observation_delta_indices = action_delta_indices = reward_delta_indices = property(lambda self: None)  # pyright: ignore

@@ -4,16 +4,19 @@ docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` a
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lerobot.configs import PreTrainedConfig
+from lerobot.configs import FeatureType, PreTrainedConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset.schema import KEYPOSE_STEP, NEXT_KEYPOSE
-from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, POSITION
+from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
+from lerobot_bimanual.dataset.version import check_version
+from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.config import KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields
@@ -48,6 +51,19 @@ def compare_with_checkpoint(config: PreTrainedConfig, trained: PreTrainedConfig,
             )
 
 
+def check_label(shape: Sequence[int]) -> None:
+    """Refuse actions of another shape than a keypose.
+
+    Raises:
+        DatasetError: they have one.
+    """
+    if tuple(shape) != (KEYPOSE_DIM,):
+        raise DatasetError(
+            f"the column {ACTION} has the shape {tuple(shape)}, but keypose policies learn from the next keypose, "
+            f"{KEYPOSE_DIM} numbers: give them the view `keyframes`"
+        )
+
+
 def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mapping[str, Any]] | None) -> None:
     """Take from the dataset of a training what follows from it, and warn of what does not fit it.
 
@@ -58,13 +74,18 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
 
     Raises:
         BadConfig: the horizon is unset, and the statistics do not tell it.
+        DatasetError: as in `check_version` and `check_label`.
     """
     if meta is not None:
+        check_version(meta.features, Path(meta.root))
+        check_label(meta.features.get(ACTION, {}).get("shape", ()))
         tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
         config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
         before = config.input_features or {}
         stored = {
-            key: each for key, each in dataset_to_policy_features(meta.features).items() if key in before
+            key: each
+            for key, each in dataset_to_policy_features(meta.features).items()
+            if key in before and each.type is FeatureType.VISUAL
         }
         if other := [
             key for key, feature in stored.items() if tuple(feature.shape) != tuple(before[key].shape)
@@ -89,9 +110,9 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
             f"this dataset has episodes of {most:.0f} keyposes, of which the policy tells {config.keypose_horizon} apart "
             "(keypose_horizon)"
         )
-    if stats and NEXT_KEYPOSE in stats:
+    if stats and ACTION in stats:
         lower, upper = (
-            np.reshape(stats[NEXT_KEYPOSE][bound], (len(ARMS), ARM_KEYPOSE_DIM))[:, POSITION]
+            np.reshape(stats[ACTION][bound], (len(ARMS), ARM_KEYPOSE_DIM))[:, POSITION]
             for bound in ("min", "max")
         )
         if (lower < config.workspace_lower).any() or (upper > config.workspace_upper).any():

@@ -14,6 +14,7 @@ from torch.nn.functional import threshold
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cameras_torch import unproject
+from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
@@ -22,6 +23,7 @@ from lerobot_bimanual.dataset.schema import (
     MM_PER_M,
     STATE,
     UNMEASURED_MM,
+    WRIST_EXTRINSICS,
     depth_key,
     image_key,
 )
@@ -51,6 +53,18 @@ class Observation:
     colours: Tensor
     proprio: Tensor
     instructions: list[str]
+
+
+def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> dict[str, Any]:
+    """A batch of a dataset's rows with the calibration of all rows, which stands in the dataset's metadata."""
+    if calibration is None or CAMERA_INTRINSICS in batch:
+        return batch
+    moving = batch[WRIST_EXTRINSICS]
+    room, intrinsics = (
+        torch.as_tensor(vector, device=moving.device).expand(len(moving), -1)
+        for vector in calibration.vectors
+    )
+    return batch | {CAMERA_EXTRINSICS: torch.cat([room, moving], dim=-1), CAMERA_INTRINSICS: intrinsics}
 
 
 def observe(

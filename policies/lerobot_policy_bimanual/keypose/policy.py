@@ -14,15 +14,16 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_bimanual.dataset.schema import NEXT_KEYPOSE
-from lerobot_bimanual.errors import DatasetError, InvalidChoice
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.schema import ACTION
+from lerobot_bimanual.errors import InvalidChoice
 from lerobot_bimanual.resources import shared_memory_problem
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.dataset_fit import compare_with_checkpoint, fit_config
+from lerobot_policy_bimanual.keypose.dataset_fit import check_label, compare_with_checkpoint, fit_config
 from lerobot_policy_bimanual.keypose.losses import keypose_errors, keypose_losses
-from lerobot_policy_bimanual.keypose.observation import Observation, observe
+from lerobot_policy_bimanual.keypose.observation import Observation, observe, with_calibration
 from lerobot_policy_bimanual.keypose.observation_check import ObservationCheck
 from lerobot_policy_bimanual.keypose.weights import check_tensors
 from lerobot_policy_bimanual.nn.language import LearnedLanguage
@@ -43,6 +44,9 @@ class KeyposePolicy(PreTrainedPolicy):
         dataset_stats: statistics of the dataset, which LeRobot passes in training; see `keypose.dataset_fit`.
         dataset_meta: metadata of the dataset, likewise.
         **kwargs: other arguments of LeRobot, not used.
+
+    Attributes:
+        calibration: that of all rows of the dataset, which completes its batches; None where observations hold all of it.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -64,6 +68,7 @@ class KeyposePolicy(PreTrainedPolicy):
         fit_config(config, dataset_meta, dataset_stats)
         if dataset_meta is not None and (problem := shared_memory_problem()):
             logging.warning(problem)
+        self.calibration = None if dataset_meta is None else Calibration.of_features(dataset_meta.features)
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
@@ -126,7 +131,7 @@ class KeyposePolicy(PreTrainedPolicy):
         """Training loss on a batch with labels.
 
         Args:
-            batch: the keys of `keypose.observation.observe`, and `observation.next_keypose` (b, 18).
+            batch: the keys of `keypose.observation.observe`, and `action` (b, 18), the next keypose.
             reduction: `mean` over the batch, or `none` for the losses (b,) of its samples, which LeRobot then weighs.
 
         Returns:
@@ -134,16 +139,13 @@ class KeyposePolicy(PreTrainedPolicy):
 
         Raises:
             InvalidChoice: another reduction.
-            DatasetError: the label is missing.
+            DatasetError: as in `check_label`.
             BadObservation: as in `observe`.
         """
         if reduction not in REDUCTIONS:
             raise InvalidChoice("reduction", reduction, REDUCTIONS)
-        if NEXT_KEYPOSE not in batch:
-            raise DatasetError(
-                f"training needs the column {NEXT_KEYPOSE}, which `lerobot-bimanual dataset generate` records"
-            )
-        keyposes = batch[NEXT_KEYPOSE].float()
+        check_label(batch[ACTION].shape[1:] if ACTION in batch else ())
+        keyposes = batch[ACTION].float()
         with full_precision(keyposes.device):
             motion = None
             if self.training and self.config.augmentation:
@@ -196,6 +198,7 @@ class KeyposePolicy(PreTrainedPolicy):
         Raises:
             BadObservation: something is missing, of another shape, or cannot be true.
         """
+        batch = with_calibration(batch, self.calibration)
         self._check_observation(batch)
         return observe(
             batch,

@@ -1,1 +1,1 @@
-"""PerAct and its relatives: voxels in, keyposes out. `reference.py` has the method written out: read it first."""
+"""PerAct and its relatives: voxels in, keyposes out. `examples/peract2_written_out.py` has the method written out: read it first."""

@@ -106,7 +106,7 @@ class ResidentDataset(Dataset):
         """
         texts = {key: value for key, value in items.items() if key != ROW}
         rows = items[ROW]
-        # LeRobot's collation drops the language columns, although its processors use them.
+        # LeRobot 0.6.1's collation drops the language columns, although its processors use them.
         language = {
             key: [self._texts[row][key] for row in rows.tolist()]
             for key in LANGUAGE_COLUMNS

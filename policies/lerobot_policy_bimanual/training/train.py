@@ -30,6 +30,7 @@ from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
+from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import BimanualError, DatasetError
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
 from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
@@ -231,7 +232,8 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
     """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
 
     Raises:
-        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for.
+        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or as
+            in `check_version`.
     """
     if cfg.dataset.root is None:
         return
@@ -247,7 +249,9 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
             f"no dataset at --dataset.root={root}: {root / INFO_FILE} does not exist. To train on one of the Hub, leave out "
             "--dataset.root"
         )
-    total = read_json(root / INFO_FILE).get("total_episodes")
+    info = read_json(root / INFO_FILE)
+    check_version(info.get("features", {}), root)
+    total = info.get("total_episodes")
     if outside := [number for number in episodes if not 0 <= number < total]:
         raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")
 

@@ -1,9 +1,21 @@
-import numpy as np
+"""Paths through joint space, and how fast they are followed."""
 
-from lerobot_bimanual.arms import Arm
+import itertools
+
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
+from lerobot_env_bimanual.motion.pace import BESIDE_M, CONTACT, FREE, HEAVY_KG, PUSHING, Pace, is_beside_heavy
+from lerobot_env_bimanual.motion.rrt_connect import edge_is_free, rrt_connect
+from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions
+from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
+from lerobot_env_bimanual.world.scene import Scene
 
 HOME = PANDA_PAIR.home_joints
 WAVE = np.stack([HOME + 0.3 * np.sin(turn) for turn in np.linspace(0, 2, 8)])
@@ -62,3 +74,127 @@ def test_an_obstacle_inside_a_corner_makes_the_rounding_narrower_and_without_any
     assert _bends(knots).max() < STEP_RAD
     stays = rounded(CORNER, lambda posture: bool(posture[1] < 1e-9 or posture[0] > 1 - 1e-9))
     assert np.linalg.norm(stays - CORNER[1], axis=1).min() < STEP_RAD
+
+
+START, GOAL = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
+LOWER, UPPER = np.full(2, -2.0), np.full(2, 2.0)
+
+
+def _around_the_wall(point: np.ndarray) -> bool:
+    return not (abs(point[0]) < 0.1 and point[1] < 1.5)
+
+
+def _find(is_free, seed: int = 0, max_iterations: int = 2000):
+    return rrt_connect(START, GOAL, LOWER, UPPER, is_free, np.random.default_rng(seed), max_iterations)
+
+
+def test_a_path_around_a_wall_is_found_short_and_free_and_the_generator_alone_decides_it():
+    paths = [_find(_around_the_wall, seed) for seed in range(5)]
+    for seed, path in enumerate(paths):
+        assert path is not None
+        assert np.array_equal(path[[0, -1]], [START, GOAL])
+        assert all(edge_is_free(a, b, _around_the_wall) for a, b in itertools.pairwise(path))
+        assert path[:, 1].max() > 1.5
+        assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() < 1.3 * 2 * np.hypot(1.0, 1.5)
+        assert np.array_equal(path, _find(_around_the_wall, seed))
+    assert not np.array_equal(paths[3], paths[4])
+
+
+def test_a_closed_wall_has_no_way_around():
+    assert _find(lambda point: abs(point[0]) >= 0.1, max_iterations=300) is None
+
+
+JOINTS = PANDA_PAIR.joint_limits
+BOTH = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
+STILL = JointPath(np.stack([HOME, HOME]))
+
+
+def swing(*angles: float) -> JointPath:
+    """A path that only turns the first joint."""
+    return JointPath(np.array([[angle, *HOME[1:]] for angle in angles]))
+
+
+def law(left: JointPath, right: JointPath = STILL, pace: Pace = FREE) -> np.ndarray:
+    return tick_fractions([left, right], BOTH, [pace.limits(JOINTS)] * 2)
+
+
+def rates(joints: np.ndarray) -> list[np.ndarray]:
+    """Velocity, acceleration, and its step from tick to tick, of a motion from rest to rest."""
+    at_rest = np.concatenate([np.repeat(joints[:1], 2, axis=0), joints, np.repeat(joints[-1:], 2, axis=0)])
+    return [
+        np.abs(np.diff(at_rest, n=order, axis=0)).max(axis=0) * CONTROL_HZ ** min(order, 2)
+        for order in (1, 2, 3)
+    ]
+
+
+def random_path(rng: np.random.Generator) -> JointPath:
+    """A winding path with up to seven knots."""
+    steps = rng.uniform(-0.4, 0.4, size=(rng.integers(1, 7), 7))
+    return JointPath(np.cumsum(np.concatenate([HOME[None], steps]), axis=0))
+
+
+@pytest.mark.parametrize("pace", [FREE, CONTACT, PUSHING])
+@pytest.mark.parametrize("seed", range(10))
+def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
+    rng = np.random.default_rng(seed)
+    paths = [random_path(rng), random_path(rng)]
+    fractions = law(*paths, pace)
+    assert (np.diff(fractions) >= 0).all()
+    assert fractions[-1] == 1.0
+    for path in paths:
+        velocity, acceleration, step = rates(path.at(np.append(0.0, fractions)))
+        assert (velocity <= 1.001 * pace.velocity_share * JOINTS.velocity_rad_s).all()
+        assert (acceleration <= 1.001 * pace.acceleration_share * JOINTS.acceleration_rad_s2).all()
+        assert (step <= 1.001 * pace.acceleration_share * JOINTS.jerk_rad_s3 * 0.002).all()
+
+
+def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must():
+    path, pace = swing(0, 2.0), Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
+    speed, push = 0.5 * JOINTS.velocity_rad_s[0], 0.2 * JOINTS.acceleration_rad_s2[0]
+    fastest_s = 2.0 / speed + speed / push
+    ticks = len(law(path, pace=pace))
+    assert fastest_s * CONTROL_HZ < ticks <= (fastest_s + SMOOTHING_S) * CONTROL_HZ + 2
+    velocity = rates(path.at(np.append(0.0, law(path, pace=pace))))[0][0]
+    assert velocity > 0.97 * speed
+
+
+@pytest.mark.parametrize("pace", [FREE, CONTACT, PUSHING])
+@pytest.mark.parametrize("path", [swing(0, 1.5), swing(0, 0.1, 1.2, 1.3), swing(0, -0.4), swing(0, 1)])
+def test_the_tip_keeps_its_greatest_speed_and_gains_it_slowly_where_it_pushes(path, pace):
+    joints = path.at(np.append(0.0, law(path, pace=pace)))
+    tips_m = np.array([BOTH[0].fk(posture)[:3, 3] for posture in joints])
+    speed_m_s = np.linalg.norm(np.diff(tips_m, axis=0), axis=1) * CONTROL_HZ
+    gains_m_s2 = np.diff(speed_m_s) * CONTROL_HZ
+    assert speed_m_s.max() < 1.02 * pace.tip_m_s
+    if len(path.knots) == 2:
+        assert (gains_m_s2.max() <= 1.1 * PUSHING.tip_m_s2) == (pace is PUSHING)
+        assert gains_m_s2.min() < -2 * PUSHING.tip_m_s2  # it brakes as fast as others
+
+
+def test_the_slower_arm_decides_the_duration_and_arms_that_stand_still_take_no_time():
+    short, long, small = swing(0, 0.2), swing(0, 1.0), swing(0, 1e-3)
+    assert len(law(long, short)) == len(law(short, long)) == len(law(long))
+    assert len(law(STILL)) == 0
+    assert 1 <= len(law(small)) <= 5
+    assert np.array_equal(small.at(law(small))[-1], small.knots[-1])
+
+
+FINGERTIPS_M = 0.01
+"""Beyond the tool centre point."""
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "gap_m", "is_beside"),
+    [
+        (HEAVY_KG, 0.5 * BESIDE_M, True),
+        (HEAVY_KG, 1.5 * BESIDE_M, False),
+        (0.9 * HEAVY_KG, 0.5 * BESIDE_M, False),
+    ],
+)
+def test_a_hand_is_beside_a_heavy_thing_only_where_it_is_near(mass_kg, gap_m, is_beside):
+    """With a box in the air, so far in front of the left hand's fingertips."""
+    box = Box("box", mass_kg=mass_kg)
+    scene = Scene((box,))
+    scene.place("box", scene.tcp(Arm.LEFT) @ Pose.upright((0, 0, FINGERTIPS_M + gap_m + box.size_m[2] / 2)))
+    assert is_beside_heavy(scene, Arm.LEFT) == is_beside
+    assert not is_beside_heavy(scene, Arm.RIGHT)

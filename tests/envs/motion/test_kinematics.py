@@ -1,8 +1,23 @@
-import numpy as np
+"""Kinematics of an arm, and straight lines of its hand."""
 
-from lerobot_bimanual.arms import ARMS
+import numpy as np
+import pytest
+
+from lerobot_bimanual.arms import ARMS, Arm
+from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
+from lerobot_env_bimanual.motion import lines
+from lerobot_env_bimanual.motion.feasibility import goal_postures
+from lerobot_env_bimanual.motion.lines import (
+    MAX_JOINT_STEP_RAD,
+    STEP_M,
+    STEP_RAD,
+    LineRequest,
+    line_poses,
+    straight_lines,
+)
+from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD, ArmKinematics
+from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 
 
 def test_forward_kinematics_is_that_of_the_simulated_arm(scene, postures):
@@ -50,3 +65,96 @@ def test_solutions_reach_their_pose_within_the_limits_and_are_all_there_are(kine
     assert bent > 20
     pose[:3, 3] += (0.0, 3.0, 0.0)
     assert kinematics.ik(pose).shape == (0, 7)
+
+
+HOME = PANDA_PAIR.home_joints
+KNOT_ERROR_M = 2e-5
+
+
+def _posture(kinematics: ArmKinematics, pose: Pose) -> np.ndarray:
+    return goal_postures(kinematics, HOME, pose.matrix)[0]
+
+
+def _line(kinematics: ArmKinematics, start: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    (line,) = straight_lines([LineRequest(kinematics, start, target)])
+    return line
+
+
+def _lines(kinematics: ArmKinematics, count: int):
+    """Random feasible lines of up to 40 cm and 60 degrees, from hands that point down."""
+    rng = np.random.default_rng(0)
+    while count:
+        above = Pose.looking(rng.uniform((0.15, -0.3, 0.85), (0.4, 0.2, 1.1)), (0, 0, -1), rng.normal(size=3))
+        start = _posture(kinematics, above)
+        shift, tilt = rng.uniform(-0.23, 0.23, 3), rng.uniform(-0.6, 0.6, 3)
+        opening = above.rotation[:, 1] + tilt
+        target = Pose.looking(above.position + shift, tilt * (1, 1, 0) - (0, 0, 1), opening).matrix
+        path = _line(kinematics, start, target)
+        if path is not None:
+            yield start, target, path
+            count -= 1
+
+
+def test_a_line_leads_from_the_commanded_joints_to_the_target_in_small_steps_within_the_limits(kinematics):
+    for start, target, path in _lines(kinematics, 10):
+        assert np.array_equal(path[0], start)
+        assert np.abs(kinematics.fk(path[-1]) - target).max() < 1e-6
+        origin = kinematics.fk(start)[:3, 3]
+        way = target[:3, 3] - origin
+        for joints, limit in [(path, KNOT_ERROR_M), ((path[1:] + path[:-1]) / 2, 1e-3)]:
+            points = np.array([kinematics.fk(posture)[:3, 3] for posture in joints]) - origin
+            along = points @ way / (way @ way)
+            assert np.linalg.norm(points - along[:, None] * way, axis=1).max() < limit
+            assert (np.diff(along) > 0).all()
+        poses = line_poses(kinematics.fk(start), target)
+        assert len(path) == len(poses) + 1
+        steps = np.diff(np.concatenate([kinematics.fk(start)[None], poses]), axis=0)
+        assert np.linalg.norm(steps[:, :3, 3], axis=1).max() < STEP_M + 1e-9
+        assert np.abs(steps[:, :3, :3]).max() < STEP_RAD + 1e-9
+        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+        assert kinematics.within_limits(path[1:]).all()
+
+
+def test_the_shoulder_passes_its_upright_posture_smoothly():
+    # With the upper arm upright, joints 1 and 3 turn about one axis and the closed form leaves them open.
+    kinematics = PANDA_PAIR.kinematics[Arm.LEFT]
+    start = np.array([0.384, -0.112, 0.461, -2.677, 0.093, 2.575, -0.259])
+    target = kinematics.fk(start)
+    target[2, 3] -= 0.1
+    path = _line(kinematics, start, target)
+    assert path is not None
+    assert path[0, 1] < 0 < path[-1, 1]
+    assert np.abs(np.diff(path, axis=0)).max() < 0.1
+
+
+def test_the_search_over_all_solutions_stays_on_the_line_too(kinematics, monkeypatch):
+    feasible = list(_lines(kinematics, 10))
+    monkeypatch.setattr(lines, "_project", lambda requests, ends, poses: dict.fromkeys(ends))
+    found = [(target, _line(kinematics, start, target)) for start, target, _ in feasible]
+    paths = [(target, path) for target, path in found if path is not None]
+    assert len(paths) >= 5
+    for target, path in paths:
+        assert kinematics.reaches(path[-1], target)
+        assert np.abs(np.diff(path, axis=0)).max() < MAX_JOINT_STEP_RAD
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 1.5), (0.0, 1.2, 0.0)])
+def test_a_line_out_of_reach_is_infeasible(kinematics, shift):
+    start = _posture(kinematics, Pose.looking((0.25, -0.1, 1.0), (0, 0, -1), (1, 0, 0)))
+    target = kinematics.fk(start)
+    target[:3, 3] += shift
+    assert _line(kinematics, start, target) is None
+
+
+def test_two_lines_at_once_are_those_of_each_alone_whatever_one_of_them_reaches():
+    arms = [PANDA_PAIR.kinematics[arm] for arm in ARMS]
+    feasible = [next(_lines(kinematics, 1)) for kinematics in arms]
+    requests = [LineRequest(kinematics, *line[:2]) for kinematics, line in zip(arms, feasible, strict=True)]
+    for both, (_, _, alone) in zip(straight_lines(requests), feasible, strict=True):
+        assert both is not None
+        assert np.allclose(both, alone, rtol=0, atol=1e-12)
+    far = arms[1].fk(HOME)
+    far[2, 3] += 1.5
+    found = straight_lines([requests[0], LineRequest(arms[1], HOME, far)])
+    assert found[0] is not None
+    assert found[1] is None

@@ -1,0 +1,88 @@
+"""Calibration that holds for all rows of a dataset, and stands once in its metadata."""
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
+from lerobot_bimanual.dataset.schema import (
+    CALIBRATION_INFO,
+    CAMERA_EXTRINSICS,
+    CAMERA_INTRINSICS,
+    WRIST_EXTRINSICS,
+)
+from lerobot_bimanual.errors import DatasetError
+
+
+class Calibration(BaseModel):
+    """How all cameras project, and where those in the room stand. Rows then hold the poses of the wrists' cameras alone.
+
+    LeRobot keeps it in the `info` of the column of extrinsics.
+
+    Attributes:
+        intrinsics: camera -> row-major 3 x 3 pinhole matrix in pixels.
+        world_T_camera: camera in the room -> row-major 4 x 4 matrix, OpenCV axes, m.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    intrinsics: dict[str, Annotated[list[float], Field(min_length=9, max_length=9)]]
+    world_T_camera: dict[str, Annotated[list[float], Field(min_length=16, max_length=16)]]  # noqa: N815
+
+    @model_validator(mode="after")
+    def _of_every_camera(self) -> Self:
+        cameras = {*self.intrinsics}, {*self.world_T_camera}
+        if cameras != ({*CAMERA_NAMES}, {*ROOM_CAMERA_NAMES}):
+            raise ValueError("a camera is missing or unknown")
+        return self
+
+    @classmethod
+    def of_observation(cls, observation: Mapping[str, NDArray]) -> Self:
+        """That of an observation, by the dataset's keys, of all five cameras."""
+        intrinsics = observation[CAMERA_INTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
+        extrinsics = observation[CAMERA_EXTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
+        return cls(
+            intrinsics=dict(zip(CAMERA_NAMES, intrinsics, strict=True)),
+            world_T_camera=dict(zip(ROOM_CAMERA_NAMES, extrinsics, strict=False)),
+        )
+
+    @classmethod
+    def of_features(cls, features: Mapping[str, Mapping[str, Any]]) -> Self | None:
+        """That of a dataset's feature table; None where every row holds all of it, as in a perturbed world.
+
+        Raises:
+            DatasetError: it is damaged.
+        """
+        info = features.get(WRIST_EXTRINSICS, {}).get("info") or {}
+        if CALIBRATION_INFO not in info:
+            return None
+        try:
+            return cls.model_validate_json(json.dumps(info[CALIBRATION_INFO]))
+        except ValidationError as error:
+            raise DatasetError(
+                f"the calibration in meta/info.json is damaged: {error.errors()[0]['msg']}"
+            ) from None
+
+    @cached_property
+    def vectors(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Extrinsics (48,) of the cameras in the room, and intrinsics (45,) of all cameras."""
+        extrinsics = np.concatenate([self.world_T_camera[name] for name in ROOM_CAMERA_NAMES])
+        intrinsics = np.concatenate([self.intrinsics[name] for name in CAMERA_NAMES])
+        return extrinsics.astype(np.float32), intrinsics.astype(np.float32)
+
+    def rest(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """What a row holds beside this calibration, of all columns of an observation.
+
+        Raises:
+            DatasetError: the row has another calibration.
+        """
+        others = dict(columns)
+        room, moving = np.split(others.pop(CAMERA_EXTRINSICS), [len(self.vectors[0])])
+        if not all(map(np.array_equal, (room, others.pop(CAMERA_INTRINSICS)), self.vectors)):
+            raise DatasetError("cameras are calibrated otherwise than the metadata of the dataset say")
+        return others | {WRIST_EXTRINSICS: moving}

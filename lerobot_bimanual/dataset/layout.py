@@ -1,0 +1,56 @@
+"""Whether a dataset has the columns of the schema, and of which types they are."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.schema import View
+from lerobot_bimanual.dataset.version import check_version
+from lerobot_bimanual.errors import DatasetError
+
+type Features = dict[str, dict[str, Any]]
+"""LeRobot's table of the features of a dataset."""
+
+
+def view_of(features: Features) -> View:
+    """Which view a dataset is, by its actions."""
+    names = features.get(schema.ACTION, {}).get("names")
+    return "keyframes" if names == [*schema.ACTIONS["keyframes"]] else "frames"
+
+
+def column_types(features: Features) -> dict[str, pa.DataType]:
+    """Arrow type of every column of the schema that is no image; LeRobot stores a vector of one number as a scalar."""
+    types = {key: pa.type_for_alias(dtype) for key, dtype in schema.SCALARS.items()}
+    for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
+        (size,) = features[key]["shape"]
+        types[key] = pa.float32() if size == 1 else pa.list_(pa.float32(), size)
+    return types
+
+
+def check_features(features: Features, root: Path) -> None:
+    """Compare the feature table of a dataset with the schema.
+
+    Raises:
+        DatasetError: a vector or scalar is missing or different, the calibration is damaged, or as in `check_version`.
+    """
+    check_version(features, root)
+    try:
+        calibration = Calibration.of_features(features)
+    except DatasetError as error:
+        raise DatasetError(f"{root}: {error}") from None
+    expected = json.loads(json.dumps(schema.features((), 0, 0, view_of(features), calibration=calibration)))
+    differences = [f"{key} is missing" for key in expected if key not in features]
+    for key in (key for key in expected if key in features):
+        for aspect in ("dtype", "shape", "names"):
+            ours, theirs = expected[key][aspect], features[key].get(aspect)
+            if ours != theirs:
+                differences.append(f"{aspect} of {key} is {theirs}, not {ours}")
+    if differences:
+        raise DatasetError(
+            f"{root} is not a dataset that this version of lerobot_bimanual reads: {'; '.join(differences)}. "
+            "Generate it again, or install the version that wrote it."
+        )

@@ -1,0 +1,152 @@
+"""What cannot be meant or written is said on one line, before anything is made or played."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from lerobot_bimanual import cli
+from lerobot_bimanual.files import UnwritableOutput, write_file
+
+BASES = {
+    "dataset generate": {"task": "lift_ball", "root": "made"},
+    "expert evaluate": {"task": "lift_ball"},
+    "policy benchmark": {"output": "made", "dry_run": "true"},
+    "policy robustness": {"checkpoint": "nowhere", "task": "lift_ball"},
+    "task render": {"task": "lift_ball", "output": "made"},
+    "task view": {"task": "lift_ball"},
+}
+"""Flags of commands that could be meant."""
+REFUSED = {
+    "dataset generate": {
+        "task=wash_dishes": "task is 'wash_dishes', but must be one of: ",
+        "variation=9": "variation of lift_ball is 9",
+        "cameras=rear": "left_shoulder",
+        "image_size=0": "8 to 4096 pixels",
+        "workers=-1": "workers is -1",
+        "episodes_per_shard=1000000000": "episodes_per_shard",
+        "first_seed=9223372036854775808": "first_seed",
+        "intermediate=1.5": "intermediate",
+        "view=all": "keyframes",
+        "perturb=gravity:1": "mass",
+        "repo_id=../../elsewhere": "repo_id",
+        "root=/ repo_id=local/x": "must be a new folder",
+        "root=/proc/dataset": "cannot write /proc/dataset.partial: No such file or directory",
+    },
+    "expert evaluate": {
+        "task=lift_bal": "Did you mean 'lift_ball'?",
+        "variation=7": "variation of lift_ball is 7",
+        "episodes=0": "episodes is 0",
+        "first_seed=-1": "first_seed is -1",
+        "axes=all": "output with --axes",
+        "axes=masse output=made": "axis is 'masse'",
+        "axes=mass levels=4 output=made": "levels is 4, but must be one of: 1, 2, 3",
+    },
+    "policy benchmark": {
+        "task=symmetric": "'symmetric', a suite, but a benchmark is of one task; run one for each of: dual_push",
+        "task=lift_bal": "Did you mean 'lift_ball'?",
+        "variation=7": "variation of lift_ball is '7'",
+        "trained_on=push_box,lift_tray": "not contain 'lift_ball'; score one of: push_box, lift_tray",
+        "task=../../lift_ball": "is '../../lift_ball', but a benchmark is of one task",
+        "variation=../1": "variation is '../1', but must be an index of up to four digits, or any",
+        "trained_on=all variation=0": "--trained_on=all has demonstrations of any",
+        "trained_on=all val_episodes=20": "val_episodes is 20, but of a network for several tasks",
+        "recipe=tiny": "recipe is 'tiny', but must be one of: small, paper",
+        "save_freq=0": "save_freq: Input should be greater than or equal to 1, but is 0",
+        "steps=100000000 save_freq=1": "save_freq must leave at most 10000 checkpoints",
+        "steps=4 save_freq=2 val_episodes=0": "after 2, 4 steps",
+        "train_flags=--steps=3": "sets --steps, which the benchmark sets itself",
+        "eval_flags=--policy.depth='3": "a shell could not read",
+    },
+    "policy robustness": {"checkpoint=nowhere": "no checkpoint at nowhere", "axes=masse": "no checkpoint"},
+    "task render": {
+        "task=lift_bal": "Did you mean 'lift_ball'?",
+        "variation=7": "integer from 0 to 0",
+        "first_seed=-1": "at least 0",
+    },
+    "task view": {
+        "task=lift_bal": "Did you mean 'lift_ball'?",
+        "variation=7": "variation of lift_ball is 7",
+        "first_seed=-1": "first_seed is -1",
+        "checkpoint=nowhere": "no checkpoint at nowhere",
+        "perturb=fog:1": "fog",
+        "output=/proc/films": "cannot write /proc/films",
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("command", "flags", "message"),
+    [(command, *refused) for command, rows in REFUSED.items() for refused in rows.items()],
+)
+def test_a_flag_that_cannot_be_meant_is_refused(command, flags, message, tmp_path, monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+    given = BASES[command] | dict(flag.split("=", 1) for flag in flags.split())
+    words = [f"--{name}={value}" for name, value in given.items()]
+    assert cli.main([*command.split(), *words]) in (1, 2)
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+RESULTS = Path(__file__).parents[2] / "results"
+CHECKPOINT = f"--checkpoint={RESULTS / 'checkpoints/peract2_on_all'}"
+ROWS = f"--results={RESULTS / 'leaderboard'}"
+NEEDED = {
+    "expert evaluate": ["--task=lift_ball"],
+    "policy inspect": [CHECKPOINT, "--root=any"],
+    "policy robustness": [CHECKPOINT, "--task=handover_item_easy"],
+    "results diagnose": [ROWS],
+    "results report": [ROWS],
+    "task render": ["--task=lift_ball"],
+    "task view": ["--task=lift_ball", "--window=false"],
+}
+"""Further flags of a command."""
+COMMANDS = [
+    name
+    for name, entry in cli.find_commands().items()
+    if "output" in {field.name for field in fields(cli.config_type_of(entry.load()))}
+]
+WORK = (
+    "lerobot_env_bimanual.workers.WorkerPool.__init__",
+    "lerobot_env_bimanual.world.scene.Scene.__init__",
+    "lerobot_policy_bimanual.inspection.loading.load_policy",
+    "subprocess.Popen",
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_output_that_cannot_be_written_is_named_before_the_work(command, tmp_path, monkeypatch, capsys):
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("work has begun")
+
+    for name in WORK:
+        monkeypatch.setattr(name, refuse)
+    monkeypatch.setattr("lerobot_bimanual.dataset.reader.find_view", lambda *_: None)
+    for module in ("policy_benchmark", "demo"):
+        monkeypatch.setattr(f"lerobot_bimanual.commands.{module}.check_task", lambda _: None)
+    (tmp_path / "file").touch()
+    assert (
+        cli.main([*command.split(), *NEEDED.get(command, []), f"--output={tmp_path / 'file/page.png'}"]) == 1
+    )
+    message = capsys.readouterr().err.strip()
+    assert message.startswith("lerobot-bimanual: cannot write ")
+    assert "\n" not in message
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
+    def full_disk(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / "new" / "file"
+    write_file(path, "first")
+    write_file(path, "second")
+    monkeypatch.setattr("os.fsync", full_disk)
+    with pytest.raises(UnwritableOutput, match="No space left"):
+        write_file(path, "third")
+    assert path.read_text() == "second"
+    assert list(path.parent.iterdir()) == [path]
