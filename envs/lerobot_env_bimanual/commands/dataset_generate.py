@@ -54,9 +54,8 @@ class DatasetGenerateConfig:
     discretise: int = 0
     # What is perturbed: AXIS:LEVEL, several separated by commas. Nothing is in nominal episodes.
     perturb: str = ""
-    setting: Literal["standard", "varied"] = (
-        "standard"  # in `varied` sizes, heights and places of things differ more
-    )
+    # in `varied` sizes, heights and places of things differ more
+    setting: Literal["standard", "varied"] = "standard"
     workers: int = 0  # shards recorded at the same time; 0 takes one per core
     episodes_per_shard: int = 10  # episodes per file, and per unit of work that a crash can lose
     root: Path = field(kw_only=True)  # new folder of the dataset

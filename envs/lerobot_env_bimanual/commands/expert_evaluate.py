@@ -39,9 +39,8 @@ class ExpertEvaluateConfig:
     discretise: int = 0  # voxels per axis to which the keyposes of an expert are rounded; 0 leaves them exact
     # Play each solved episode of an expert again from its seed, by its joint actions or its keyposes, and compare the states.
     replay: Literal["none", "joint", "keypose"] = "none"
-    setting: Literal["standard", "varied"] = (
-        "standard"  # in `varied` sizes, heights and places of things differ more
-    )
+    # in `varied` sizes, heights and places of things differ more
+    setting: Literal["standard", "varied"] = "standard"
     perturb: str = ""  # perturbations of the world, AXIS:LEVEL, several separated by commas
     # Axes of a sweep over conditions, or `all` that apply to a task; by default there is no sweep.
     axes: tuple[str, ...] = ()

@@ -25,9 +25,8 @@ class TaskRenderConfig:
     task: str = "all"  # task and suite names, comma separated
     variation: str = "any"  # index, or `any` for the one that the seed draws
     split: Literal["train", "val", "test"] = "test"  # a seed is another episode in each split
-    setting: Literal["standard", "varied"] = (
-        "standard"  # in `varied` sizes, heights and places of things differ more
-    )
+    # in `varied` sizes, heights and places of things differ more
+    setting: Literal["standard", "varied"] = "standard"
     first_seed: int = 0  # seed of each task's first episode
     episodes: int = 1  # episodes of each task
     # which camera sees it; a fixed one turns and zooms to hands and moved things
