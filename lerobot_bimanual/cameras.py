@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 ROOM_CAMERA_NAMES = ("front", "left_shoulder", "right_shoulder")
 WRIST_CAMERA_NAMES = ("left_wrist", "right_wrist")
 CAMERA_NAMES = (*ROOM_CAMERA_NAMES, *WRIST_CAMERA_NAMES)
-"""The five cameras of the paper, in the order of every calibration vector: those that stand in the room, then those that
-move with the hands."""
+"""The five cameras of the paper, in the order of every calibration vector: those fixed in the room, then those on
+the hands."""
 
 
 def intrinsics_from_fovy(fovy_rad: float, height: int, width: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Calibration that holds for all rows of a dataset, and stands once in its metadata."""
+"""Calibration that holds for all rows of a dataset, stored once in its metadata."""
 
 import json
 from collections.abc import Mapping
@@ -20,9 +20,9 @@ from lerobot_bimanual.errors import DatasetError
 
 
 class Calibration(BaseModel):
-    """How all cameras project, and where those in the room stand. Rows then hold the poses of the wrists' cameras alone.
+    """Intrinsics of all cameras, and poses of those in the room; rows then hold the poses of the wrist cameras alone.
 
-    LeRobot keeps it in the `info` of the column of extrinsics.
+    It is in the `info` of the feature `WRIST_EXTRINSICS`, which LeRobot keeps when it merges datasets.
 
     Attributes:
         intrinsics: camera -> row-major 3 x 3 pinhole matrix in pixels.
@@ -43,7 +43,7 @@ class Calibration(BaseModel):
 
     @classmethod
     def of_observation(cls, observation: Mapping[str, NDArray]) -> Self:
-        """That of an observation, by the dataset's keys, of all five cameras."""
+        """The calibration in an observation of all five cameras, by the dataset's keys."""
         intrinsics = observation[CAMERA_INTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
         extrinsics = observation[CAMERA_EXTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
         return cls(
@@ -53,7 +53,7 @@ class Calibration(BaseModel):
 
     @classmethod
     def of_features(cls, features: Mapping[str, Mapping[str, Any]]) -> Self | None:
-        """That of a dataset's feature table; None where every row holds all of it, as in a perturbed world.
+        """The calibration in a dataset's feature table; None where every row holds all of it, as in a perturbed world.
 
         Raises:
             DatasetError: it is damaged.
@@ -84,5 +84,7 @@ class Calibration(BaseModel):
         others = dict(columns)
         room, moving = np.split(others.pop(CAMERA_EXTRINSICS), [len(self.vectors[0])])
         if not all(map(np.array_equal, (room, others.pop(CAMERA_INTRINSICS)), self.vectors)):
-            raise DatasetError("cameras are calibrated otherwise than the metadata of the dataset say")
+            raise DatasetError(
+                "the calibration of a row differs from that in meta/info.json, which holds for all rows"
+            )
         return others | {WRIST_EXTRINSICS: moving}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
-"""Where the version stands: in the `info` of the feature `TASK_NAME`, which LeRobot keeps when it merges."""
+"""Where the version is stored: in the `info` of the feature `TASK_NAME`, which LeRobot keeps when it merges."""
 
 ROBOT_TYPE = "bimanual_panda"
 
@@ -29,7 +29,7 @@ View = Literal["frames", "keyframes"]
 VIEWS: tuple[View, ...] = ("frames", "keyframes")
 
 CALIBRATION_INFO = "bimanual_calibration"
-"""Where the calibration of all rows stands: in the `info` of the feature `WRIST_EXTRINSICS`."""
+"""Where the calibration of all rows is stored: in the `info` of the feature `WRIST_EXTRINSICS`."""
 
 FPS: dict[View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
 """Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
@@ -48,8 +48,8 @@ end of the range. Nothing is as near, for that is where the near planes of all c
 IMAGE_PREFIX = "observation.images."
 CAMERA_EXTRINSICS = "observation.camera_extrinsics"
 WRIST_EXTRINSICS = "observation.wrist_extrinsics"
-"""Of the cameras that move, where a dataset's metadata hold the others. It has a name of its own, because LeRobot scales
-whatever has the name of a column, and an environment emits all five under that of `CAMERA_EXTRINSICS`."""
+"""world_T_camera of the wrist cameras alone, where a dataset's metadata hold the others. The name differs from that of
+`CAMERA_EXTRINSICS`, under which an environment emits all five, because LeRobot's processors match names to statistics."""
 CAMERA_INTRINSICS = "observation.camera_intrinsics"
 STATE = "observation.state"
 EE_POSE = "observation.ee_pose"

@@ -1,4 +1,4 @@
-"""The two views of an episode: which rows each stores, and what stands in a row."""
+"""The two views of an episode: which rows each stores, and what a row holds."""
 
 from collections.abc import Sequence
 

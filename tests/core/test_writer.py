@@ -79,7 +79,7 @@ def test_what_holds_for_all_rows_is_in_the_metadata_once_and_a_row_of_another_ca
         tmp_path / "x", "local/x", "keyframes", CAMERAS, *SIZE, calibration=calibration
     ) as writer:
         write_episode(seen, [writer])
-        with pytest.raises(DatasetError, match="calibrated otherwise"):
+        with pytest.raises(DatasetError, match="the calibration of a row differs"):
             write_episode(moved, [writer])
 
 

@@ -126,11 +126,12 @@ def test_every_public_name_is_there_and_none_besides() -> None:
 FOLDERS = ("lerobot_bimanual", "envs", "policies", "robots", "benchmarks", "scripts", "examples", "docs")
 INSTEAD = {
     r"\b(some|any|every|no)body\b|\bwhoever\b": "the subject by its name, or the passive",
+    r"\bunless it is asked for\b": "by default ...; the flag that changes it",
     r"\bjust if\b": "if and only if",
     r"\bis none of\b": "is not one of",
     r"\blooks? again\b|\breread\w*": "replanning",
     r"\bthe world as it is\b|\blevel[ _]0\b": "nominal",
-    r"\b(stands?|lies?) there\b": "is stored, exists",
+    r"\b(stands?|lies?) (there|once)\b|\bstands in (its|the dataset's) metadata": "is stored, exists",
     r"\bblam\w+": "failure attribution",
     r"\brungs?\b": "condition",
     r"\bwitness\w*": "episode monitor",

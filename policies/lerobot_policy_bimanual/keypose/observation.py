@@ -56,7 +56,7 @@ class Observation:
 
 
 def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> dict[str, Any]:
-    """A batch of a dataset's rows with the calibration of all rows, which stands in the dataset's metadata."""
+    """A batch of a dataset's rows completed with the calibration in the dataset's metadata."""
     if calibration is None or CAMERA_INTRINSICS in batch:
         return batch
     moving = batch[WRIST_EXTRINSICS]

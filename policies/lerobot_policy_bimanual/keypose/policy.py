@@ -46,7 +46,7 @@ class KeyposePolicy(PreTrainedPolicy):
         **kwargs: other arguments of LeRobot, not used.
 
     Attributes:
-        calibration: that of all rows of the dataset, which completes its batches; None where observations hold all of it.
+        calibration: completes batches of a dataset whose metadata hold it; None where observations hold all of it.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
