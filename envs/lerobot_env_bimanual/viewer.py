@@ -15,6 +15,7 @@ from lerobot_bimanual.errors import PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import Player, run_episode
 from lerobot_env_bimanual.world.appearance import applied
+from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.servo_commands import TICK_S
 
 RIGHT, LEFT = 262, 263
@@ -80,23 +81,31 @@ class Performance:
         self._due_s = 0.0
 
     def run(self) -> None:
-        """Play until the window is closed.
+        """Play until the window is closed; episodes with other things in them have a window of their own.
 
         Raises:
             InvalidChoice: the perturbation finds nothing to change in the task.
         """
-        scene = self._env.scene
+        while self._play_in_window(self._env.scene):
+            pass
+
+    def _play_in_window(self, scene: Scene) -> bool:
+        """Play until the window is closed, or an episode has another scene; says whether the latter."""
+        self._scene = scene
         with self._open_window(scene.model, scene.data, key_callback=self._keys.put) as self._window:
             camera = self._window.cam
             camera.lookat[:] = LOOK_AT_M
             for name, value in FIRST_VIEW.items():
                 setattr(camera, name, value)
             while self._window.is_running():
+                if self._env.scene is not scene:
+                    return True
                 with contextlib.suppress(_EpisodeLeft):
                     verdict = self._play()
                     while True:  # the last state stays until another episode is requested
                         self._show(verdict)
                         self._sleep(POLL_S)
+        return False
 
     def _play(self) -> str:
         self._due_s = time.monotonic()
@@ -114,9 +123,9 @@ class Performance:
         self._sleep(max(0.0, self._due_s - time.monotonic()))
 
     def _show(self, state: str) -> None:
-        """Draw, and leave the episode if the window was closed or another one is requested."""
-        env, window, scene = self._env, self._window, self._env.scene
-        if not window.is_running():
+        """Draw, and leave the episode if its window is closed, or is that of other things, or another one is requested."""
+        env, window, scene = self._env, self._window, self._scene
+        if env.scene is not scene or not window.is_running():
             raise _EpisodeLeft
         world = f"with {env.options.perturb}" if env.options.perturb else "nominal"
         episode = f"{self._name}, seed {env.progress.seed}, variation {env.variation}, {world}"

@@ -11,6 +11,7 @@ import pytest
 
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert
+from lerobot_env_bimanual.options import VARIED
 from lerobot_env_bimanual.viewer import LEFT, RIGHT, Performance
 from lerobot_env_bimanual.world.video import VideoWriter
 
@@ -30,12 +31,13 @@ class Screen:
         self.shown: list[str] = []
         self.places: list[np.ndarray] = []
         self.cam: Any = None
-        self.model: Any = None
+        self.models: list[Any] = []
         self.data: Any = None
 
     @contextmanager
     def open(self, model: Any, data: Any, key_callback: Callable[[int], None]) -> Iterator["Screen"]:
-        self.model, self.data, self.press = model, data, key_callback
+        self.models += [model]
+        self.data, self.press = data, key_callback
         self.cam = SimpleNamespace(lookat=np.zeros(3), distance=0.0, azimuth=0.0, elevation=0.0)
         yield self
 
@@ -82,6 +84,11 @@ def test_arrows_take_other_seeds_in_the_middle_of_an_episode():
     assert not any("solved" in text for text in screen.shown)
     seeds = {text.splitlines()[1] for text in screen.shown}
     assert seeds == {f"expert, seed {seed}, variation 0, nominal" for seed in (0, 1)}
+
+
+def test_an_episode_with_other_things_in_it_has_a_window_of_its_own():
+    screen = watched(Screen(("seed 0, ", (RIGHT,) * 3), ("seed 3, ", ())), "lift_ball", setting=VARIED)
+    assert len(screen.models) == len(set(screen.models)) == 2
 
 
 def read_frames(path) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from lerobot_bimanual.errors import check_range
 from lerobot_bimanual.files import check_output_folder
 from lerobot_bimanual.terminal import show_next
-from lerobot_env_bimanual.options import EnvOptions
+from lerobot_env_bimanual.options import STANDARD, EnvOptions
 
 
 @dataclass
@@ -21,6 +21,8 @@ class TaskViewConfig:
     task: str = "lift_ball"  # name of one task
     variation: str = "any"  # index, or `any` (drawn per episode)
     split: Literal["train", "val", "test"] = "test"  # the same seeds mean other episodes in each
+    # in `varied` sizes, heights and places of things differ more
+    setting: Literal["standard", "varied"] = "standard"
     first_seed: int = 0  # seed of the first episode
     episodes: int = 1  # number of episodes of which videos are written
     perturb: str = ""  # perturbations AXIS:LEVEL, separated by commas
@@ -47,6 +49,7 @@ def task_view(config: TaskViewConfig) -> None:
     Examples:
         lerobot-bimanual task view --task=lift_ball
         lerobot-bimanual task view --task=handover_item --first_seed=3 --variation=2 --window=false
+        lerobot-bimanual task view --task=put_bottle_in_fridge --setting=varied
         lerobot-bimanual task view --task=lift_ball --perturb=light:2,clutter:1 --window=false
         lerobot-bimanual task view --task=handover_item_easy --window=false \
             --checkpoint=results/checkpoints/peract2_on_all
@@ -104,9 +107,10 @@ def _play(config: TaskViewConfig, reason: str) -> None:
     print(f"{reason}, so a video of {' and '.join(players)} is written")
     for seed in range(config.first_seed, config.first_seed + config.episodes):
         rollouts = {name: rollout(env, seed, player) for name, player in players.items()}
+        setting = env.options.setting.removeprefix(STANDARD)
         perturb = env.options.perturb.replace(":", "").replace(",", "_")
         episode = f"{env.task}_v{env.variation}_{config.split}_seed{seed}"
-        name = "_".join(filter(None, (episode, perturb, "_and_".join(players))))
+        name = "_".join(filter(None, (episode, setting, perturb, "_and_".join(players))))
         files = write_pictures(env, rollouts, config.output / name)
         for name, (recording, outcome) in rollouts.items():
             verdict = "solved" if outcome.success else f"not solved: {outcome.failure}"
@@ -117,7 +121,8 @@ def _play(config: TaskViewConfig, reason: str) -> None:
 
 def _options(config: TaskViewConfig) -> EnvOptions:
     """Options of the environment: what the checkpoint sees, and no images for an expert, which needs none."""
-    chosen: dict[str, Any] = {"variation": config.variation, "split": config.split, "perturb": config.perturb}
+    names = ("variation", "split", "setting", "perturb")
+    chosen: dict[str, Any] = {name: getattr(config, name) for name in names}
     if config.checkpoint is None:
         return EnvOptions(obs="state", **chosen)
     from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
