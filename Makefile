@@ -23,7 +23,7 @@ watch: setup  ## Watch a trained policy at work: videos in outputs/watch (a minu
 demo: setup  ## Generate demonstrations, train a small PerAct2, evaluate it (minutes, no GPU)
 	$(BIN)/lerobot-bimanual demo
 
-expert-reports: setup  ## Evaluate every expert and baseline again, and write docs/tasks.md (an hour or more)
+expert-reports: setup  ## Evaluate experts and baselines in both settings, and write docs/tasks.md (hours; it goes on where it stopped)
 	scripts/expert_reports.sh
 
 test: setup  ## Run the tests that need neither long nor a GPU (minutes)

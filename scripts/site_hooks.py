@@ -16,7 +16,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from lerobot_env_bimanual.reports.expert_tables import ExpertReports
+from lerobot_env_bimanual.experts.world_version import world_versions
+from lerobot_env_bimanual.tasks.registry import list_tasks
 
 ROOT = Path(__file__).parents[1]
 FILMS = ROOT / "build/films"
@@ -64,8 +65,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 @cache
 def _film_names() -> dict[str, str]:
     """Names of the tasks' films, without suffix: they say in which world they were taken."""
-    worlds = ExpertReports.read(ROOT / "results/expert_reports").reports["expert"].worlds
-    return {task: f"{task}-{world}" for task, world in worlds.items()}
+    return {task: f"{task}-{world}" for task, world in world_versions(list_tasks()).items()}
 
 
 def _film_experts() -> None:

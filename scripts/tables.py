@@ -19,8 +19,10 @@ COLUMNS = {
     "peract_independent": "independent",
     "peract_lf": "PerAct-LF",
     "peract2": "PerAct2",
+    "peract2_on_all": "one for all",
 }
 """Policies of the README's table, and their names in it."""
+NO_RESULTS = "No policy has been scored in the present world yet."
 BEGIN, END = "<!-- {}: written by scripts/tables.py -->\n", "<!-- end of {} -->\n"
 
 
@@ -41,9 +43,13 @@ def with_table(page: str, name: str) -> str:
 
 def _results() -> str:
     """Percent of episodes solved by each policy and by the open-loop baseline, over all trainings, and means over tasks."""
-    rates = results_table(read_results(ROOT / "results/leaderboard").values())
+    folder = ROOT / "results/leaderboard"
+    if not folder.is_dir():
+        return NO_RESULTS
+    rates = results_table(read_results(folder).values())
     rates["percent"] = [100 * rate.rate for rate in rates.rate]
-    shown = rates.pivot_table("percent", "task", "policy")[[*COLUMNS]].rename(columns=COLUMNS)
+    scored = rates.pivot_table("percent", "task", "policy")
+    shown = scored[[name for name in COLUMNS if name in scored]].rename(columns=COLUMNS)
     open_loop = rates.groupby("task").open_loop.first()
     shown["open loop"] = [100 * rate.rate for rate in open_loop]
     shown.loc["mean"] = shown.mean(skipna=False)

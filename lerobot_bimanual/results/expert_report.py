@@ -1,5 +1,6 @@
 """How often the expert or a baseline solves tasks, episode by episode, as a JSON file."""
 
+import re
 from collections.abc import Sequence
 from functools import cached_property
 from statistics import median
@@ -134,10 +135,29 @@ class ExpertReport(Record):
         """The episodes of one task."""
         return [episode for episode in self.episodes if episode.task == task]
 
+    def with_tasks_of(self, other: Self) -> Self:
+        """This report and the tasks of another one of the same options, which take the place of those that both have."""
+        rest = self.worlds.keys() - other.worlds.keys()
+        violations = [each for each in self.violations if _task_of(each) in rest]
+        loads = [each for each in self.loads if each.task in rest]
+        episodes = [each for each in self.episodes if each.task in rest]
+        changes = {
+            "worlds": dict(sorted((self.worlds | other.worlds).items())),
+            "violations": tuple(sorted([*violations, *other.violations], key=_task_of)),
+            "loads": tuple(sorted([*loads, *other.loads], key=lambda each: each.task)),
+            "episodes": tuple(sorted([*episodes, *other.episodes], key=lambda each: each.task)),
+        }
+        return type(self).of(**dict(other) | changes)
+
     def load(self, task: str) -> LoadMetrics | None:
         """Peak loads over all variations of a task; None if they were not measured."""
         loads = [each.load for each in self.loads if each.task == task]
         return peak_load(loads) if loads else None
+
+
+def _task_of(violation: str) -> str:
+    """The task that a violation begins with."""
+    return re.split(r"\W", violation, maxsplit=1)[0]
 
 
 def by_variation(episodes: Sequence[EpisodeOutcome]) -> dict[tuple[str, int], list[EpisodeOutcome]]:

@@ -1,12 +1,15 @@
 """`expert evaluate`, its evaluator and its log: what is kept and written, and that nothing is played twice."""
 
+from dataclasses import replace
+
 import pytest
 from sample_results import outcome, outcomes
 
 from lerobot_bimanual.errors import BimanualError, PlacementFailure
-from lerobot_bimanual.results.expert_report import ExpertReport
+from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
 from lerobot_env_bimanual.commands.expert_evaluate import ExpertEvaluateConfig, expert_evaluate
 from lerobot_env_bimanual.episode.reset import EpisodeReset
+from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator, play
 from lerobot_env_bimanual.tasks.registry import TASKS
 
@@ -52,6 +55,47 @@ def test_evaluate_exits_with_one_and_says_why(monkeypatch, capsys):
     assert "98/100" in printed
     assert "unmet: above(ball)" in printed
     assert "violation: lift_ball, variation 0: 98/100 is less than 99%" in printed
+
+
+@pytest.mark.sim
+def test_a_report_grows_and_plays_again_what_is_of_other_seeds_variations_or_another_world(
+    tmp_path, monkeypatch
+):
+    asked: list[EpisodeSpec] = []
+
+    def fail(_, specs: list[EpisodeSpec], label: str) -> list[EpisodeOutcome]:
+        asked.extend(specs)
+        return [outcome(False, each.seed, task=each.task, variation=int(each.variation)) for each in specs]
+
+    def played(task: str, **changes) -> set[tuple[str, str, int]]:
+        asked.clear()
+        expert_evaluate(replace(config, task=task, **changes))
+        report = ExpertReport.read(output)
+        assert [*report.worlds] == report.tasks
+        assert len(report.violations) == len(report.by_variation)  # one each, of those that are there
+        return {(spec.task, spec.variation, spec.seed) for spec in asked}
+
+    monkeypatch.setattr(Evaluator, "play", fail)
+    output = tmp_path / "expert.json"
+    config = ExpertEvaluateConfig(variation="each", episodes=2, output=output)
+    ball = {("lift_ball", "0", 0), ("lift_ball", "0", 1)}
+    assert played("lift_ball") == ball
+    buttons = played("dual_push_buttons,lift_ball")
+    assert {task for task, *_ in buttons} == {"dual_push_buttons"}
+    assert played("lift_ball,dual_push_buttons") == set()
+    output.write_text(output.read_text().replace(world_version("lift_ball"), "0" * 12))
+    assert played("dual_push_buttons,lift_ball") == ball
+    assert ExpertReport.read(output).tasks == ["dual_push_buttons", "lift_ball"]
+    assert played("dual_push_buttons", variation="1") == {
+        ("dual_push_buttons", "1", 0),
+        ("dual_push_buttons", "1", 1),
+    }
+    assert played("dual_push_buttons", variation="2") == {
+        ("dual_push_buttons", "2", 0),
+        ("dual_push_buttons", "2", 1),
+    }
+    assert played("lift_ball", first_seed=1) == {("lift_ball", "0", 1), ("lift_ball", "0", 2)}
+    assert ExpertReport.read(output).tasks == ["lift_ball"]  # of other options: replaced
 
 
 def test_a_second_evaluation_into_the_same_file_is_refused(tmp_path):

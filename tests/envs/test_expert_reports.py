@@ -1,6 +1,6 @@
 """Expert reports: which criteria a player must meet; the committed ones, complete and true of this code; versions of worlds."""
 
-import shutil
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +9,6 @@ from sample_results import LIGHT, outcome, outcomes
 
 from lerobot_bimanual.codec import KeyposeCodec
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.results.episode import success_rate
 from lerobot_bimanual.results.expert_report import EXPERTS, PLAYERS, ExpertReport, MoveReport
 from lerobot_env_bimanual.commands.expert_report import ExpertReportConfig, expert_report
 from lerobot_env_bimanual.conditions import AtRest
@@ -18,15 +17,31 @@ from lerobot_env_bimanual.experts.report import MAX_RATES, make_report, violatio
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.experts.world_version import VERSION_DIGITS, joint_version, world_version
 from lerobot_env_bimanual.motion import planner
-from lerobot_env_bimanual.reports.expert_tables import ExpertReports, movable_items, success_table
+from lerobot_env_bimanual.options import SETTINGS, STANDARD, VARIED
+from lerobot_env_bimanual.reports.expert_tables import (
+    EXACT,
+    LANGUAGE_ABLATED,
+    ROUNDED,
+    ExpertReports,
+    movable_items,
+    success_table,
+)
+from lerobot_env_bimanual.reports.task_pages import tasks_page
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks
 from lerobot_env_bimanual.world.scene import Scene
 
-FOLDER = Path(__file__).parents[2] / "results" / "expert_reports"
-REPORTS = {path.stem: ExpertReport.read(path) for path in sorted(FOLDER.glob("*.json"))}
-VARIATIONS = [(name, each.index) for name in list_tasks() for each in get_task(name).spec.variations]
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "results" / "expert_reports"
+REPORTS = {
+    (setting, path.stem): ExpertReport.read(path)
+    for setting in SETTINGS
+    for path in sorted((FOLDER / setting).glob("*.json"))
+}
+"""Those that are there, by setting and name; while the experts of a new world are played, some are missing."""
+EXPERT_REPORTS = {key: report for key, report in REPORTS.items() if key[1] in (EXACT, ROUNDED)}
+VARIATIONS = {(name, each.index) for name in list_tasks() for each in get_task(name).spec.variations}
 
 
 @pytest.mark.parametrize(
@@ -62,7 +77,6 @@ def test_baselines_must_fail():
     for player, task, solved in (
         ("noop", "lift_ball", 1),
         ("random", "lift_ball", 1),
-        ("random", "put_item_in_drawer", 6),  # one fewer is within the rate that the task's file explains
         ("open_loop", "lift_ball", 11),
     ):
         few, many = (outcomes(n, 50 - n, task=task) for n in (solved - 1, solved))
@@ -90,39 +104,38 @@ def test_a_report_comes_back_from_its_file_without_what_a_replay_gives(tmp_path)
 
 
 @pytest.mark.sim
-@pytest.mark.parametrize("name", REPORTS)
-def test_a_committed_report_is_of_the_present_worlds_and_has_no_violation(name):
-    report = REPORTS[name]
-    if name == "expert":
-        assert report.replay == "joint"
-        assert all(episode.replayed for episode in report.episodes if episode.success)
-    assert report.worlds == {task: world_version(task) for task in report.tasks}
-    assert report.violations == ()
-    assert name.removesuffix("_discretised") == report.player
+def test_a_committed_report_is_of_the_present_worlds_complete_and_without_violation():
+    for (setting, name), report in REPORTS.items():
+        assert (report.player, report.setting) == (name.removesuffix("_discretised"), setting)
+        assert report.worlds == {task: world_version(task, setting=setting) for task in report.tasks}
+        assert report.violations == (), (setting, name)
+        assert (FOLDER / setting / f"{name}.json").stat().st_size < 10**6
+        if name == EXACT:
+            assert report.replay == "joint"
+            assert all(episode.replayed for episode in report.episodes if episode.success)
 
 
-@pytest.mark.parametrize(("name", "minimum"), [("expert", 0.99), ("expert_discretised", 0.97)])
-def test_the_experts_of_all_variations_are_evaluated_on_a_hundred_seeds(name, minimum):
-    rates = {key: success_rate(episodes) for key, episodes in REPORTS[name].by_variation.items()}
-    assert sorted(rates) == sorted(VARIATIONS)
-    for rate in rates.values():
-        assert rate.trials >= 100
-        assert rate.successes >= minimum * rate.trials
+def test_a_committed_report_has_enough_episodes_of_every_variation_of_its_tasks():
+    for (setting, name), report in REPORTS.items():
+        few = 100 if name in (EXACT, ROUNDED) else 20 if name == LANGUAGE_ABLATED else 50
+        of_variations = {key for key in VARIATIONS if key[0] in report.worlds}
+        if name in (EXACT, ROUNDED, "open_loop", LANGUAGE_ABLATED):
+            assert {*report.by_variation} == of_variations, (setting, name)
+            assert all(len(episodes) >= few for episodes in report.by_variation.values())
+        assert all(len(report.of_task(task)) >= few for task in report.tasks), (setting, name)
+        if (setting, "noop") in REPORTS:  # which is played last
+            varied = {task for task, variation in VARIATIONS if variation == 1}
+            assert {*report.tasks} == (varied if name == LANGUAGE_ABLATED else {*list_tasks()}), (
+                setting,
+                name,
+            )
 
 
-def test_baselines_are_tried_on_every_task_or_variation():
-    for name in ("noop", "random"):
-        assert all(len(REPORTS[name].of_task(task)) >= 50 for task in list_tasks())
-    assert sorted(REPORTS["open_loop"].by_variation) == sorted(VARIATIONS)
-    varied = [key for key in VARIATIONS if len(get_task(key[0]).spec.variations) > 1]
-    assert sorted(REPORTS["language_ablated"].by_variation) == sorted(varied)
-
-
-def again(name: str, task: str, variation: int, index: int):
+def again(setting: str, name: str, task: str, variation: int, index: int):
     """An episode of a committed report, and the same episode played here."""
-    committed = REPORTS[name].by_variation[task, variation][index]
-    env = BimanualEnv(task, variation=variation, split="test", obs="state")
-    found = run_episode(env, committed.seed, expert(None if name == "expert" else KeyposeCodec()))
+    committed = REPORTS[setting, name].by_variation[task, variation][index]
+    env = BimanualEnv(task, variation=variation, split="test", obs="state", setting=setting)
+    found = run_episode(env, committed.seed, expert(None if name == EXACT else KeyposeCodec()))
     env.close()
     return committed, found
 
@@ -130,23 +143,22 @@ def again(name: str, task: str, variation: int, index: int):
 @pytest.fixture(scope="module")
 def gives_committed_states() -> bool:
     """Whether this processor does; plans differ in their last bits between families of processors."""
-    committed, found = again("expert", "lift_ball", 0, 0)
+    committed, found = again(STANDARD, EXACT, "lift_ball", 0, 0)
     return found.state_hash.startswith(committed.state_hash)
 
 
+SAMPLES = [(*key, *place) for key, report in EXPERT_REPORTS.items() for place in report.by_variation]
+
+
 @pytest.mark.sim
-@pytest.mark.parametrize("name", ["expert", "expert_discretised"])
-@pytest.mark.parametrize(("task", "variation"), VARIATIONS)
-def test_a_sample_of_every_variation_comes_out_again(name, task, variation, gives_committed_states):
+@pytest.mark.parametrize(("setting", "name", "task", "variation"), SAMPLES)
+def test_a_sample_of_every_variation_comes_out_again(setting, name, task, variation, gives_committed_states):
     # Another one of its seeds for every task and variation.
-    committed, found = again(name, task, variation, 7 * variation + get_task(task).spec.id)
+    committed, found = again(setting, name, task, variation, 7 * variation + get_task(task).spec.id)
     assert (found.success, found.draws) == (committed.success, committed.draws)
     assert [move.name for move in found.moves] == [move.name for move in committed.moves]
     if gives_committed_states:
         assert found.state_hash.startswith(committed.state_hash)
-
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_movable_items_are_free_objects_doors_drawers_and_buttons():
@@ -157,14 +169,55 @@ def test_movable_items_are_free_objects_doors_drawers_and_buttons():
 
 def test_the_page_in_the_documentation_is_what_the_reports_say(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    expert_report(ExpertReportConfig(output=tmp_path / "tasks.md"))
-    assert (tmp_path / "tasks.md").read_text() == (ROOT / "docs" / "tasks.md").read_text()
+    page = (ROOT / "docs" / "tasks.md").read_text()
+    if REPORTS:
+        expert_report(ExpertReportConfig(output=tmp_path / "tasks.md"))
+        assert (tmp_path / "tasks.md").read_text() == page
+    else:  # then the page says how it is made, and claims nothing
+        assert "make expert-reports" in page
+        assert "|" not in page
 
 
-def test_what_was_not_played_is_marked(tmp_path):
-    shutil.copy(ROOT / "results" / "expert_reports" / "expert.json", tmp_path)
-    rows = success_table(ExpertReports.read(tmp_path)).set_index("task")
-    assert [*rows.loc["`push_box`"]] == ["100/100", *["–"] * 5]
+def put_report(folder: Path, setting: str, name: str, solved: int, **head) -> None:
+    played = outcomes(solved, 10 - solved, ticks=70 if setting == STANDARD else 90)
+    head = {"player": name, "first_seed": 0, "n_seeds": 10, "setting": setting} | head
+    make_report(played, split="test", **head).write(folder / setting / f"{name}.json")
+
+
+def test_a_page_shows_what_was_played_in_each_setting(tmp_path):
+    put_report(tmp_path, STANDARD, EXACT, 10)
+    put_report(tmp_path, STANDARD, "nearest", 4)
+    rows = success_table(ExpertReports.read(tmp_path / STANDARD)).set_index("task")
+    assert [*rows.loc["`lift_ball`"]] == ["10/10", "–", "–", "4/10", "–", "–", "–"]
+    assert [*rows.loc["mean"]][:4] == ["100.0%", "–", "–", "40.0%"]
+    assert "In `varied`" not in tasks_page(tmp_path)
+    put_report(tmp_path, VARIED, EXACT, 9)
+    page = tasks_page(tmp_path)
+    assert "In `varied`" in page
+    assert re.findall(r"\| +(70|90) \|", page) == ["70", "90"]  # median ticks
+    assert "1 do not hold: lift_ball, variation 0: 9/10 is less than 99%" in page
+
+
+@pytest.mark.parametrize(
+    ("setting", "changes", "named"),
+    [
+        (VARIED, {}, "setting is 'standard', but must be 'varied'"),
+        (STANDARD, {"first_seed": 1}, "first_seed is 1"),
+        (STANDARD, {"player": "random"}, "player is 'random'"),
+    ],
+)
+def test_reports_that_do_not_belong_together_are_refused(tmp_path, setting, changes, named):
+    put_report(tmp_path, STANDARD, EXACT, 10)
+    put_report(tmp_path, STANDARD, "nearest", 4)
+    changed = tmp_path / STANDARD / "nearest.json"
+    report = ExpertReport.read(changed)
+    seeds = [
+        each.model_copy(update={"seed": each.seed + changes.get("first_seed", 0)}) for each in report.episodes
+    ]
+    ExpertReport.of(**dict(report) | {"episodes": tuple(seeds)} | changes).write(changed)
+    (tmp_path / STANDARD).rename(tmp_path / setting)
+    with pytest.raises(BimanualError, match=named):
+        ExpertReports.read(tmp_path / setting)
 
 
 def test_a_folder_without_reports_is_refused_with_the_command_that_writes_them(tmp_path):

@@ -68,7 +68,8 @@ def test_the_files_that_commands_read_exist() -> None:
     paths = {
         word for word in named if re.match(r"(results|examples|scripts|benchmarks|policies)/[\w./-]+$", word)
     }
-    written = {word for word in paths if "seed2000" in word}
+    filled_by_commands = ("results/leaderboard", "results/robustness", "results/expert_reports")
+    written = {word for word in paths if word.startswith(filled_by_commands)}
     assert len(paths) > 10
     assert [path for path in paths - written if not (ROOT / path).exists()] == []
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from documents import DOCUMENTS, ROOT
+from sample_results import put, variant
 
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
@@ -79,3 +80,23 @@ def test_tables_of_pages_are_those_of_the_results_and_the_registry() -> None:
     for name, (place, _) in tables["TABLES"].items():
         page = (ROOT / place).read_text(encoding="utf-8")
         assert tables["with_table"](page, name) == page, "run scripts/tables.py"
+
+
+def test_the_table_of_the_readme_has_the_policies_that_were_scored(tmp_path: Path) -> None:
+    of_readme = runpy.run_path(str(ROOT / "scripts/tables.py"))["TABLES"]["results"][1]
+    of_readme.__globals__["ROOT"] = tmp_path
+    assert of_readme() == "No policy has been scored in the present world yet."
+    for policy, task in (
+        ("peract2", "lift_ball"),
+        ("peract2", "push_box"),
+        ("act", "lift_ball"),
+        ("mine", "lift_ball"),
+    ):
+        put(tmp_path / "results/leaderboard", variant(config={"policy": policy, "task": task}))
+    assert of_readme().splitlines() == [
+        "|task|ACT|PerAct2|open loop|",
+        "|---|--:|--:|--:|",
+        "|lift_ball|50|50|25|",
+        "|push_box|–|50|25|",
+        "|mean|–|50|25|",
+    ]

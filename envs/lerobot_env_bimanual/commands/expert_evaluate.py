@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
-from lerobot_bimanual.results.expert_report import EXPERTS, PlayerName
+from lerobot_bimanual.results.expert_report import EXPERTS, ExpertReport, PlayerName
 from lerobot_bimanual.terminal import show_next
 from lerobot_env_bimanual.options import ANY_VARIATION
 from lerobot_env_bimanual.registry import checked_perturbation
@@ -70,7 +71,8 @@ def expert_evaluate(config: ExpertEvaluateConfig) -> int:
     things during an episode, such as nudge, with `--player=replanning`. Conditions that a file has already are played
     again only if their world has changed, so that with further axes or levels it grows.
 
-    An interrupted run with --output continues where it stopped.
+    An interrupted run with --output continues where it stopped. A report in its place is extended: tasks that it has with
+    the same options, versions and world are not played again, and others stay in it. One of other options is replaced.
 
     Examples:
         lerobot-bimanual expert evaluate --task=lift_ball --episodes=300 --output=outputs/expert.json
@@ -108,56 +110,88 @@ def _check(config: ExpertEvaluateConfig) -> None:
 
 def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_env_bimanual.experts.report import make_report, print_report
+    from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
-    log = None
+    head = {
+        "player": config.player,
+        "discretise": config.discretise,
+        "replay": config.replay,
+        "split": config.split,
+        "first_seed": config.first_seed,
+        "n_seeds": config.episodes,
+        "perturb": config.perturb,
+        "setting": config.setting,
+    }
+    log = report = None
     if config.output is not None:
         check_output_file(config.output)
         log = EpisodeLog(config.output.with_suffix(".partial.jsonl"), exclusive=True)
+        report = _earlier(config.output, head | {"versions": simulation_versions()})
     with Evaluator(config.workers, log) as evaluator:
-        specs = [spec for task in tasks for spec in _specs(evaluator, config, task)]
-        outcomes = evaluator.play(specs, config.player)
-    report = make_report(
-        outcomes,
-        config.player,
-        config.split,
-        discretise=config.discretise,
-        replay=config.replay,
-        first_seed=config.first_seed,
-        n_seeds=config.episodes,
-        perturb=config.perturb,
-        setting=config.setting,
-    )
-    if config.output is not None and log is not None:
-        report.write(config.output)
+        for task in tasks:
+            if report and _is_played(config, report, task):
+                continue
+            variations = _variations(config, task)
+            specs = [spec for each in variations for spec in _specs(evaluator, config, task, each)]
+            found = make_report(evaluator.play(specs, f"{task}: {config.player}"), **head)
+            report = report.with_tasks_of(found) if report else found
+            if config.output is not None:
+                report.write(config.output)
+    assert report is not None  # there is a task
+    if log is not None:
         log.remove()
     print_report(report)
     show_next("lerobot-bimanual", "dataset", "generate", f"--task={config.task}")
     return 1 if report.violations else 0
 
 
-def _specs(evaluator: Evaluator, config: ExpertEvaluateConfig, task: str) -> Iterator[EpisodeSpec]:
+def _earlier(path: Path, head: dict[str, object]) -> ExpertReport | None:
+    """The report that an earlier run with the same options and versions left in a file; None if there is none."""
+    report = ExpertReport.read(path) if path.exists() else None
+    return report if report and all(getattr(report, name) == value for name, value in head.items()) else None
+
+
+def _is_played(config: ExpertEvaluateConfig, report: ExpertReport, task: str) -> bool:
+    """Whether a report has all episodes of a task, in the present world."""
+    from lerobot_env_bimanual.episode.progress import draw_episode
+    from lerobot_env_bimanual.experts.world_version import world_version
+
+    spec = get_task(task).spec
+    asked = product(map(spec.variation_index, _variations(config, task)), report.seeds)
+    drawn = (draw_episode(spec, config.split, seed, index, config.setting) for index, seed in asked)
+    return {(each.variation.index, each.seed) for each in drawn} == {
+        (each.variation, each.seed) for each in report.of_task(task)
+    } and report.worlds[task] == world_version(task, config.perturb, config.setting)
+
+
+def _variations(config: ExpertEvaluateConfig, task: str) -> tuple[str, ...]:
+    """The variations, each played on all seeds."""
+    # The open-loop baseline may know its variation, as a policy does from the instruction: "any" is taken apart.
+    apart = (EACH_VARIATION, ANY_VARIATION) if config.player == "open_loop" else (EACH_VARIATION,)
+    indices = range(len(get_task(task).spec.variations))
+    return tuple(map(str, indices)) if config.variation in apart else (config.variation,)
+
+
+def _specs(
+    evaluator: Evaluator, config: ExpertEvaluateConfig, task: str, variation: str
+) -> Iterator[EpisodeSpec]:
     from lerobot_env_bimanual.sweep.evaluator import EpisodeSpec
 
-    is_open_loop = config.player == "open_loop"
-    # The open-loop baseline may know its variation, as a policy does from the instruction: "any" is taken apart.
-    apart = config.variation == EACH_VARIATION or (is_open_loop and config.variation == ANY_VARIATION)
-    indices = map(str, range(len(get_task(task).spec.variations)))
-    for variation in indices if apart else (config.variation,):
-        spec = EpisodeSpec(
-            task,
-            variation,
-            config.split,
-            0,
-            config.player,
-            config.discretise,
-            evaluator.mean_keyposes(task, variation, config.setting) if is_open_loop else (),
-            config.replay,
-            config.perturb,
-            config.setting,
-        )
-        seeds = range(config.first_seed, config.first_seed + config.episodes)
-        yield from (replace(spec, seed=seed) for seed in seeds)
+    spec = EpisodeSpec(
+        task,
+        variation,
+        config.split,
+        0,
+        config.player,
+        config.discretise,
+        evaluator.mean_keyposes(task, variation, config.setting) if config.player == "open_loop" else (),
+        config.replay,
+        config.perturb,
+        config.setting,
+    )
+    seeds = range(config.first_seed, config.first_seed + config.episodes)
+    yield from (replace(spec, seed=seed) for seed in seeds)
 
 
 def _sweep(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:

@@ -16,7 +16,8 @@ ROBUSTNESS_PAGE = "expert_robustness.md"
 class ExpertReportConfig:
     """Flags of `expert report`."""
 
-    # Folder of the files that `expert evaluate` has written; its folder `perturbed` holds those of --axes.
+    # Folder whose folders `standard` and `varied` hold the files that `expert evaluate` has written, and `perturbed` those of
+    # --axes.
     expert_reports: Path = Path("results/expert_reports")
     # Markdown file; without it the page is printed. Beside it goes expert_robustness.md, if there is a folder `perturbed`.
     output: Path | None = None
@@ -25,7 +26,7 @@ class ExpertReportConfig:
 def expert_report(config: ExpertReportConfig) -> None:
     """Write the measured tables of all tasks, beside the paper's, from expert reports.
 
-    Every report must be of the world, split and first seed of that of the experts. Nothing is written if one is wrong. A
+    Every report must be of the world, split and first seed of that of the experts in its setting. Nothing is written if one is wrong. A
     second page says in which perturbed conditions the experts still succeed.
 
     Examples:
@@ -34,13 +35,12 @@ def expert_report(config: ExpertReportConfig) -> None:
     """
     from lerobot_bimanual.reports.robustness_pages import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness
-    from lerobot_env_bimanual.reports.expert_tables import ExpertReports
     from lerobot_env_bimanual.reports.task_pages import tasks_page
 
     if config.output is not None:
         check_output_file(config.output)
     perturbed = config.expert_reports / "perturbed"
-    pages = {config.output: tasks_page(ExpertReports.read(config.expert_reports), config.expert_reports)}
+    pages = {config.output: tasks_page(config.expert_reports)}
     if perturbed.is_dir() and config.output is not None:
         page = expert_robustness_page(read_expert_robustness(perturbed))
         pages[config.output.with_name(ROBUSTNESS_PAGE)] = page

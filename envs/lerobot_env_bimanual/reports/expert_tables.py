@@ -81,30 +81,30 @@ ORIGINAL_ORACLE_MEAN = 0.858
 
 @dataclass(frozen=True)
 class ExpertReports:
-    """The expert reports of one folder, by name."""
+    """The expert reports of one setting, by name."""
 
     reports: Mapping[str, ExpertReport]
 
     @classmethod
     def read(cls, folder: Path) -> ExpertReports:
-        """Read the reports of a folder.
+        """Read the reports of a folder that has the name of their setting.
 
         Raises:
-            BimanualError: the folder has no report of the experts, or a file that is not such a report, not of the player of
-                its name, or of another world, split or first seed than that of the experts.
+            BimanualError: the folder has no report of the experts, or a file that is not such a report, not of the player or
+                setting of its name, or of another world, split or first seed than that of the experts.
         """
         paths = {name: folder / f"{name}.json" for name in REPORTS}
         if not paths[EXACT].is_file():
             raise BimanualError(
                 f"{folder} holds no {EXACT}.json; `lerobot-bimanual expert evaluate --variation=each --replay=joint "
-                f"--output={folder / EXACT}.json` writes it"
+                f"--setting={folder.name} --output={folder / EXACT}.json` writes it"
             )
         reports = {name: ExpertReport.read(path) for name, path in paths.items() if path.is_file()}
         experts = reports[EXACT]
         for name, report in reports.items():
             shared = {
                 "perturb": "",
-                "setting": experts.setting,
+                "setting": folder.name,
                 "split": experts.split,
                 "first_seed": experts.first_seed,
             }
@@ -128,19 +128,23 @@ class ExpertReports:
 
 
 def success_table(reports: ExpertReports) -> pd.DataFrame:
-    """Experts and baselines, successes of episodes per task."""
-
-    def cell(name: str, task: str) -> str:
-        episodes = reports.reports[name].of_task(task) if name in reports.reports else []
-        if not episodes:
-            return NOT_MEASURED
-        rate = success_rate(episodes)
-        counts = f"{rate.successes}/{rate.trials}"
-        return f"{counts} ({_chance(task):.0%})" if name == LANGUAGE_ABLATED else counts
-
+    """Experts and baselines, successes of episodes per task, and means of the tasks' rates."""
+    cells, rates = dict[tuple[str, str], str](), dict[str, list[float]]()
+    for name, heading in COLUMNS.items():
+        for task in reports.tasks:
+            episodes = reports.reports[name].of_task(task) if name in reports.reports else []
+            if not episodes:
+                continue
+            rate = success_rate(episodes)
+            chance = f" ({_chance(task):.0%})" if name == LANGUAGE_ABLATED else ""
+            cells[f"`{task}`", heading] = f"{rate.successes}/{rate.trials}{chance}"
+            rates.setdefault(heading, []).append(rate.rate)
+    for heading, found in rates.items():
+        cells["mean", heading] = f"{fmean(found):.1%}"
+    rows = [f"`{task}`" for task in reports.tasks] + ["mean"]
     return pd.DataFrame(
-        {"task": f"`{task}`", **{heading: cell(name, task) for name, heading in COLUMNS.items()}}
-        for task in reports.tasks
+        {"task": row, **{heading: cells.get((row, heading), NOT_MEASURED) for heading in COLUMNS.values()}}
+        for row in rows
     )
 
 
@@ -164,14 +168,15 @@ def evidence_table(reports: ExpertReports) -> pd.DataFrame:
         rows.append(
             {
                 "task": f"`{task}`",
-                "lowest of a variation's 95 % interval": f"{min(success_rate(found).interval[0] for found in variations):.1%}",
-                "replayed bit for bit": f"{sum(bool(each.replayed) for each in solved)}/{len(solved)}",
-                "keyframes found again": f"{sum(bool(each.keyframes_found) for each in solved)}/{len(solved)}",
+                "95 % interval from": f"{min(success_rate(found).interval[0] for found in variations):.1%}",
+                "replayed": f"{sum(bool(each.replayed) for each in solved)}/{len(solved)}",
+                "keyframes found": f"{sum(bool(each.keyframes_found) for each in solved)}/{len(solved)}",
                 "largest tip error": f"{worst_tip_error_mm(solved):.1f} mm",
                 "planner failures": sum(
                     episode.failure not in (None, OUT_OF_MOVES, OUT_OF_TIME) for episode in episodes
                 ),
                 "lines replaced": sum(each.line_fallbacks for each in episodes),
+                "median ticks": f"{median(each.ticks for each in solved):.0f}" if solved else NOT_MEASURED,
                 "placements accepted": f"{len(episodes) / sum(episode.draws for episode in episodes):.0%}",
             }
         )
@@ -224,14 +229,14 @@ def _load_row(name: str, load: LoadMetrics, rounded_force: str) -> dict[str, str
     return {
         "task": name,
         "torque": f"{load.torque:.0%}",
-        "a motor at its limit": f"{load.saturated:.1%}",
+        "at its limit": f"{load.saturated:.1%}",
         "velocity": f"{load.velocity:.0%}",
         "acceleration": f"{load.acceleration:.0%}",
         "jerk": f"{load.jerk:.0%}",
-        "contact force": f"{load.contact_force_n:.0f} N",
-        "finger speed": f"{load.finger_speed_m_s:.2f} m/s",
+        "force": f"{load.contact_force_n:.0f} N",
+        "fingers": f"{load.finger_speed_m_s:.2f} m/s",
         "penetration": f"{load.penetration_mm:.1f} mm{bodies}",
-        "contact force, rounded": rounded_force,
+        "force, rounded": rounded_force,
     }
 
 

@@ -70,8 +70,8 @@ class ResultFile:
         record = self.record
         if record.world == (installed := world_version(record.task, record.perturb, record.setting)):
             return ""
-        difference = f"world of {record.task} is {record.world}, but {installed} here"
-        return f"{difference}: replay it with the versions {record.versions}"
+        difference = f"world of {record.task} is {record.world}, but {installed} here, where the same seeds mean other episodes"
+        return f"{difference}: replay it with the code of that day and the versions {record.versions}"
 
     def check_world(self) -> None:
         """Make sure that episodes replay here as they were recorded.
