@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from lerobot_bimanual.errors import InvalidChoice, check_range
 from lerobot_bimanual.files import check_output_file, check_output_folder
@@ -113,7 +113,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     from lerobot_env_bimanual.experts.world_version import simulation_versions
     from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, Evaluator
 
-    head = {
+    head: dict[str, Any] = {
         "player": config.player,
         "discretise": config.discretise,
         "replay": config.replay,
