@@ -25,7 +25,7 @@ STRAW = ((0.93, 0.84, 0.52, 1.0), (0.86, 0.75, 0.42, 1.0))
 STICK_HALF_WIDTH_M = 0.0085
 HEAD_HALF_M = (0.125, 0.019, 0.014)
 HEAD_Z_M = 0.040
-BRISTLE_HALF_DEPTH_M = 0.017
+BRISTLE_HALF_DEPTH_M = 0.021
 BRISTLE_REACH_M = 0.010
 """How far below the table the bristles are felt: they sweep, whatever the height and tilt of the hand."""
 WING_HALF_M = (0.003, 0.014)

@@ -14,7 +14,7 @@ from lerobot_env_bimanual.props.prop import (
     UNSEEN,
     VISUAL_ONLY,
     add_box,
-    add_cylinder,
+    add_capsule,
     add_free_body,
     add_sphere,
     draw_box,
@@ -25,14 +25,14 @@ DARK_BLUE = (0.14, 0.34, 0.60, 1.0)
 RUBBER = (0.13, 0.14, 0.16, 1.0)
 WOOD = (0.80, 0.62, 0.38, 1.0)
 
-FLOOR_HALF_M = (0.145, 0.080, 0.001)
+FLOOR_HALF_M = (0.152, 0.080, 0.001)
 FLOOR_Y_M = -0.005
-LIP_HALF_M = (0.145, 0.016, 0.0008)
+LIP_HALF_M = (0.152, 0.016, 0.0008)
 LIP_SLOPE_RAD = np.deg2rad(15.0)
 LIP_CREST_M = 0.0085
 """Height of the lip's upper end, over which dirt falls onto the floor."""
 SIDE_HALF_M = (0.003, 0.085, 0.022)
-BACK_HALF_M = (0.149, 0.003, 0.030)
+BACK_HALF_M = (0.156, 0.003, 0.030)
 BACK_Y_M = -0.088
 SOCKET_HALF_M = (0.020, 0.012, 0.012)
 HANDLE_RADIUS_M = 0.0105
@@ -122,10 +122,10 @@ class Dustpan:
             )
 
     def _add_handle(self, body) -> None:
-        half = (self.height_m - HANDLE_BOTTOM_M) / 2
-        middle, top = (0, self.handle_y_m, HANDLE_BOTTOM_M + half), (0, self.handle_y_m, self.height_m)
-        add_cylinder(body, middle, HANDLE_RADIUS_M, half, mass=HANDLE_MASS_KG, rgba=WOOD)
-        add_sphere(body, top, HANDLE_RADIUS_M, rgba=RUBBER, **VISUAL_ONLY)
+        """A capsule: of contacts between a cylinder and a finger some are lost now and then, and the pan jerks."""
+        y, top = self.handle_y_m, self.height_m
+        add_capsule(body, (0, y, HANDLE_BOTTOM_M, 0, y, top), HANDLE_RADIUS_M, mass=HANDLE_MASS_KG, rgba=WOOD)
+        add_sphere(body, (0, y, top), 1.02 * HANDLE_RADIUS_M, rgba=RUBBER, **VISUAL_ONLY)
 
     def _add_ribs(self, body) -> None:
         """Grooves along the floor."""

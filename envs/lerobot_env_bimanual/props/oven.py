@@ -50,6 +50,10 @@ HANDLE_Z_M = 0.2935
 HANDLE_STAND_OFF_M = 0.05
 """Between bar and door: room for two fingers."""
 POST_RADIUS_M = 0.008
+BAR_GIVES_M, BAR_STIFFNESS_N_M, BAR_DAMPING_N_S_M = 0.012, 1000.0, 20.0
+"""The bar sits on rubber and gives along the door: beside its arc a hand would pull with 100 N."""
+BAR_INERTIA_KG = 0.5
+"""Added to the bar's: fingers sink into lighter things."""
 SHORT_BAR_M = 0.06
 """Up to which length a bar has one post, in the middle, instead of two at its ends."""
 
@@ -98,17 +102,10 @@ class Oven:
         """Height of what lies on the rack, above the table."""
         return self.rack_m + RACK_HALF_M[2]
 
-    def handle(self, door_rad: float, y_m: float, beyond_m: float = 0.0) -> NDArray[np.float64]:
-        """(3,) a point of the door's handle in the oven's frame, m.
-
-        Args:
-            door_rad: angle by which the door is open.
-            y_m: to the left of the middle.
-            beyond_m: further away from the hinge than the middle of the bar.
-        """
+    def handle(self, door_rad: float, y_m: float) -> NDArray[np.float64]:
+        """(3,) the point of the bar that is `y_m` to the left of the middle while the door is open by `door_rad`; oven's frame, m."""
         sin, cos = np.sin(door_rad), np.cos(door_rad)
-        bar = np.array([DOOR_HALF_M[0] + HANDLE_STAND_OFF_M, HANDLE_Z_M])
-        out, up = bar * (1 + beyond_m / np.linalg.norm(bar))
+        out, up = DOOR_HALF_M[0] + HANDLE_STAND_OFF_M, HANDLE_Z_M
         hinge_x = self.front_m - HINGE_BEFORE_FRONT_M
         return np.array([hinge_x - out * cos - up * sin, y_m, FLOOR_M + up * cos - out * sin])
 
@@ -186,12 +183,22 @@ class Oven:
         self._add_handle(door)
 
     def _add_handle(self, door) -> None:
+        handle = door.add_body(name=f"{self.name}_bar")
+        handle.add_joint(
+            name=f"{self.name}_rubber",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=(0, 0, 1),
+            range=(-BAR_GIVES_M, BAR_GIVES_M),
+            stiffness=BAR_STIFFNESS_N_M,
+            damping=BAR_DAMPING_N_S_M,
+            armature=BAR_INERTIA_KG,
+        )
         right, left = self.handle_y_m
         x, z = -DOOR_HALF_M[0] - HANDLE_STAND_OFF_M, HANDLE_Z_M
-        bar = {"mass": 0.05, "friction": (1.0, 0.01, 0.0001), "rgba": METAL}
-        add_capsule(door, (x, right, z, x, left, z), self.handle_radius_m, **bar)
+        metal = {"friction": (1.0, 0.01, 0.0001), "rgba": METAL}
+        add_capsule(handle, (x, right, z, x, left, z), self.handle_radius_m, mass=0.05, **metal)
         for y in self.handle_y_m if left - right > SHORT_BAR_M else [(right + left) / 2]:
-            add_capsule(door, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, rgba=METAL)
+            add_capsule(handle, (x, y, z, -DOOR_HALF_M[0], y, z), POST_RADIUS_M, mass=0.02, **metal)
 
     def _add_rack(self, oven) -> None:
         """A plate in physics, a grid of wires for the eye."""

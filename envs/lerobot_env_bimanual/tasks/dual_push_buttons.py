@@ -3,19 +3,17 @@
 The paper counts it among the tasks that one arm cannot do, since both buttons have to be down at the same time. Buttons
 are at least 38 cm apart; one hand, laid down flat from fingertips to wrist, presses both of them up to 36 cm.
 
-Whoever does not read cannot know which two are meant: each of three buttons is equally likely to be the one to leave
-alone, wherever they lie, and the same three colours occur with different answers (40 % right by guessing).
+Who does not read cannot know which two are meant: the same three colours occur with different answers, wherever they
+lie (40 % right by guessing).
 
 Departures from the original: both caps must be down together, as the paper's text says, for half a second; the
-original is satisfied when the first and some time later the second has been touched. The paper's five
-variations are triples of our own choice; of the original's first five, three share their distractor, which is
-never asked for. Buttons keep 38 cm apart, where the original's may overlap. It draws one button in either half
-of the table, the first colour's in the right one, so that order and places give the answer away; here the right
-hand takes the nearer to its side of the two, whichever is named first. Pressing the third button in addition
-does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
+original is satisfied when the first and some time later the second has been touched. The five variations are triples of
+our own choice; of the original's first five, three share their distractor, which is never asked for. Buttons keep 38 cm
+apart, where the original's may overlap. It draws one button in either half of the table, the first colour's in the right
+one, which gives the answer away; here the right hand takes the nearer to its side, whichever is named first. Pressing
+the third button, too, does no harm. The caps are pressed by 10 of their 14 mm, so that no hand strikes a base.
 
-In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide
-instead of 56.
+In the setting `varied` each button stands on a box of its own height, up to 8 cm: six numbers decide. Caps are 24 mm wide.
 """
 
 from __future__ import annotations
@@ -57,7 +55,7 @@ TRIPLES = (
 WORDS = ("color_a", "color_b", "color_other")
 """The two to press, and the one to leave alone; triples are in this order."""
 
-RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
+BUTTONS = RIGHT, LEFT, OTHER = "right_button", "left_button", "other_button"
 AREA = PlacementArea((0.25, 0.0125), half_size_m=(0.258, 0.4159), half_yaw_rad=np.pi)
 """Both halves of the original."""
 MIN_DISTANCE_M = 0.38
@@ -68,8 +66,8 @@ REACH_M = {Arm.LEFT: (0.31, 0.83), Arm.RIGHT: (0.30, 0.76)}
 HOVER_M, PRESS_M = 0.115, 0.035
 """Above a button's foot; on the table centres of voxels. At the second the fingertips stand 4 mm above the base."""
 
-VARIED_CAP_RADIUS_M = 0.012
-STANDS = tuple(Pedestal(f"{button}_stand", (0.10, 0.10), depth_m=0.08) for button in (RIGHT, LEFT, OTHER))
+VARIED_CAP_RADIUS_M = 0.012  # instead of 0.028
+STANDS = tuple(Pedestal(f"{button}_stand", (0.10, 0.10), depth_m=0.08) for button in BUTTONS)
 
 
 @register
@@ -88,8 +86,8 @@ class DualPushButtons(Task):
             Variation(index, dict(zip(WORDS, colors, strict=True))) for index, colors in enumerate(TRIPLES)
         ),
         taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
-        props=(Button(RIGHT), Button(LEFT), Button(OTHER)),
-        varied=((*(Button(name, VARIED_CAP_RADIUS_M) for name in (RIGHT, LEFT, OTHER)), *STANDS),),
+        props=tuple(Button(name) for name in BUTTONS),
+        varied=((*(Button(name, VARIED_CAP_RADIUS_M) for name in BUTTONS), *STANDS),),
         success=(Pressed(RIGHT), Pressed(LEFT)),
         horizon_ticks=160,
         needs_both_arms=True,
@@ -103,9 +101,7 @@ class DualPushButtons(Task):
         other = poses.pop(rng.integers(len(poses)))
         *asked_for, left_alone = (COLORS[variation.words[word]] for word in WORDS)
         rng.shuffle(asked_for)
-        for name, pose, rgba in zip(
-            (RIGHT, LEFT, OTHER), (*poses, other), (*asked_for, left_alone), strict=True
-        ):
+        for name, pose, rgba in zip(BUTTONS, (*poses, other), (*asked_for, left_alone), strict=True):
             if scene.is_varied:
                 pose = pose.translated((0, 0, rng.uniform(0, STANDS[0].depth_m)))
                 scene.place(f"{name}_stand", pose)
@@ -120,8 +116,7 @@ class DualPushButtons(Task):
     def reading(self, scene: SceneView, variation: Variation) -> Script | None:
         """Push the buttons of the two named colours, if both are there, each with the hand on whose side it lies."""
         named = [COLORS[variation.words[word]] for word in WORDS[:2]]
-        buttons = (RIGHT, LEFT, OTHER)
-        found = [button for button in buttons if any(scene.has_color(button, color) for color in named)]
+        found = [button for button in BUTTONS if any(scene.has_color(button, color) for color in named)]
         if len(found) < len(named):
             return None
         right, left = sorted(found, key=lambda button: scene.pose(button).position[1])
@@ -129,21 +124,21 @@ class DualPushButtons(Task):
 
 
 def press(scene: SceneView, left_button: str, right_button: str) -> Iterator[Stage]:
-    """Either hand above its button, then both down."""
-    left, right = scene.pose(left_button).position, scene.pose(right_button).position
-    yield Stage("above", *_hands(left, right, HOVER_M), left_open=False, right_open=False, planned=True)
-    yield Stage("press", *_hands(left, right, PRESS_M))
+    """Either hand above its button, then both down, narrow side along y, so that hands over neighbours do not meet."""
+    left, right = (
+        Pose.looking(scene.pose(button).position, approach=(0, 0, -1), opening=(side, 0, 0))
+        for button, side in ((left_button, 1), (right_button, -1))
+    )
+    above = left.advanced(-HOVER_M), right.advanced(-HOVER_M)
+    yield Stage("above", *above, left_open=False, right_open=False, planned=True)
+    yield Stage("press", left.advanced(-PRESS_M), right.advanced(-PRESS_M))
 
 
 def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] | None:
-    """Three poses in order of y, uniform among those that keep apart and that both arms can share; None if unlucky.
-
-    Of two buttons the right arm presses the one with the smaller y, so the middle one has to be in reach of both arms.
-    """
+    """Three poses in order of y, uniform among those that are apart and in reach, the middle one of both arms; None if unlucky."""
     for _ in range(MAX_DRAWS):
-        poses = sorted(
-            (AREA.sample(rng, TABLE_HEIGHT_M) for _ in range(3)), key=lambda pose: pose.position[1]
-        )
+        drawn = (AREA.sample(rng, TABLE_HEIGHT_M) for _ in BUTTONS)
+        poses = sorted(drawn, key=lambda pose: pose.position[1])
         in_reach = all(
             least <= pose.distance_to(bases[arm])[0] <= largest
             for arm, shared in ((Arm.RIGHT, poses[:2]), (Arm.LEFT, poses[1:]))
@@ -153,11 +148,3 @@ def _draw_apart(bases: dict[Arm, Pose], rng: np.random.Generator) -> list[Pose] 
         if in_reach and all(a.distance_to(b)[0] >= MIN_DISTANCE_M for a, b in combinations(poses, 2)):
             return poses
     return None
-
-
-def _hands(left_button: np.ndarray, right_button: np.ndarray, above_m: float) -> tuple[Pose, Pose]:
-    """Both hands above the feet of two buttons, pointing down, narrow side along y, so that hands over neighbouring buttons do not meet."""
-    up = np.array([0, 0, above_m])
-    left = Pose.looking(left_button + up, approach=(0, 0, -1), opening=(1, 0, 0))
-    right = Pose.looking(right_button + up, approach=(0, 0, -1), opening=(-1, 0, 0))
-    return left, right

@@ -118,7 +118,6 @@ class PutBottleInFridge(Task):
         turned_rad = np.arctan2(fridge.rotation[1, 0], fridge.rotation[0, 0]) - FRIDGE_YAW_RAD
         bring_yaw_rad, pull_yaw_rad = BRING_YAW_RAD + turned_rad, PULL_YAW_RAD + turned_rad
         grasp = hand(np.add(bottle, (0, 0, GRASP_M)), bring_yaw_rad)
-        via = hand(VIA_M, bring_yaw_rad)
         depth, aside = RELEASE_M
         release = hand(fridge.apply((FRIDGE.front_m + depth, aside, RELEASE_Z_M)), bring_yaw_rad)
         before_fridge = release.translated(-BEFORE_FRIDGE_M * heading(bring_yaw_rad))
@@ -129,13 +128,12 @@ class PutBottleInFridge(Task):
 
         yield Stage("fold", left=hand(FOLD_M, bring_yaw_rad), planned=True)
         above = grasp.translated((0, 0, ABOVE_BOTTLE_M))
-        closed, opened = pull(0), pull(DOOR_RAD[-1])
-        yield Stage("approach", above, closed.advanced(-BEFORE_HANDLE_M), planned=True)
-        yield Stage("grasp", grasp, closed, left_open=False, right_open=False, left_holds="bottle")
+        yield Stage("approach", above, pull(0).advanced(-BEFORE_HANDLE_M), planned=True)
+        yield Stage("grasp", grasp, pull(0), left_open=False, right_open=False, left_holds="bottle")
         yield Stage("open", grasp.translated((0, 0, LIFT_M)), pull(DOOR_RAD[0]))
         for door_rad in DOOR_RAD[1:-1]:
             yield Stage("open", right=pull(door_rad))
-        yield Stage("open", via, opened)
+        yield Stage("open", hand(VIA_M, bring_yaw_rad), pull(DOOR_RAD[-1]))
         yield Stage("bring", left=before_fridge)
         yield Stage("insert", left=release, left_open=True)
         yield Stage("withdraw", left=before_fridge)

@@ -1,16 +1,15 @@
 """Sweep the dirt into the dustpan.
 
-One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, as in the paper
-and the original, but the pan is light and glides: unless it is held, the first lumps that climb its lip push it away
-before the broom. The dirt is to be swept: no arm may touch it, nor the pan be driven under it, or one arm would do.
+One hand leads the broom while the other holds the pan that it sweeps into. The instruction names the dirt alone, but the pan
+is light and glides: unless it is held, the first lumps that climb its lip push it away before the broom. The dirt is to
+be swept: no arm may touch it, nor the pan be driven under it, or one arm would do.
 
-Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to
-contain the dirt, wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the
-latter turned by up to 15 degrees; there they never move, so that a motion that ignores the scene would sweep
-every time. The broom is shorter (35 cm instead of 60 cm) and stands upright in a fork, and the hand holds its upper
-end from above, since the stick cannot pass through a palm. Lumps of dirt are 38 mm wide instead of 10 mm, to be
-seen, round instead of square, and weigh 15 g. Collision filters: the bristles touch dirt alone and the pan's lip is
-touched by dirt alone, the broom's feet and the pan's gliders touch the table alone; all four are thin or yield.
+Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain the dirt,
+wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the latter turned by up to 15
+degrees; there they never move, so that a motion that ignores the scene would sweep every time. The broom is shorter (35 cm
+instead of 60 cm) and stands upright in a fork, and the hand holds its upper end from above, since the stick cannot pass
+through a palm. Lumps of dirt are 38 mm wide instead of 10 mm, to be seen, round instead of square, and weigh 15 g. Bristles
+touch dirt alone and the lip is touched by dirt alone, feet and gliders touch the table alone; all four are thin or yield.
 
 In the setting `varied` eleven numbers decide. The dirt lies in two heaps, too far apart for one stroke: the broom is led slantwise
 from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
@@ -41,39 +40,33 @@ CRUMBS = tuple(Crumb(f"dirt{index}") for index in range(5))
 STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
-DIRT_HALF_M = np.array([0.09675, 0.1356])
-"""How far crumbs lie from that middle (decoded from RLBench's task file)."""
-VARIED_AREA = PlacementArea(center_m=(0.17, 0.0), half_size_m=(0.11, 0.05), half_yaw_rad=np.deg2rad(15.0))
+DIRT_HALF_M, PAN_Y_M = np.array([0.09675, 0.1356]), -0.25
+"""How far crumbs lie from that middle, and the pan's offset from it (decoded from RLBench's task file)."""
+VARIED_AREA = PlacementArea(center_m=(0.13, -0.03), half_size_m=(0.11, 0.05), half_yaw_rad=np.deg2rad(15.0))
 HEAP_M, HEAP_HALF_M = ((0.115, 0.0), (0.13, 0.06)), np.array([0.03, 0.075])
 """In `varied`: the middle of the heap on the right, from the middle of the dirt; and how far crumbs lie from that of theirs."""
-VARIED_HEIGHTS_M, VARIED_STAND_YAW_RAD = (0.33, 0.35, 0.37), np.deg2rad(20.0)
+VARIED_STAND_YAW_RAD = np.deg2rad(20.0)
+VARIED_BROOMS = tuple(replace(BROOM, height_m=height_m) for height_m in (0.33, 0.35, 0.37))
 CRUMB_DISTANCE_M = 0.055
 """Between two crumbs, so that no hand spans both."""
-PAN_Y_M = -0.25
-"""Offset from the middle of the dirt to the pan (decoded from RLBench's task file)."""
-INSIDE_M = ((-0.125, -0.075, 0.0), (0.125, 0.075, 0.05))
-"""The original's box, in the pan's axes."""
+INSIDE_M = ((-0.132, -0.075, 0.0), (0.132, 0.075, 0.05))
+"""The original's box, in the pan's axes, wider by as much as the pan is."""
 MAX_SHIFT_M = 0.04
 """How far the pan may ever be from where it was placed: it is swept into, not driven under the dirt."""
 
-# The left hand: straight down on the broom's stick. With its fingers the other way round the arm would have to pass
-# near a singularity in some sweeps.
-ABOVE_M = 0.095
-BELOW_END_M = 0.015
-"""From the stick's end down to where it is held: centres of voxels; grasp and sweep share them, so that rounding cancels out."""
+# The left hand: straight down on the stick, its fingers so that no sweep passes near a singularity.
+ABOVE_M, BELOW_END_M = 0.095, 0.015
+"""How far below the stick's end it is held, and above that approached: centres of voxels, as in sweeps, so that rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
-BEHIND_DIRT_M, SWEEP_TO_M = 0.06, 0.015
-"""How far behind the last lump a sweep starts, and how far in front of the pan's middle it ends."""
-TURN_BEHIND_M = 0.2
-"""A broom that is turned starts further behind, by this share of the heap's distance from the middle."""
+BEFORE_STAND_M = -0.035
+"""Strokes start this far before the fork, from which the broom comes: beside it the stick would catch on a prong."""
+BEHIND_DIRT_M, BEHIND_SHARE, SWEEP_TO_M = 0.06, 0.2, 0.015
+"""A sweep starts this far behind the last lump, plus a share of the heap's distance from the middle, and ends before the pan's."""
 TOWARDS_M, ACROSS_M = 0.05, 0.02
-"""A slanting stroke starts square to the way to a point this far before the pan's middle; it ends square to the pan, and so far
-beyond its middle that the trailing broom goes between the pan's sides."""
+"""A slanting stroke starts square to its way to a point before the pan's middle; it ends beyond, square to the pan, as it trails."""
 
 # The right hand: from the side and slightly from above, on the pan's handle.
-HOLD_Z_M = 0.25
-APPROACH = np.array([-np.sqrt(0.5), np.sqrt(0.5), -np.tan(np.deg2rad(10.0))])
-OPENING = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0])
+HOLD = Pose.looking((0, PAN.handle_y_m, 0.25), approach=(-1, 1, -0.25), opening=(1, 1, 0))
 BEFORE_HANDLE_M = 0.09
 
 
@@ -96,15 +89,13 @@ class SweepToDustpan(Task):
         ),
         taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
-        varied=tuple(
-            (STAND, replace(BROOM, height_m=height_m), PAN, *CRUMBS) for height_m in VARIED_HEIGHTS_M
-        ),
+        varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(
             *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
             Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
             Always((Near(PAN.name, MAX_SHIFT_M),)),
         ),
-        horizon_ticks=340,
+        horizon_ticks=360,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
@@ -124,48 +115,36 @@ class SweepToDustpan(Task):
         scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
         for crumb, (x, y) in zip(CRUMBS, spots, strict=True):
             scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m)))
-        return True
+        return all(stand.inverse().apply(start.position)[1] < BEFORE_STAND_M for start, _ in _strokes(scene))
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
         broom, pan = scene.pose(BROOM.name), scene.pose(PAN.name)
-        grip_z_m = TABLE_HEIGHT_M + scene.prop(Broom, BROOM.name).height_m - BELOW_END_M
-        grasp = _hand(broom, grip_z_m)
-        hold = Pose.looking(
-            pan.apply((0.0, PAN.handle_y_m, HOLD_Z_M)), pan.rotation @ APPROACH, pan.rotation @ OPENING
-        )
+        grip_m = (0, 0, scene.prop(Broom, BROOM.name).height_m - BELOW_END_M)
+        grip = Pose.looking(grip_m, approach=(0, 0, -1), opening=(-1, 0, 0))
+        grasp, hold = broom @ grip, pan @ HOLD
         yield Stage("approach", grasp.advanced(-ABOVE_M), hold.advanced(-BEFORE_HANDLE_M), planned=True)
         yield Stage(
-            "grasp",
-            grasp,
-            hold,
-            left_open=False,
-            right_open=False,
-            left_holds=BROOM.name,
-            right_holds=PAN.name,
+            "grasp", grasp, hold, left_open=False, right_open=False, left_holds="broom", right_holds="dustpan"
         )
         yield Stage("take out", left=grasp.translated(broom.rotation @ TAKE_OUT_M))
         up, end = np.array([0, 0, TAKE_OUT_M[2]]), None
-        for start, last in _strokes(scene, pan):
+        for start, last in _strokes(scene):
             if end is not None:
                 yield Stage("raise", left=end.translated(up))
-            behind, end = _hand(pan @ start, grip_z_m), _hand(pan @ last, grip_z_m)
+            behind, end = start @ grip, last @ grip
             yield Stage("behind", left=behind.translated(up))
             yield Stage("lower", left=behind)
             yield Stage("sweep", left=end)
 
 
-def _strokes(scene: SceneView, pan: Pose) -> Iterator[tuple[Pose, Pose]]:
-    """Where the broom starts and ends in each stroke, in the pan's axes: straight on, or in `varied` from either heap."""
+def _strokes(scene: SceneView) -> Iterator[tuple[Pose, Pose]]:
+    """Where the broom starts and ends in each stroke, as things lie at the first: straight on, or in `varied` from either heap."""
+    pan = scene.pose(PAN.name)
     lumps_m = np.array([pan.inverse().apply(scene.pose(crumb.name).position)[:2] for crumb in CRUMBS])
     for side in (-1, 1) if scene.is_varied else (0,):
         heap_m = lumps_m[side * lumps_m[:, 0] >= 0]
         x_m = abs(side) * (heap_m[:, 0].min() + heap_m[:, 0].max()) / 2
-        y_m = heap_m[:, 1].max() + BEHIND_DIRT_M + TURN_BEHIND_M * abs(x_m)
+        y_m = heap_m[:, 1].max() + BEHIND_DIRT_M + BEHIND_SHARE * abs(x_m)
         start = Pose.upright((x_m, y_m, 0.0), -np.arctan2(x_m, y_m - TOWARDS_M))
-        yield start, Pose.upright((-side * ACROSS_M, SWEEP_TO_M, 0.0))
-
-
-def _hand(broom: Pose, height_m: float) -> Pose:
-    """The left hand while it holds an upright broom, from above."""
-    return Pose.looking((*broom.position[:2], height_m), approach=(0, 0, -1), opening=-broom.rotation[:, 0])
+        yield pan @ start, pan @ Pose.upright((-side * ACROSS_M, SWEEP_TO_M, 0.0))
