@@ -1,18 +1,21 @@
 """One Franka Emika Panda with its parallel hand, built from primitive shapes.
 
-Kinematics are the modified Denavit-Hartenberg parameters of the Franka Control Interface documentation. Masses,
-centres of mass and inertias of the links are those identified by Gaz et al., "Dynamic Identification of the
-Franka Emika Panda Robot With Retrieval of Feasible Parameters", RA-L 2019. Shapes are our own: capsules,
-cylinders and boxes sized by eye to the real covers, so that collision checks are cheap. They are not drawn: `panda_looks.py` has the visual shapes.
+Kinematics are the modified Denavit-Hartenberg parameters of the Franka Control Interface documentation; masses, inertias and
+what collides of the links stand in `panda.toml`. The shapes, capsules, cylinders and boxes, so that collision checks are cheap,
+are not drawn: `panda_looks.py` has the visual ones.
 """
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_camera
-from lerobot_env_bimanual.robots import panda_looks
-from lerobot_env_bimanual.robots.panda_looks import add_looks
+from lerobot_env_bimanual.robots.panda_looks import DARK, add_looks
 
 LINK_OFFSET_M = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
 LINK_LENGTH_M = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -51,82 +54,17 @@ FINGER_DAMPING = 5.0
 STIFF_SOLREF = (0.004, 1)
 STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2)
 
-LINK_MASS_KG = (4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
-LINK_CENTRE_OF_MASS_M = (
-    (0.003875, 0.002081, -0.04762),
-    (-0.003141, -0.02872, 0.003495),
-    (0.027518, 0.039252, -0.066502),
-    (-0.05317, 0.104419, 0.027454),
-    (-0.011953, 0.041065, -0.038437),
-    (0.060149, -0.014117, -0.010517),
-    (0.010517, -0.004252, 0.061597),
-)
-# xx, yy, zz, xy, xz, yz about the centre of mass. Link 1 turns about its z axis only, so nothing but its zz
-# moment can be identified (or matters): its other two are those of a cylinder of its mass.
-LINK_INERTIA = (
-    (0.03, 0.03, 9.117e-3, 0.0, 0.0, 0.0),
-    (7.962e-3, 2.811e-2, 2.5995e-2, -3.925e-3, 1.0254e-2, 7.04e-4),
-    (3.7242e-2, 3.6155e-2, 1.083e-2, -4.761e-3, -1.1396e-2, -1.2805e-2),
-    (2.5853e-2, 1.9552e-2, 2.8323e-2, 7.796e-3, -1.332e-3, 8.641e-3),
-    (3.5549e-2, 2.9474e-2, 8.627e-3, -2.117e-3, -4.037e-3, 2.29e-4),
-    (1.964e-3, 4.354e-3, 5.433e-3, 1.09e-4, -1.158e-3, 3.41e-4),
-    (1.2516e-2, 1.0027e-2, 4.815e-3, -4.28e-4, -1.196e-3, -7.41e-4),
-)
-
-CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
-
-# What collides of each link, in its own frame: shape, radius, and the two ends of its axis.
-BASE_COVERS = (
-    (CYLINDER, 0.075, (0, 0, 0), (0, 0, 0.14)),
-    (CAPSULE, 0.06, (0, 0, 0.10), (0, 0, 0.16)),
-)
-LINK_COVERS = (
-    (
-        (CAPSULE, 0.06, (0, 0, -0.17), (0, 0, -0.06)),
-        (CYLINDER, 0.062, (0, -0.06, 0), (0, 0.06, 0)),
-    ),
-    (
-        (CYLINDER, 0.06, (0, 0, -0.06), (0, 0, 0.06)),
-        (CAPSULE, 0.058, (0, -0.10, 0), (0, -0.19, 0)),
-    ),
-    (
-        (CAPSULE, 0.056, (0, 0, -0.12), (0, 0, -0.06)),
-        (CYLINDER, 0.055, (0.0825, -0.055, 0), (0.0825, 0.055, 0)),
-    ),
-    (
-        (CYLINDER, 0.054, (0, 0, -0.055), (0, 0, 0.055)),
-        (CAPSULE, 0.054, (-0.0825, 0.08, 0), (-0.0825, 0.12, 0)),
-    ),
-    (
-        (CAPSULE, 0.056, (0, 0, -0.26), (0, 0, -0.20)),
-        (CAPSULE, 0.035, (0, 0.07, -0.18), (0, 0.085, -0.05)),
-        (CYLINDER, 0.045, (0, -0.04, 0), (0, 0.05, 0)),
-    ),
-    (
-        (CYLINDER, 0.045, (0, 0, -0.05), (0, 0, 0.02)),
-        (CAPSULE, 0.045, (0.088, -0.02, 0), (0.088, 0.05, 0)),
-    ),
-    (
-        (CAPSULE, 0.04, (0, 0, -0.03), (0, 0, 0.05)),
-        (CYLINDER, 0.043, (0, 0, 0.075), (0, 0, 0.107)),
-    ),
-)
+_DATA = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+LINKS = _DATA["links"]
+SHAPES = {"capsule": mujoco.mjtGeom.mjGEOM_CAPSULE, "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER}
 
 # The base with its first link, and the hand with its flange, touch by design. Everything else that can meet does so: a
 # hand that is folded back (joint 6 below 0.4 rad) can run into its own forearm, link 5.
 TOUCHING_BY_DESIGN = (("base", "link1"), ("link7", "hand"))
-# Second neighbours that stay apart whatever the joints: 3 mm the flange from the forearm, 38 mm and more the others.
+BODIES = ("base", *(f"link{number}" for number in range(1, 8)), "hand")
+# Second neighbours stay apart whatever the joints: 3 mm the flange from the forearm, 38 mm and more the others.
 # Leaving them out changes nothing but the time that collisions take.
-NEVER_MEETING = (
-    ("base", "link2"),
-    ("link1", "link3"),
-    ("link2", "link4"),
-    ("link3", "link5"),
-    ("link4", "link6"),
-    ("link5", "link7"),
-    ("link6", "hand"),
-)
+NEVER_MEETING = tuple(zip(BODIES, BODIES[2:], strict=False))
 
 WRIST_CAMERA_M = ((0.085, 0.0, 0.04), (0.0, 0.0, 0.18))
 """On the hand's side, and the point that it looks at: it sees both fingertips and what lies ahead of them."""
@@ -143,17 +81,17 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     """
     body = spec.worldbody.add_body(name=f"{prefix}_base", pos=base.position, quat=base.quat_wxyz)
     add_box(body, (-0.05, 0, 0.03), (0.09, 0.07, 0.03), **UNSEEN)
-    _add_covers(body, BASE_COVERS)
-    add_looks(spec, body, "panda_base", panda_looks.BASE)
+    _add_covers(body, _DATA["base"])
+    add_looks(spec, body, "base")
     for index in range(7):
         body = _add_link(body, prefix, index)
-        add_looks(spec, body, f"panda_link{index + 1}", panda_looks.LINKS[index])
+        add_looks(spec, body, f"link{index + 1}")
         _add_servo(spec, prefix, index)
     hand = _add_hand(body, prefix)
-    add_looks(spec, hand, "panda_hand", panda_looks.HAND)
+    add_looks(spec, hand, "hand")
     for side, yaw in ((1, 0.0), (2, np.pi)):
         finger = _add_finger(hand, f"{prefix}_finger{side}", f"{prefix}_pad{side}", yaw)
-        add_looks(spec, finger, "panda_finger", panda_looks.FINGER)
+        add_looks(spec, finger, "finger")
     add_camera(hand, f"{prefix}_wrist", *WRIST_CAMERA_M, WRIST_CAMERA_FOVY_DEG, up=(1, 0, 0))
     _add_gripper(spec, prefix)
     for first, second in TOUCHING_BY_DESIGN + NEVER_MEETING:
@@ -161,9 +99,10 @@ def add_panda(spec: mujoco.MjSpec, prefix: str, base: Pose) -> None:
     spec.add_exclude(bodyname1=f"{prefix}_finger1", bodyname2=f"{prefix}_finger2")
 
 
-def _add_covers(body, covers) -> None:
-    for shape, radius, start, end in covers:
-        body.add_geom(type=shape, size=(radius, 0, 0), fromto=(*start, *end), **UNSEEN)
+def _add_covers(body, link: Mapping[str, Any]) -> None:
+    for cover in link["covers"]:
+        size, ends = (cover["radius"], 0, 0), cover["ends"]
+        body.add_geom(type=SHAPES[cover["shape"]], size=size, fromto=ends, **UNSEEN)
 
 
 def _add_link(parent, prefix: str, index: int):
@@ -173,9 +112,9 @@ def _add_link(parent, prefix: str, index: int):
         pos=(length, -offset * np.sin(twist), offset * np.cos(twist)),
         quat=(np.cos(twist / 2), np.sin(twist / 2), 0, 0),
         gravcomp=1,
-        mass=LINK_MASS_KG[index],
-        ipos=LINK_CENTRE_OF_MASS_M[index],
-        fullinertia=LINK_INERTIA[index],
+        mass=LINKS[index]["mass_kg"],
+        ipos=LINKS[index]["centre_of_mass_m"],
+        fullinertia=LINKS[index]["inertia"],
         explicitinertial=True,
     )
     link.add_joint(
@@ -190,7 +129,7 @@ def _add_link(parent, prefix: str, index: int):
         actfrclimited=True,
         actfrcrange=(-TORQUE_LIMIT_NM[index], TORQUE_LIMIT_NM[index]),
     )
-    _add_covers(link, LINK_COVERS[index])
+    _add_covers(link, LINKS[index])
     return link
 
 
@@ -250,7 +189,7 @@ def _add_finger(hand, name: str, pad: str, yaw: float):
         (0, 0.004, 0.0445),
         (0.0095, 0.004, 0.0105),
         name=pad,
-        rgba=panda_looks.DARK,
+        rgba=DARK,
         condim=4,
         friction=(1.5, 0.02, 0.0005),
         solref=STIFF_SOLREF,
