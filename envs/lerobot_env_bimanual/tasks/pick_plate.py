@@ -31,7 +31,7 @@ from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, WELL_RADIUS_M, WELL_Z_M, Plate
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -87,10 +87,7 @@ class PickPlate(Task):
     """The left hand tips the plate up, the right hand pinches the raised rim and lifts."""
 
     spec = TaskSpec(
-        name="pick_plate",
-        id=3,
-        instructions=("pick up the plate",),
-        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
+        **data("pick_plate"),
         props=(PLATE,),
         varied=tuple(map(_varied, VARIED_RADII_M)),
         success=(
@@ -98,7 +95,6 @@ class PickPlate(Task):
             Above("plate", SUCCESS_HEIGHT_M),
             Always((Near("plate", MAX_SHIFT_M), Raised("plate", LIFTED_M))),
         ),
-        horizon_ticks=320,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
