@@ -25,7 +25,7 @@ class Ball:
     Attributes:
         name: body and geom.
         radius_m: of the paper's large ball.
-        mass_kg: its mass.
+        mass_kg: the paper's.
         friction: against everything, hands and table included. Low, so that a grip off the ball's middle line
             slips instead of lifting it by luck.
     """

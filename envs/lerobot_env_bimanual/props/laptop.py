@@ -95,6 +95,7 @@ class Laptop:
             friction=(self.friction, 0.005, 0.0001),
             condim=4,
             solref=(0.005, 1),
+            priority=1,
             **UNSEEN,
         )
 

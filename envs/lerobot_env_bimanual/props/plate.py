@@ -14,10 +14,9 @@ PORCELAIN = (0.97, 0.97, 0.95, 1.0)
 GLAZE = (0.17, 0.38, 0.63, 1.0)
 
 THICKNESS_M = 0.0025
-WELL_RADIUS_M = 0.048
 WELL_Z_M = 0.00475
 """Middle of the thickness."""
-FOOT_RADIUS_M = 0.044
+FOOT_INSIDE_WELL_M = 0.004
 FOOT_HEIGHT_M = 0.004
 FOOT_RING_WIDTH_M = 0.005
 FOOT_MASS_SHARE, WELL_MASS_SHARE, RIM_MASS_SHARE = 0.30, 0.25, 0.45
@@ -37,7 +36,8 @@ class Plate:
     Attributes:
         name: body.
         radius_m: of the rim's upper edge (PerAct2 code).
-        height_m: of the rim's upper edge (PerAct2 code).
+        height_m: of the rim's upper edge; the original's is 1.8 cm.
+        rim_m: its width, seen from above; narrow, so that only a press near its edge tips the plate.
         mass_kg: that of real porcelain; the original's half gram is too light to simulate.
         friction: against everything, the grippers' rubber included: wet glaze. At the rubber's own friction, or at 0.5,
             a steep hand pinches the sloping rim where it lies.
@@ -45,19 +45,30 @@ class Plate:
 
     name: str = "plate"
     radius_m: float = 0.075
-    height_m: float = 0.018
+    height_m: float = 0.012
+    rim_m: float = 0.015
     mass_kg: float = 0.12
     friction: float = 0.35
 
     @property
+    def well_radius_m(self) -> float:
+        """Where the rim begins."""
+        return self.radius_m - self.rim_m
+
+    @property
+    def foot_radius_m(self) -> float:
+        """Of the foot's outer edge."""
+        return self.well_radius_m - FOOT_INSIDE_WELL_M
+
+    @property
     def rim_slope_rad(self) -> float:
         """Angle of the rim above the horizontal."""
-        return float(np.arctan2(self.height_m - WELL_Z_M, self.radius_m - WELL_RADIUS_M))
+        return float(np.arctan2(self.height_m - WELL_Z_M, self.rim_m))
 
     @property
     def tip_rad(self) -> float:
         """Angle at which the plate, tipped over its foot, stands on the edge of its rim."""
-        return float(np.arctan2(self.height_m - THICKNESS_M / 2, self.radius_m - FOOT_RADIUS_M))
+        return float(np.arctan2(self.height_m - THICKNESS_M / 2, self.radius_m - self.foot_radius_m))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Write the shapes that are felt and the meshes that are seen."""
@@ -65,8 +76,8 @@ class Plate:
         # Its friction wins over the fingertips'.
         felt = {"priority": 2, **graspable(self.friction), **UNSEEN}
         for radius, middle, height, share in (
-            (FOOT_RADIUS_M, FOOT_HEIGHT_M / 2, FOOT_HEIGHT_M, FOOT_MASS_SHARE),
-            (WELL_RADIUS_M, WELL_Z_M, THICKNESS_M, WELL_MASS_SHARE),
+            (self.foot_radius_m, FOOT_HEIGHT_M / 2, FOOT_HEIGHT_M, FOOT_MASS_SHARE),
+            (self.well_radius_m, WELL_Z_M, THICKNESS_M, WELL_MASS_SHARE),
         ):
             add_cylinder(body, (0, 0, middle), radius, height / 2, mass=share * self.mass_kg, **felt)
         self._add_rim(body, felt)
@@ -79,9 +90,9 @@ class Plate:
 
     def _add_rim(self, body, felt: dict[str, Any]) -> None:
         """Boxes side by side around the well, sloping up to the edge."""
-        run, rise = self.radius_m - WELL_RADIUS_M, self.height_m - WELL_Z_M
+        run, rise = self.rim_m, self.height_m - WELL_Z_M
         half = (np.hypot(run, rise) / 2, self.radius_m * np.tan(np.pi / RIM_PARTS), THICKNESS_M / 2)
-        middle_radius, middle_z = WELL_RADIUS_M + run / 2, WELL_Z_M + rise / 2
+        middle_radius, middle_z = self.well_radius_m + run / 2, WELL_Z_M + rise / 2
         for angle in np.arange(RIM_PARTS) * 2 * np.pi / RIM_PARTS:
             place = (middle_radius * np.cos(angle), middle_radius * np.sin(angle), middle_z)
             turned = euler_xyz_to_quat_wxyz((0, -self.rim_slope_rad, angle))
@@ -91,7 +102,7 @@ class Plate:
     def _on_rim(self, share: float, height_m: float) -> tuple[float, float]:
         """Radius and z at a share of the way up the rim, `height_m` from the middle of its thickness."""
         slope = self.rim_slope_rad
-        radius = WELL_RADIUS_M + share * (self.radius_m - WELL_RADIUS_M)
+        radius = self.well_radius_m + share * self.rim_m
         z = WELL_Z_M + share * (self.height_m - WELL_Z_M)
         return radius - height_m * np.sin(slope), z + height_m * np.cos(slope)
 
@@ -100,17 +111,17 @@ class Plate:
         half = THICKNESS_M / 2
         corner = half * np.tan(self.rim_slope_rad / 2)
         below, above = WELL_Z_M - half, WELL_Z_M + half
-        inner_foot = FOOT_RADIUS_M - FOOT_RING_WIDTH_M
+        inner_foot = self.foot_radius_m - FOOT_RING_WIDTH_M
         return [
             (0, below / 2),
             (inner_foot, below / 2),
             (inner_foot, 0),
-            (FOOT_RADIUS_M, 0),
-            (FOOT_RADIUS_M, below),
-            (WELL_RADIUS_M + corner, below),
+            (self.foot_radius_m, 0),
+            (self.foot_radius_m, below),
+            (self.well_radius_m + corner, below),
             self._on_rim(1, -half),
             self._on_rim(1, half),
-            (WELL_RADIUS_M - corner, above),
+            (self.well_radius_m - corner, above),
             (0, above),
         ]
 
@@ -120,11 +131,11 @@ class Plate:
         hidden = THICKNESS_M / 8
         return [
             (0, WELL_Z_M - hidden),
-            (WELL_RADIUS_M, WELL_Z_M - hidden),
+            (self.well_radius_m, WELL_Z_M - hidden),
             self._on_rim(end, -hidden),
             self._on_rim(end, proud),
             self._on_rim(start, proud),
             self._on_rim(start, hidden),
-            (WELL_RADIUS_M, WELL_Z_M + hidden),
+            (self.well_radius_m, WELL_Z_M + hidden),
             (0, WELL_Z_M + hidden),
         ]

@@ -6,7 +6,8 @@ reaches it and no posture of the right one touches it, so that the left arm has 
 at the same time: an item that is put down and picked up again was not handed over.
 
 Departures from the original: the item lies on the left arm's side of the table, beyond the right one's reach; there
-the receiver could pick it up itself in most places. The right hand must have closed its fingers on the item, at 0.80 m
+the receiver could pick it up itself in most places. It is 6 cm wide instead of 4 cm and is turned by up to 44 degrees instead of
+22.5, so that the open hand, 8 cm wide, has a centimetre to spare on either side. The right hand must have closed its fingers on the item, at 0.80 m
 or higher, with no part of the left arm touching it; the original asks for the item near the right fingers and not near
 the left ones. Both hands present rolled by 45 degrees, so that their fingers cross at a right angle and never meet.
 
@@ -23,6 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
@@ -34,13 +36,14 @@ from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-ITEM = Block("item", size_m=(0.04, 0.04, 0.08), mass_kg=0.128)
-HALF_YAW_RAD = np.deg2rad(22.5)
+ITEM = Block("item", size_m=(0.06, 0.06, 0.08), mass_kg=0.128)
+HALF_YAW_RAD = np.deg2rad(44.0)
+MIN_RIGHT_REACH_M = 0.995
+"""Of the item's middle from the right base: a corner may be 4.2 cm nearer, the right fingers get no further than 0.95 m."""
 SUCCESS_HEIGHT_M = 0.80
 
 VARIED_SIZES_M = ((0.065, 0.08), (0.060, 0.10), (0.065, 0.07), (0.055, 0.09))
 """Width and height."""
-VARIED_HALF_YAW_RAD = np.deg2rad(44.0)
 VARIED_HEIGHT_M = 0.15
 SLOT_HALF_M, WALL_X_M, WALL_SIZE_M, WALL_ABOVE_MIDDLE_M = 0.018, 0.052, (0.024, 0.05), 0.045
 """Each finger comes down in a slot between two walls, which reach so far above the item's middle."""
@@ -79,8 +82,12 @@ class HandoverItemEasy(Task):
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Item upright beyond the right arm's reach."""
         stand_m = rng.uniform(0, VARIED_HEIGHT_M) if scene.is_varied else 0.0
-        half_yaw_rad = VARIED_HALF_YAW_RAD if scene.is_varied else HALF_YAW_RAD
-        foot = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m, half_yaw_rad)
+        right_m = scene.arm_pair.base_pose(Arm.RIGHT).position
+
+        def is_free(foot: Pose) -> bool:
+            return np.linalg.norm((foot.position - right_m)[:2]) >= MIN_RIGHT_REACH_M
+
+        foot = draw_place(scene, rng, TABLE_HEIGHT_M + stand_m, HALF_YAW_RAD, is_free)
         if foot is None:
             return False
         if scene.is_varied:

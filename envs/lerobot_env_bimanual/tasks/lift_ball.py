@@ -5,8 +5,9 @@ both sides and have to stay opposite each other, at the same height, all the way
 
 Departures from the original: the ball must be held between both hands while its centre is at 0.95 m or higher,
 where the original asks for the height alone. The hands are closed and pinch at the equator instead of scooping
-with open fingers, friction is 0.3 instead of 0.5 and placements spread over 40 x 40 cm, for otherwise a motion that
-ignores the scene lifts the ball almost anywhere. There is no yaw, since nothing on a sphere shows it.
+with open fingers. Friction is 0.08 instead of 0.5, so that only a pinch within a centimetre of the middle lifts the ball,
+which therefore weighs 0.4 kg instead of 1.0 kg. Placements spread over 40 x 40 cm. There is no yaw, since nothing on a
+sphere shows it.
 
 In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to 4 cm, and the
 fingers reach it only between two posts on either side, which forgive a centimetre and turn with the pedestal.
@@ -31,7 +32,7 @@ from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-BALL = Ball("ball", radius_m=0.15, mass_kg=1.0, friction=0.3)
+BALL = Ball("ball", radius_m=0.15, mass_kg=0.4, friction=0.08)
 AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.20, 0.20))
 SUCCESS_HEIGHT_M = 0.95
 
@@ -51,8 +52,8 @@ def _stand(radius_m: float) -> Pedestal:
     return Pedestal("stand", (0.07, 0.07), VARIED_HEIGHT_M, posts_m=tuple(posts))
 
 
-APPROACH_GAP_M = 0.06
-"""Distance from the ball to the tool centre points; so close that a ball lying elsewhere is already in the way."""
+APPROACH_GAP_M, VARIED_GAP_M = 0.030, 0.06
+"""Distance from the ball to the tool centre points: in `standard` so close that a ball lying elsewhere is already in the way."""
 SQUEEZE_SHARE = 1 / 18
 """Of the radius. The wrists then carry 8 of their 12 N m at most; deeper commands let the ball drift towards the weaker arm."""
 LIFT_TO_M = 1.10
@@ -86,7 +87,8 @@ class LiftBall(Task):
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Go beside the ball, squeeze it, lift it."""
         ball, radius_m = scene.pose("ball"), scene.prop(Ball, "ball").radius_m
-        apart, pressed = radius_m + APPROACH_GAP_M, radius_m * (1 - SQUEEZE_SHARE)
+        gap_m = VARIED_GAP_M if scene.is_varied else APPROACH_GAP_M
+        apart, pressed = radius_m + gap_m, radius_m * (1 - SQUEEZE_SHARE)
         lifted = ball.translated((0, 0, LIFT_TO_M - ball.position[2]))
         yield Stage("beside", *_hands(ball, apart), left_open=False, right_open=False, planned=True)
         yield Stage("squeeze", *_hands(ball, pressed), presses="ball")

@@ -7,7 +7,8 @@ plate may not be moved by more than 10 cm before it is lifted. The expert moves 
 
 Departures from the original: the plate must be between the fingers of one hand while it is at 1.00 m or higher;
 the original, whose text asks for a secure grasp, checks the height alone. The plate weighs 120 g instead of half
-a gram and is slippery, with a friction of 0.35 instead of 1.0 against everything. It lies in a box of 20 x 35 cm. The right
+a gram and is slippery, with a friction of 0.35 instead of 1.0 against everything. Its rim is 1.5 cm wide and ends 1.2 cm high
+instead of 1.8 cm, so that only a press within a centimetre of the right place tips it. It lies in a box of 28 x 43 cm. The right
 hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
 
@@ -28,7 +29,7 @@ from lerobot_bimanual.geometry.rotations import quat_wxyz_from_axis_angle
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
 from lerobot_env_bimanual.conditions import Above, Always, Grasped, Near, Raised
 from lerobot_env_bimanual.props.pedestal import Pedestal
-from lerobot_env_bimanual.props.plate import FOOT_RADIUS_M, WELL_RADIUS_M, WELL_Z_M, Plate
+from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
 from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
@@ -36,15 +37,14 @@ from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-PLATE = Plate("plate", radius_m=0.075, height_m=0.018, mass_kg=0.12)
-AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.10, 0.175))
+PLATE = Plate("plate", radius_m=0.075, height_m=0.012, mass_kg=0.12)
+AREA = PlacementArea(center_m=(0.20, -0.155), half_size_m=(0.14, 0.215))
 SUCCESS_HEIGHT_M = 1.00
 MAX_SHIFT_M, LIFTED_M = 0.10, 0.06
 """How far the plate may be moved before it is lifted, and from which height on it is."""
 
+VARIED_AREA = replace(AREA, half_size_m=(0.10, 0.175))
 VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
-RIM_RISE = 0.49
-"""Of varied plates: rise of the rim over its run, so that all of them tip, and are pinched, at the same angles."""
 VARIED_HEIGHT_M = 0.08
 VARIED_YAW_RAD = np.deg2rad(15.0)
 SLOT_HALF_M, WALL_M = 0.018, (0.010, 0.05, 0.066)
@@ -56,7 +56,7 @@ ASIDE_RAD = np.deg2rad(-25.0)
 
 # The left hand: closed, leaning back, on the far side of the rim.
 LEAN_RAD = np.deg2rad(30.0)
-INSIDE_RIM_M, PRESS_Z_M = 0.009, 0.015
+INSIDE_RIM_M, PRESS_Z_M = 0.008, 0.015
 """Where it presses. The fingertips, 1 cm beyond, end 6 mm above the table, where the rim comes down."""
 ABOVE_M = np.array([0.0, 0.0, 0.08])
 LEAVE_M = np.array([-0.05, 0.0, 0.04])
@@ -69,17 +69,16 @@ WAIT_LOWER_M = np.array([0.16, 0.0, 0.17])
 BELOW_RIM_M = np.array([0.008, 0.0, 0.0015])
 """Where the rim is pinched: inside its edge and below it, in the plate's axes."""
 BEFORE_RIM_M = 0.07
-BEYOND_RIM_M = 0.006
+SHORT_OF_RIM_M = 0.003
 LIFT_M = np.array([0.02, 0.0, 0.12])
 RAISE_TO_M = 1.125
 
 
 def _varied(radius_m: float) -> tuple[Prop, ...]:
-    height_m = WELL_Z_M + RIM_RISE * (radius_m - WELL_RADIUS_M)
     x, (thick, wide, high) = radius_m + WALL_M[0] / 2 + 0.006, WALL_M
     walls = tuple((x, side * (SLOT_HALF_M + wide / 2), thick, wide, high) for side in (-1, 1))
     stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, walls_m=walls)
-    return replace(PLATE, radius_m=radius_m, height_m=height_m), stand
+    return replace(PLATE, radius_m=radius_m), stand
 
 
 @register
@@ -99,7 +98,7 @@ class PickPlate(Task):
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
         """Plate flat on the table; nothing shows its yaw, so its x axis may tell which way the task is done."""
-        plate = AREA.sample(rng, TABLE_HEIGHT_M)
+        plate = (VARIED_AREA if scene.is_varied else AREA).sample(rng, TABLE_HEIGHT_M)
         x, y, _ = scene.arm_pair.base_pose(Arm.RIGHT).position - plate.position
         plate = Pose.upright(plate.position, np.arctan2(y, x) + ASIDE_RAD)
         if scene.is_varied:
@@ -120,18 +119,12 @@ class PickPlate(Task):
         def along(pose: Pose, offset_m: np.ndarray) -> Pose:
             return pose.translated(flat.rotation @ offset_m)
 
-        yield Stage(
-            "above",
-            along(press, ABOVE_M),
-            along(right, WAIT_M),
-            left_open=False,
-            right_open=True,
-            planned=True,
-        )
+        wait = along(right, WAIT_M)
+        yield Stage("above", along(press, ABOVE_M), wait, left_open=False, right_open=True, planned=True)
         yield Stage("press", press, along(right, WAIT_LOWER_M))
         rim_m = np.array([plate.radius_m, 0.0, plate.height_m]) - BELOW_RIM_M
         rim = Pose(_pressed(plate, scene.pose("plate")).apply(rim_m), right.quat_wxyz)
-        grasp = rim.advanced(BEYOND_RIM_M)
+        grasp = rim.advanced(-SHORT_OF_RIM_M)
         yield Stage("reach", right=rim.advanced(-BEFORE_RIM_M))
         yield Stage("grasp", right=grasp, right_open=False, right_holds="plate")
         lifted = along(grasp, LIFT_M)
@@ -146,6 +139,6 @@ def _pressed(plate: Plate, pose: Pose) -> Pose:
     """
     if pose.rotation[2, 2] < np.cos(plate.tip_rad / 2):
         return pose
-    edge = np.array([-FOOT_RADIUS_M, 0.0, 0.0])
+    edge = np.array([-plate.foot_radius_m, 0.0, 0.0])
     tip = Pose(np.zeros(3), quat_wxyz_from_axis_angle((0, 1, 0), -plate.tip_rad))
     return pose @ tip.translated(edge - tip.apply(edge))
