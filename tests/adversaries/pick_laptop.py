@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from adversaries.single_arm import Strategy, alone
+from adversaries.ways import Way, alone, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks import pick_laptop as expert
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -24,10 +24,12 @@ PUSH_Z_M = 0.865
 LIFT_M = 0.08
 
 
-def strategies(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Strategy]:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """Over any of the four edges, pushed by a hand of either roll, gripped at either roll and several tilts."""
-    for tilt_rad, quarter, roll, side in product(np.deg2rad((10.0, 30.0)), range(4), (1, -1), (1, -1)):
-        yield partial(_over_the_edge, arm=arm, quarter=quarter, tilt_rad=tilt_rad, roll=roll, side=side)
+    chosen = product(np.deg2rad((10.0, 30.0)), range(4), (1, -1), (1, -1))
+    names = ("tilt_rad", "quarter", "roll", "side")
+    scripts = (partial(_over_the_edge, arm=arm, **dict(zip(names, each, strict=True))) for each in chosen)
+    return rehearsed(env, scripts)
 
 
 def _over_the_edge(

@@ -7,11 +7,11 @@ from itertools import product
 
 import numpy as np
 
-from adversaries.single_arm import Strategy, alone
+from adversaries.ways import Way, alone, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks.put_item_in_drawer import BEFORE_HANDLE_M, CABINET, ITEM, PULL_M
 from lerobot_env_bimanual.world.scene_view import SceneView
 
@@ -50,18 +50,17 @@ def grips(item: Pose, base_m: np.ndarray) -> Iterator[Grip]:
         yield Grip(approach, np.cross((0, 0, 1), heading))
 
 
-def strategies(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Strategy]:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The hand on the bar may be rolled and pitched, and on the item turned and pitched, as the arm likes it best."""
-    level = variation.words["level"]
-    for straight, pitch_rad, side, grip in product(
-        (True, False),
-        BAR_PITCHES_RAD,
-        (1, -1),
-        grips(scene.pose(ITEM.name), scene.arm_pair.base_poses[arm.ordinal].position),
-    ):
-        yield partial(
-            _in_turn, arm=arm, level=level, straight=straight, pitch_rad=pitch_rad, side=side, grip=grip
+    item, base_m = env.scene.pose(ITEM.name), env.scene.arm_pair.base_pose(arm).position
+    level = env.progress.variation.words["level"]
+    scripts = (
+        partial(_in_turn, arm=arm, level=level, straight=straight, pitch_rad=pitch_rad, side=side, grip=grip)
+        for straight, pitch_rad, side, grip in product(
+            (True, False), BAR_PITCHES_RAD, (1, -1), grips(item, base_m)
         )
+    )
+    return rehearsed(env, scripts)
 
 
 def _in_turn(

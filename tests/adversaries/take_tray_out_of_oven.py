@@ -6,30 +6,25 @@ from itertools import product
 
 import numpy as np
 
-from adversaries.single_arm import Strategy, alone
+from adversaries.ways import Way, alone, rehearsed
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.geometry.workspace import TABLE_HEIGHT_M
+from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Variation
 from lerobot_env_bimanual.tasks import take_tray_out_of_oven as expert
 from lerobot_env_bimanual.world.scene_view import SceneView
 
 OVEN, TRAY = expert.OVEN, expert.TRAY
 
 
-def strategies(scene: SceneView, variation: Variation, arm: Arm) -> Iterator[Strategy]:
+def ways(env: BimanualEnv, arm: Arm) -> Iterator[Way]:
     """The hand may hold bar and tray either way round, and the bar anywhere along it."""
-    for handle_y, door, bar_swapped, tray_swapped in product(
-        (-0.06, 0.0, 0.06), ((17, 34, 50), (15, 30)), (False, True), (False, True)
-    ):
-        yield partial(
-            _in_turn,
-            arm=arm,
-            handle_y_m=handle_y,
-            door_rad=np.deg2rad(door),
-            bar_swapped=bar_swapped,
-            tray_swapped=tray_swapped,
-        )
+    either = (False, True)
+    doors_rad = map(np.deg2rad, ((17, 34, 50), (15, 30)))
+    chosen = product((-0.06, 0.0, 0.06), doors_rad, either, either)
+    names = ("handle_y_m", "door_rad", "bar_swapped", "tray_swapped")
+    scripts = (partial(_in_turn, arm=arm, **dict(zip(names, each, strict=True))) for each in chosen)
+    return rehearsed(env, scripts)
 
 
 def _in_turn(

@@ -1,0 +1,124 @@
+"""Ways of one arm: modules of this folder offer them, and the first that solves a copy of the episode is played.
+
+An adversary is given more than any policy has: it sees the state, and tries several ways before it acts. Most act by joint
+actions; a script of keyposes that one arm follows can be rehearsed without physics first.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import chain, islice
+
+from adversaries.hand import Moves, OutOfReach
+from lerobot_bimanual.arms import Arm
+from lerobot_bimanual.geometry.pose import Pose
+from lerobot_env_bimanual.conditions import OnTheWay
+from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.episode.rehearsal import Rehearsal
+from lerobot_env_bimanual.experts.baselines import play_script
+from lerobot_env_bimanual.experts.runner import Player, run_episode
+from lerobot_env_bimanual.stage import Stage
+from lerobot_env_bimanual.task import Script
+
+MAX_TRIES = 6
+"""Ways that are tried in a copy of the episode."""
+DOES_IT = (("pick_laptop", "left"), ("put_item_in_drawer", "right"), ("take_tray_out_of_oven", "left"))
+"""Tasks that one arm can do, and one that does."""
+NO_WAY_KNOWN = (
+    ("put_bottle_in_fridge", "left"),
+    ("pick_plate", "right"),
+    ("sweep_to_dustpan", "left"),
+    ("sweep_to_dustpan", "right"),
+    ("push_box", "right"),
+    ("handover_item_easy", "left"),
+    ("handover_item", "left"),
+    ("dual_push_buttons", "right"),
+    ("lift_ball", "left"),
+    ("straighten_rope", "left"),
+)
+"""The others, and the arm that gets furthest."""
+
+type Way = Callable[[BimanualEnv], Moves]
+
+
+def ways(env: BimanualEnv, arm: Arm) -> Iterable[Way]:
+    """The ways that the task's module offers; both handovers have one."""
+    module = "handover" if env.task.startswith("handover") else env.task
+    return importlib.import_module(f"{__package__}.{module}").ways(env, arm)
+
+
+def alone(arm: Arm, name: str, pose: Pose, is_open: bool | None = None, **others: bool | str) -> Stage:
+    """A stage of one arm; the other one stays where it is, its hand open.
+
+    Args:
+        arm: whose stage.
+        name: of the stage.
+        pose: where its hand goes.
+        is_open: state of its gripper afterwards; None keeps it.
+        others: `holds`, the prop that its hand then holds, and `planned`, as of `Stage`.
+    """
+    own = {arm.value: pose, f"{arm.value}_open": is_open, f"{arm.value}_holds": others.pop("holds", None)}
+    return Stage(name, **own, **others)
+
+
+def rehearsed(env: BimanualEnv, scripts: Iterable[Script]) -> Iterator[Way]:
+    """The scripts that can be rehearsed; then the first one, if it can or not."""
+    rehearsal, every = Rehearsal(env.scene), [*scripts]
+    feasible = (script for script in every if rehearsal.infeasibility(script) is None)
+    return (partial(play_script, script=script) for script in chain(feasible, every[:1]))
+
+
+def one_armed(arm: Arm) -> Player:
+    """The best way that is known for the episode."""
+
+    def play(env: BimanualEnv) -> Moves:
+        tried = [(way, _rank(env, way)) for way in _until_solved(env, ways(env, arm))]
+        best, _ = max(tried, key=lambda each: each[1])
+        yield from _until_out_of_reach(best(env))
+
+    return play
+
+
+def tally(task: str, arm: Arm, seeds: Iterable[int]) -> tuple[list[int], list[int]]:
+    """The seeds that are solved, and those that would be if only the end counted, not what happened on the way."""
+    env, solved, but_for_the_way = BimanualEnv(task, split="test", obs="state"), [], []
+    for seed in seeds:
+        outcome = run_episode(env, seed, one_armed(arm))
+        solved += [seed] * outcome.success
+        but_for_the_way += [seed] * _only_the_way_is_unmet(env)
+    env.close()
+    return solved, but_for_the_way
+
+
+def _until_solved(env: BimanualEnv, ways: Iterable[Way]) -> Iterator[Way]:
+    for way in islice(ways, MAX_TRIES):
+        yield way
+        if _rank(env, way) == 2:
+            return
+
+
+def _rank(env: BimanualEnv, way: Way) -> int:
+    """2 if a way solves a copy of the episode, 1 if all but conditions on the way are met at its end, else 0."""
+    state = env.save_state()
+    for move in _until_out_of_reach(way(env)):
+        _, _, terminated, truncated, _ = env.step(move.action)
+        if terminated or truncated:
+            break
+    rank = 2 if env.progress.succeeded else int(_only_the_way_is_unmet(env))
+    env.restore_state(state)
+    return rank
+
+
+def _only_the_way_is_unmet(env: BimanualEnv) -> bool:
+    conditions = env.task_definition.conditions(env.progress.variation)
+    unmet = [each for each in conditions if not env.progress.conditions[each.name]]
+    return all(isinstance(each, OnTheWay) for each in unmet)
+
+
+def _until_out_of_reach(moves: Moves) -> Moves:
+    try:
+        yield from moves
+    except OutOfReach:
+        return
