@@ -1,4 +1,4 @@
-"""None"""
+"""What things weigh, how they slide, spring and shut, and that their meshes are closed."""
 
 from collections import Counter
 

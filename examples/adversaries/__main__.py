@@ -1,6 +1,6 @@
 """Play the single-arm adversaries and print how many episodes each arm solves.
 
-Usage, in the folder `tests`: python -m adversaries [--task=lift_tray] [--first_seed=61000] [--episodes=20]
+Usage, in the folder `examples`: python -m adversaries [--task=lift_tray] [--first_seed=61000] [--episodes=20]
 """
 
 import argparse
@@ -21,7 +21,7 @@ def main() -> None:
         if task in resolve_tasks(arguments.task):
             solved, but_for_the_way = tally(task, Arm(arm), seeds)
             text = f"{task}: {arm} arm alone solves {len(solved)} of {len(seeds)}"
-            print(f"{text}, and {len(but_for_the_way)} but for what happened on the way")  # noqa: T201
+            print(f"{text}, and {len(but_for_the_way)} but for what happened on the way")
 
 
 if __name__ == "__main__":

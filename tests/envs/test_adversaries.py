@@ -1,8 +1,8 @@
 """One arm alone: no known way does the tasks that need two, and the others are done."""
 
 import pytest
-
 from adversaries.ways import DOES_IT, NO_WAY_KNOWN, one_armed, tally
+
 from lerobot_bimanual.arms import Arm
 from lerobot_bimanual.joint_action import by_arm
 from lerobot_env_bimanual.env import BimanualEnv
