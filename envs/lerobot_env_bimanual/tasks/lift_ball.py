@@ -6,7 +6,7 @@ both sides and have to stay opposite each other, at the same height, all the way
 Departures from the original: the ball must be held between both hands while its centre is at 0.95 m or higher,
 where the original asks for the height alone. The hands are closed and pinch at the equator instead of scooping
 with open fingers. Friction is 0.08 instead of 0.5, so that only a pinch within a centimetre of the middle lifts the ball,
-which therefore weighs 0.4 kg instead of 1.0 kg. Placements spread over 40 x 40 cm. There is no yaw, since nothing on a
+which therefore weighs 0.25 kg instead of 1.0 kg. Placements spread over 40 x 40 cm. There is no yaw, since nothing on a
 sphere shows it.
 
 In the setting `varied` five numbers decide: the ball, 20 to 29 cm wide, lies on a pedestal of any height up to 4 cm, and the
@@ -32,7 +32,7 @@ from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
 
-BALL = Ball("ball", radius_m=0.15, mass_kg=0.4, friction=0.08)
+BALL = Ball("ball", radius_m=0.15, mass_kg=0.25, friction=0.08)
 AREA = PlacementArea(center_m=(0.25, -0.05), half_size_m=(0.20, 0.20))
 SUCCESS_HEIGHT_M = 0.95
 
