@@ -44,7 +44,7 @@ class BakingTray:
 
     name: str = "tray"
     size_m: tuple[float, float, float] = (0.21, 0.30, 0.006)
-    handle_size_m: tuple[float, float] = (0.043, 0.07)
+    handle_size_m: tuple[float, float] = (0.043, 0.05)
     handle_height_m: float | None = None
     mass_kg: float = 0.315
     friction: float = 0.5

@@ -6,10 +6,9 @@ be swept: no arm may touch it, nor the pan be driven under it, or one arm would 
 
 Departures from the original: broom and pan are real bodies, held by friction, and the pan is what has to contain the dirt,
 wherever it stands. Broom and stand, and dirt and pan, are placed anew in each episode, the latter turned by up to 15
-degrees; there they never move, so that a motion that ignores the scene would sweep every time. The broom is shorter (35 cm
-instead of 60 cm) and stands upright in a fork, and the hand holds its upper end from above, since the stick cannot pass
-through a palm. Lumps of dirt are 38 mm wide instead of 10 mm, to be seen, round instead of square, and weigh 15 g. Bristles
-touch dirt alone and the lip is touched by dirt alone, feet and gliders touch the table alone; all four are thin or yield.
+degrees; there they never move, so that a motion that ignores the scene would sweep every time. The broom is 35 cm high
+instead of 60 and stands upright in a fork, and the hand holds its upper end from above. Lumps of dirt are 38 mm wide, to be
+seen, instead of 10, round and of 15 g. Bristles and lip touch dirt alone, feet and gliders the table alone; all are thin or yield.
 
 In the setting `varied` eleven numbers decide. The dirt lies in two heaps, too far apart for one stroke: the broom is led slantwise
 from behind either heap into the pan. Stands are turned, too, and brooms 33 to 37 cm high.
@@ -37,13 +36,13 @@ BROOM = Broom("broom", height_m=0.35)
 STAND = BroomStand("stand")
 PAN = Dustpan("dustpan")
 CRUMBS = tuple(Crumb(f"dirt{index}") for index in range(5))
-STAND_AREA = PlacementArea(center_m=(0.07, 0.29), half_size_m=(0.08, 0.05))
+STAND_AREA = PlacementArea(center_m=(0.07, 0.30), half_size_m=(0.08, 0.05))
 DIRT_AREA = PlacementArea(center_m=(0.25, -0.02), half_size_m=(0.10, 0.04), half_yaw_rad=np.deg2rad(15.0))
 """The middle of the dirt; pan and sweep are turned with it."""
 DIRT_HALF_M, PAN_Y_M = np.array([0.09675, 0.1356]), -0.25
 """How far crumbs lie from that middle, and the pan's offset from it (decoded from RLBench's task file)."""
-VARIED_AREA = PlacementArea(center_m=(0.13, -0.03), half_size_m=(0.11, 0.05), half_yaw_rad=np.deg2rad(15.0))
-HEAP_M, HEAP_HALF_M = ((0.115, 0.0), (0.13, 0.06)), np.array([0.03, 0.075])
+VARIED_AREA = PlacementArea(center_m=(0.15, -0.03), half_size_m=(0.09, 0.04), half_yaw_rad=np.deg2rad(15.0))
+HEAP_M, HEAP_HALF_M = ((0.11, 0.0), (0.125, 0.05)), np.array([0.03, 0.075])
 """In `varied`: the middle of the heap on the right, from the middle of the dirt; and how far crumbs lie from that of theirs."""
 VARIED_STAND_YAW_RAD = np.deg2rad(20.0)
 VARIED_BROOMS = tuple(replace(BROOM, height_m=height_m) for height_m in (0.33, 0.35, 0.37))
@@ -51,15 +50,14 @@ CRUMB_DISTANCE_M = 0.055
 """Between two crumbs, so that no hand spans both."""
 INSIDE_M = ((-0.132, -0.075, 0.0), (0.132, 0.075, 0.05))
 """The original's box, in the pan's axes, wider by as much as the pan is."""
-MAX_SHIFT_M = 0.04
-"""How far the pan may ever be from where it was placed: it is swept into, not driven under the dirt."""
+MAX_SHIFT_M = 0.04  # of the pan, from where it was placed: it is swept into, not driven under the dirt
 
 # The left hand: straight down on the stick, its fingers so that no sweep passes near a singularity.
 ABOVE_M, BELOW_END_M = 0.095, 0.015
 """How far below the stick's end it is held, and above that approached: centres of voxels, as in sweeps, so that rounding cancels out."""
 TAKE_OUT_M = np.array([0.0, -0.075, 0.06])
-BEFORE_STAND_M = -0.035
-"""Strokes start this far before the fork, from which the broom comes: beside it the stick would catch on a prong."""
+FORK_Y_M, LEFT_END_M, LEFT_X_M = -0.035, (-0.125, 0.0, 0.0), -0.14
+"""Strokes start before the fork, or the stick catches on a prong, and with the head's left end clear of the left arm's base."""
 BEHIND_DIRT_M, BEHIND_SHARE, SWEEP_TO_M = 0.06, 0.2, 0.015
 """A sweep starts this far behind the last lump, plus a share of the heap's distance from the middle, and ends before the pan's."""
 TOWARDS_M, ACROSS_M = 0.05, 0.02
@@ -80,8 +78,7 @@ class SweepToDustpan(Task):
         varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(
             *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
-            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)),)),
-            Always((Near(PAN.name, MAX_SHIFT_M),)),
+            Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)), Near(PAN.name, MAX_SHIFT_M))),
         ),
     )
 
@@ -102,7 +99,10 @@ class SweepToDustpan(Task):
         scene.place(PAN.name, dirt @ Pose.upright((0.0, PAN_Y_M, 0.0)))
         for crumb, (x, y) in zip(CRUMBS, spots, strict=True):
             scene.place(crumb.name, dirt @ Pose.upright((x, y, crumb.radius_m)))
-        return all(stand.inverse().apply(start.position)[1] < BEFORE_STAND_M for start, _ in _strokes(scene))
+        return all(
+            stand.inverse().apply(start.position)[1] < FORK_Y_M and start.apply(LEFT_END_M)[0] > LEFT_X_M
+            for start, _ in _strokes(scene)
+        )
 
     def script(self, scene: SceneView, variation: Variation) -> Iterator[Stage]:
         """Approach, grasp both, take the broom out, carry it behind the dirt, lower, sweep."""
