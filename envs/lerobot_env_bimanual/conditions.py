@@ -89,25 +89,20 @@ def on_the_way(
     }
 
 
-def check_until_unmet(
-    conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool]
+def check(
+    conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool], until_unmet: bool = False
 ) -> dict[str, bool]:
-    """Each condition's name and whether it is met now, up to the first unmet one, which is enough for a verdict."""
+    """Each condition's name and whether it is met now; known ones are not evaluated again.
+
+    With `until_unmet` only up to the first that is not met, which is enough for a verdict.
+    """
     met: dict[str, bool] = {}
     for condition in conditions:
         name = condition.name
         met[name] = known[name] if name in known else condition(view)
-        if not met[name]:
+        if until_unmet and not met[name]:
             break
     return met
-
-
-def check(conditions: Iterable[Condition], view: SceneView, known: Mapping[str, bool]) -> dict[str, bool]:
-    """Each condition's name and whether it is met now; known ones are not evaluated again."""
-    return {
-        condition.name: known[condition.name] if condition.name in known else condition(view)
-        for condition in conditions
-    }
 
 
 @dataclass(frozen=True)

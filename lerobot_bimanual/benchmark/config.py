@@ -19,16 +19,8 @@ OWN_FLAGS = {
     ),
     "eval_flags": (
         *("policy.path", "policy.device", "eval.n_episodes", "seed", "output_dir", "config_path"),
-        *(
-            "env.type",
-            "env.task",
-            "env.variation",
-            "env.split",
-            "env.setting",
-            "env.perturb",
-            "env.image_size",
-        ),
-        *("env.results_dir", "env.video_dir"),
+        *("env.type", "env.task", "env.variation", "env.split", "env.setting", "env.perturb"),
+        *("env.image_size", "env.results_dir", "env.video_dir"),
     ),
 }
 """Flags that the benchmark sets from its own, which these flags therefore cannot hold."""

@@ -31,25 +31,7 @@ TRAININGS = "Hollow: single trainings; filled: their mean. A policy without holl
 MAX_COUNTS = 3
 """Trainings whose successes are written out beside their line."""
 
-styled = matplotlib.rc_context(
-    {
-        "font.size": 9,
-        "text.parse_math": False,  # names come from any file
-        "text.color": INK,
-        "axes.edgecolor": PALE,
-        "axes.labelcolor": GREY,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.titlelocation": "left",
-        "axes.titlesize": 9,
-        "xtick.color": PALE,
-        "xtick.labelcolor": GREY,
-        "ytick.color": PALE,
-        "ytick.labelcolor": INK,
-        "grid.color": PALE,
-        "figure.constrained_layout.use": True,
-    }
-)
+styled = matplotlib.rc_context(fname=Path(__file__).with_name("success.mplstyle"))
 """Decorates what draws."""
 
 

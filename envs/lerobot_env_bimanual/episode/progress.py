@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
-from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet, on_the_way
+from lerobot_env_bimanual.conditions import Condition, check, on_the_way
 from lerobot_env_bimanual.options import SETTINGS, SPLITS, STANDARD
 from lerobot_env_bimanual.task import TaskSpec, Variation
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -95,15 +95,14 @@ class EpisodeProgress:
     def judge(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Take into account how things are after a tick; of the conditions of one tick only as far as the first unmet one."""
         self.on_the_way = on_the_way(conditions, scene, self.on_the_way)
-        self.conditions = check_until_unmet(conditions, scene, self.on_the_way)
+        self.conditions = check(conditions, scene, self.on_the_way, until_unmet=True)
         self.held_ticks = self.held_ticks + 1 if all(self.conditions.values()) else 0
         if self.held_ticks and self.first_met_tick is None:
             self.first_met_tick = self.ticks
 
     def complete(self, conditions: Iterable[Condition], scene: SceneView) -> None:
         """Note of all conditions whether they are met now, at the end of a step."""
-        known = self.conditions | self.on_the_way
-        self.conditions = check(conditions, scene, known)
+        self.conditions = check(conditions, scene, self.conditions | self.on_the_way)
 
     def joined_hash(self, scene_hash: str) -> str:
         """SHA-256, in hex, of a scene's hash and of what else decides how the episode goes on."""

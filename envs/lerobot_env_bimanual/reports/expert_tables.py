@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,42 +42,10 @@ COLUMNS = {
 NOT_MEASURED = "–"
 
 
-@dataclass(frozen=True)
-class PaperFigures:
-    """A task's row of the paper's table of tasks.
-
-    Attributes:
-        duration_s: mean duration of a demonstration. (Each is a whole number of frames at 30 Hz, while frames are
-            simulated at 20 Hz, so the simulated time was probably 1.5 times as long.)
-        keyframes: per demonstration, on average.
-        items: objects that are handled.
-    """
-
-    duration_s: float
-    keyframes: float
-    items: int
-
-
-PAPER: dict[str, PaperFigures] = {
-    "push_box": PaperFigures(4.33, 2.1, 1),
-    "lift_ball": PaperFigures(4.40, 4.0, 1),
-    "dual_push_buttons": PaperFigures(3.47, 4.0, 3),
-    "pick_plate": PaperFigures(6.47, 6.6, 1),
-    "put_item_in_drawer": PaperFigures(5.57, 8.4, 5),
-    "put_bottle_in_fridge": PaperFigures(9.70, 7.8, 2),
-    "handover_item": PaperFigures(7.63, 7.6, 5),
-    "pick_laptop": PaperFigures(3.97, 7.2, 1),
-    "straighten_rope": PaperFigures(3.83, 5.9, 1),
-    "sweep_to_dustpan": PaperFigures(4.93, 7.3, 1),
-    "lift_tray": PaperFigures(3.77, 5.1, 1),
-    "handover_item_easy": PaperFigures(7.17, 7.5, 1),
-    "take_tray_out_of_oven": PaperFigures(10.13, 8.7, 2),
-}
-
-ORIGINAL_ORACLE = {"pick_plate": 0.59, "straighten_rope": 0.39}
-"""Success of ground-truth keyposes replayed in the original simulator, where it has been published."""
+PAPER = tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
 ORIGINAL_ORACLE_MEAN = 0.858
-"""The same over all thirteen tasks (appendix C.10 of 3D FlowMatch Actor, arXiv 2508.11002)."""
+"""Success of ground-truth keyposes replayed in the original simulator, over all thirteen tasks (appendix C.10 of 3D FlowMatch
+Actor, arXiv 2508.11002)."""
 
 
 @dataclass(frozen=True)
@@ -187,20 +156,19 @@ def paper_table(reports: ExpertReports) -> pd.DataFrame:
     """Variations, items, keyframes, duration and oracle, here and in brackets in the paper."""
     rows = []
     for task in reports.tasks:
-        paper, variations = PAPER.get(task), reports.variations(task)
+        paper, variations = PAPER.get(task, {}), reports.variations(task)
         weights = [len(found) for found in variations]
         solved = [[episode for episode in found if episode.success] for found in variations]
         keyposes = fmean((median(len(each.moves) for each in found) for found in solved), weights)
         duration_s = fmean(map(median_duration_s, solved), weights)
-        oracle = ORIGINAL_ORACLE.get(task)
         rows.append(
             {
                 "task": f"`{task}`",
                 "variations": len(get_task(task).spec.variations),
-                "items": f"{movable_items(task)} ({paper.items if paper else NOT_MEASURED})",
-                "keyframes": f"{keyposes:.1f} ({paper.keyframes if paper else NOT_MEASURED})",
-                "duration": f"{duration_s:.1f} s ({f'{paper.duration_s:.1f} s' if paper else NOT_MEASURED})",
-                "oracle of the original": NOT_MEASURED if oracle is None else f"{oracle:.0%}",
+                "items": f"{movable_items(task)} ({paper.get('items', NOT_MEASURED)})",
+                "keyframes": f"{keyposes:.1f} ({paper.get('keyframes', NOT_MEASURED)})",
+                "duration": f"{duration_s:.1f} s ({f'{paper["duration_s"]:.1f} s' if paper else NOT_MEASURED})",
+                "oracle of the original": f"{paper['oracle']:.0%}" if "oracle" in paper else NOT_MEASURED,
             }
         )
     total = sum(row["variations"] for row in rows)

@@ -28,23 +28,16 @@ class EpisodeRecorder(gym.Wrapper):
         env: whose episodes are kept.
     """
 
+    _load: LoadMeter  # of the episode
+
     def __init__(self, env: BimanualEnv):
         super().__init__(env)
         self._env = env
         self._start = ""
         self._chain = HashChain()
         self._actions: list[NDArray[np.float32]] = []
-        self._load: LoadMeter | None = None
-        env.tick_observers.append(self._note_tick)
-        env.step_observers.append(self._note_step)
-
-    def _note_tick(self, _: BimanualEnv, joint_action: NDArray[np.float32]) -> None:
-        if self._load is not None:
-            self._load.observe_tick(joint_action)
-
-    def _note_step(self) -> None:
-        if self._load is not None:
-            self._load.observe_step()
+        env.tick_observers.append(lambda _, joint_action: self._load.observe_tick(joint_action))
+        env.step_observers.append(lambda: self._load.observe_step())
 
     def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and its record."""
@@ -75,7 +68,6 @@ class EpisodeRecorder(gym.Wrapper):
         return observation, reward, terminated, truncated, info
 
     def _played(self, progress: EpisodeProgress) -> Episode:
-        assert self._load is not None
         load = self._load.result()
         return Episode(
             seed=progress.seed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
@@ -14,17 +14,10 @@ from lerobot_bimanual.results.record import Record
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.options import EnvOptions
 
-RECORDED_OPTIONS = (
-    "variation",
-    "split",
-    "cameras",
-    "image_size",
-    "obs",
-    "control_mode",
-    "max_keyposes",
-    "protective_stop",
-    "perturb",
-    "setting",
+RECORDED_OPTIONS = tuple(
+    each.name
+    for each in fields(EnvOptions)
+    if each.name not in ("video_dir", "results_dir", "render_quality")
 )
 """Options that decide what is played and seen."""
 

@@ -15,20 +15,14 @@ from lerobot_bimanual.results.episode import Episode, Proof
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.proof import first_difference
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
 from lerobot_env_bimanual.vector.hold_after_done import INVALID_ACTION, HoldAfterDone
 from lerobot_env_bimanual.workers import WorkerPool
 
 CLAIMS = ("variation", "success", "first_met_tick", "failure", "ticks", "keyposes", "load", "survived")
 """Fields of an episode that are compared one by one; its proof is compared step by step."""
-REPLAY_OPTIONS = {
-    "split": str,
-    "control_mode": str,
-    "max_keyposes": int,
-    "protective_stop": bool,
-    "perturb": str,
-    "setting": str,
-}
+REPLAY_OPTIONS = ("split", "control_mode", "max_keyposes", "protective_stop", "perturb", "setting")
 """Options that decide what happens; the others decide only what a policy sees."""
 
 type Options = tuple[tuple[str, str | int], ...]
@@ -108,7 +102,8 @@ def replay_env(task: str, options: Mapping[str, str | int], **seen: Any) -> Bima
         options: options of the evaluation by name.
         seen: options of what is seen meanwhile.
     """
-    keywords = {name: kind(options[name]) for name, kind in REPLAY_OPTIONS.items() if name in options}
+    usual = EnvOptions()
+    keywords = {name: type(getattr(usual, name))(options[name]) for name in REPLAY_OPTIONS if name in options}
     return BimanualEnv(task, obs="state", **keywords, **seen)
 
 
