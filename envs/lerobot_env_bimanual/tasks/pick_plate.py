@@ -12,8 +12,8 @@ instead of 1.8 cm, so that only a press within a centimetre of the right place t
 hand approaches at 58 degrees below the horizontal, nearly in the plane of the raised rim, and the left one leans back by 30
 degrees, since the plate strikes an upright one when it swings.
 
-In the setting `varied` five numbers decide: the plate, 15 to 17 cm wide, lies on a pedestal of any height up to 8 cm, and the
-fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
+In the setting `varied` five numbers decide: the plate, 15 to 17 cm wide and with a rim of 2.2 cm, lies on a pedestal of any height
+up to 8 cm, and the fingers reach its rim only between two walls, which forgive a centimetre and turn with the pedestal by 30 degrees.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SUCCESS_HEIGHT_M = 1.00
 MAX_SHIFT_M, LIFTED_M = 0.10, 0.06
 """How far the plate may be moved before it is lifted, and from which height on it is."""
 
-VARIED_AREA = replace(AREA, half_size_m=(0.10, 0.175))
+VARIED_AREA = PlacementArea(center_m=(0.21, -0.17), half_size_m=(0.075, 0.16))
 VARIED_RADII_M = (0.074, 0.078, 0.082, 0.086)
 VARIED_HEIGHT_M = 0.08
 VARIED_YAW_RAD = np.deg2rad(15.0)
@@ -78,7 +78,7 @@ def _varied(radius_m: float) -> tuple[Prop, ...]:
     x, (thick, wide, high) = radius_m + WALL_M[0] / 2 + 0.006, WALL_M
     walls = tuple((x, side * (SLOT_HALF_M + wide / 2), thick, wide, high) for side in (-1, 1))
     stand = Pedestal("stand", (0.20, 0.20), VARIED_HEIGHT_M, walls_m=walls)
-    return replace(PLATE, radius_m=radius_m), stand
+    return replace(PLATE, radius_m=radius_m, height_m=0.0155, rim_m=0.022), stand
 
 
 @register
