@@ -16,9 +16,11 @@ from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.proof import actions_from_text, actions_to_text
 from lerobot_env_bimanual.commands.results_verify import ResultsVerifyConfig, results_verify
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.world_version import world_version
+from lerobot_env_bimanual.options import EnvOptions
 from lerobot_env_bimanual.tasks.registry import list_tasks
 from lerobot_env_bimanual.vector.episode_recorder import PLAYED, EpisodeRecorder
-from lerobot_env_bimanual.vector.evaluation import Evaluation
+from lerobot_env_bimanual.vector.evaluation import Evaluation, KeptEpisodes
 from lerobot_env_bimanual.vector.hold_after_done import HoldAfterDone
 from lerobot_env_bimanual.vector.lazy_vector_env import LazyVectorEnv
 from lerobot_env_bimanual.verification.episodes import EpisodeVerifier
@@ -147,6 +149,17 @@ def test_another_evaluation_in_the_same_folder_is_refused_at_once(other, complai
     with pytest.raises(BimanualError, match=complaint):
         Program(tmp_path, **other)
     assert path.read_bytes() == before
+
+
+def test_a_policy_of_another_world_is_evaluated_with_a_warning(tmp_path, caplog):
+    here = world_version("lift_ball")
+    for world, perturb, warned in (("0" * 12, "", True), (here, "", False), ("0" * 12, "mass:1", False)):
+        caplog.clear()
+        who = Evaluation({"type": "a"}, trained_worlds={"lift_ball": world, "push_box": "1" * 12})
+        options = EnvOptions(perturb=perturb)
+        KeptEpisodes(tmp_path / f"{world}{perturb}", "lift_ball", options, 1, who).open()
+        said = f"the policy learned lift_ball in world {world}, and is evaluated in {here}"
+        assert (said in caplog.text) is warned
 
 
 @pytest.fixture(scope="module")

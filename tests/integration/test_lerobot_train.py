@@ -120,6 +120,10 @@ def test_keypose_policy_trains_and_is_evaluated(room, tiny_flags, policy):
     (most,) = stats["observation.keypose_step"]["max"]
     assert config["keypose_horizon"] == 1 + round(most)
     assert config["trained_instructions"] == ["push the box to the red area"]
+    assert (
+        config["trained_worlds"]
+        == json.loads((room / KEYFRAMES / "meta/bimanual.json").read_text())["worlds"]
+    )
     assert evaluate(policy, room)["n_episodes"] == 1
 
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class
+from sample_results import provenance
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.cameras_torch import unproject
@@ -26,6 +27,7 @@ from lerobot_bimanual.dataset.schema import (
     features,
     image_key,
 )
+from lerobot_bimanual.dataset.version import PROVENANCE_FILE
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadObservation
@@ -142,13 +144,17 @@ def test_another_task_and_another_size_are_warned_of_once(make_policy, make_batc
     policy.config.input_features = {
         key: PolicyFeature(FeatureType.VISUAL, (3, 8, 8)) for key in policy.config.observation_keys
     }
-    fit_config(policy.config, Meta(["push the box"], height=32, width=24), None)
+    meta = Meta(["push the box"], height=32, width=24)
+    meta.root = tmp_path / "data"
+    provenance(worlds={"push_box": "0123456789ab"}).write(meta.root / PROVENANCE_FILE)
+    fit_config(policy.config, meta, None)
     (other,) = warnings_of(caplog)
     assert re.search(r"differ from those of the policy's training: .*images\.front, ", other)
     caplog.clear()
     policy.save_pretrained(tmp_path)
     restored = type(policy).from_pretrained(tmp_path)
     assert restored.config.trained_instructions == ("push the box",)
+    assert restored.config.trained_worlds == {"push_box": "0123456789ab"}
     for _ in range(2):
         restored.select_action(make_batch())
     size, task = warnings_of(caplog)

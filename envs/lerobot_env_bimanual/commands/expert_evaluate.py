@@ -146,7 +146,7 @@ def _evaluate(config: ExpertEvaluateConfig, tasks: tuple[str, ...]) -> int:
     return 1 if report.violations else 0
 
 
-def _earlier(path: Path, head: dict[str, object]) -> ExpertReport | None:
+def _earlier(path: Path, head: dict[str, Any]) -> ExpertReport | None:
     """The report that an earlier run with the same options and versions left in a file; None if there is none."""
     report = ExpertReport.read(path) if path.exists() else None
     return report if report and all(getattr(report, name) == value for name, value in head.items()) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -21,6 +22,8 @@ RECORDED_OPTIONS = tuple(
 )
 """Options that decide what is played and seen."""
 
+_log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -32,12 +35,14 @@ class Evaluation:
             batch, and are not played.
         random_state: the state of all random numbers of the process, as a text.
         set_random_state: brings the random numbers back into such a state.
+        trained_worlds: task -> version of the world in which the policy learned it, where its config says so.
     """
 
     policy: Mapping[str, str | int] = field(default_factory=dict)
     seeds: range | None = None
     random_state: Callable[[], str] = str
     set_random_state: Callable[[str], object] = str
+    trained_worlds: Mapping[str, str] = field(default_factory=dict)
 
 
 class _Entry(Record):
@@ -165,10 +170,17 @@ class KeptEpisodes:
 
     def _make_head(self) -> EvaluationHead:
         options = ((name, getattr(self._options, name)) for name in RECORDED_OPTIONS)
+        world = world_version(self._task, self._options.perturb, self._options.setting)
+        trained = self._evaluation.trained_worlds.get(self._task, world)
+        if trained != world and not self._options.perturb:
+            _log.warning(
+                f"the policy learned {self._task} in world {trained}, and is evaluated in {world}: another setting, or another "
+                "version of the task, in which it may fail for no fault of its own; train it on demonstrations made here"
+            )
         return EvaluationHead(
             schema_version=2,
             task=self._task,
-            world=world_version(self._task, self._options.perturb, self._options.setting),
+            world=world,
             options={name: int(value) if isinstance(value, int) else str(value) for name, value in options},
             batch_size=self._environments,
             versions=result_versions(),

@@ -64,6 +64,7 @@ def evaluation_of(
         digest.update(str(place).encode())
     return Evaluation(
         policy={"type": policy.type, "sha256": digest.hexdigest(), "seed": seeds.start},
+        trained_worlds=options.get("trained_worlds", {}),
         seeds=seeds,
         random_state=_random_state,
         set_random_state=_set_random_state,

@@ -118,6 +118,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
     # Tags of the policy's card on the Hub; the default names what to install.
     tags: list[str] | None = field(default_factory=lambda: ["lerobot_policy_bimanual"])
     trained_instructions: tuple[str, ...] = ()  # those of its dataset, filled in by training
+    # Task -> version of the world of its demonstrations, likewise; evaluations say where they play in another one.
+    trained_worlds: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         """Refuse values that no policy can work with.

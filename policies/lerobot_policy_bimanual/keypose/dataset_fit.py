@@ -13,6 +13,7 @@ from lerobot.configs import FeatureType, PreTrainedConfig
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.arms import ARMS
+from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
 from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import DatasetError
@@ -81,6 +82,8 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
         check_label(meta.features.get(ACTION, {}).get("shape", ()))
         tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
         config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()
+        provenance = Provenance.of_dataset(Path(meta.root))
+        config.trained_worlds = {} if provenance is None else dict(provenance.worlds)
         before = config.input_features or {}
         stored = {
             key: each
