@@ -5,7 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
+from lerobot_bimanual.arms import ARMS
 from lerobot_env_bimanual.env import BimanualEnv
+from lerobot_env_bimanual.experts.nearest import Layout
 from lerobot_env_bimanual.experts.runner import expert, run_episode
 from lerobot_env_bimanual.experts.world_version import world_version
 from lerobot_env_bimanual.props.ball import Ball
@@ -43,6 +45,12 @@ def test_episodes_differ_in_the_size_of_their_things(env):
     assert len(radii) == 2
     with pytest.raises(KeyError, match="no Ball called 'bottle'"):
         env.scene.prop(Ball, "bottle")
+
+
+def test_the_nearest_baseline_is_told_of_everything_but_arms_and_room(env):
+    env.reset(seed=0)
+    of_arms = env.scene.bodies(tuple(env.scene.arm_pair.base_body(arm) for arm in ARMS))
+    assert len(Layout.of(env).positions_m) == np.count_nonzero(~of_arms[1:])
 
 
 def test_an_episode_goes_on_bit_for_bit_after_one_with_other_things(env):
