@@ -35,7 +35,7 @@ WAYS = {"same way": 1, "opposite ways": -1}
 FIRST_SEED = 900_000
 PAGE = """# How much both hands have to look
 
-Written by `python scripts/coordination.py`; do not edit.
+Written by `python examples/coordination.py`; do not edit.
 
 *Keyposes* says how much each keypose of each arm varies over 100 training demonstrations of a task's first variation: the standard
 deviation of its place in cm, and the root mean square of its rotation from the mean in degrees. A hand whose keyposes never vary
