@@ -16,7 +16,6 @@ from lerobot_bimanual.geometry.rotations import (
     quat_wxyz_to_euler_xyz,
 )
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_bimanual.keypose_grid import KeyposeGrid
 from lerobot_bimanual.keypose_layout import (
     ARM_KEYPOSE_DIM,
     GRIPPER_OPEN,
@@ -24,6 +23,7 @@ from lerobot_bimanual.keypose_layout import (
     KEYPOSE_DIM,
     POSITION,
     QUATERNION,
+    KeyposeGrid,
 )
 
 

@@ -11,13 +11,13 @@ from lerobot_bimanual.geometry.rotations_torch import (
     quat_wxyz_canonical,
     quat_wxyz_to_euler_xyz,
 )
-from lerobot_bimanual.keypose_grid import KeyposeGrid
 from lerobot_bimanual.keypose_layout import (
     ARM_KEYPOSE_DIM,
     GRIPPER_OPEN,
     IGNORE_COLLISIONS,
     POSITION,
     QUATERNION,
+    KeyposeGrid,
 )
 
 

@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, check, check_until_unmet
@@ -22,7 +22,7 @@ from lerobot_env_bimanual.episode.observations import ObservationRenderer, obser
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS, EpisodeReset
-from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.motion.planner import KeyposeFailure, KeyposePlanner
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR

@@ -6,7 +6,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.version import check_version
@@ -42,7 +42,9 @@ def check_features(features: Features, root: Path) -> None:
         calibration = Calibration.of_features(features)
     except DatasetError as error:
         raise DatasetError(f"{root}: {error}") from None
-    expected = json.loads(json.dumps(schema.features((), 0, 0, view_of(features), calibration=calibration)))
+    expected = json.loads(
+        json.dumps(feature_table.features((), 0, 0, view_of(features), calibration=calibration))
+    )
     differences = [f"{key} is missing" for key in expected if key not in features]
     for key in (key for key in expected if key in features):
         for aspect in ("dtype", "shape", "names"):

@@ -7,8 +7,11 @@ from pydantic import Field, PositiveInt
 
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.version import PROVENANCE_FILE
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions
 from lerobot_bimanual.results.record import Record
-from lerobot_bimanual.versions import SIMULATION_PACKAGES, Version, installed_versions
+
+Version = Annotated[str, Field(pattern=r"^[\w.+!-]{1,40}$")]
+"""A version; error messages put it into commands, so it can hold nothing else."""
 
 MAX_INT = 2**63
 """Seeds and variations are stored as 64-bit integers."""

@@ -4,20 +4,14 @@ The environment emits the same observation keys, so a policy trained on the data
 `lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES, WRIST_CAMERA_NAMES
-from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
@@ -30,10 +24,6 @@ VIEWS: tuple[View, ...] = ("frames", "keyframes")
 
 CALIBRATION_INFO = "bimanual_calibration"
 """Where the calibration of all rows is stored: in the `info` of the feature `WRIST_EXTRINSICS`."""
-
-FPS: dict[View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
-"""Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
-number over the rate, counts rows. `TIME` says when a row was recorded."""
 
 DEPTH_MIN_M = 0.01
 DEPTH_MAX_M = 4.0
@@ -124,53 +114,6 @@ def image_key(camera: str) -> str:
 def depth_key(camera: str) -> str:
     """Key of a camera's depth image, millimetres along the optical axis."""
     return f"{IMAGE_PREFIX}{camera}_depth"
-
-
-def features(
-    cameras: tuple[str, ...],
-    height: int,
-    width: int,
-    view: View,
-    depth: bool = True,
-    outcome: bool = False,
-    calibration: BaseModel | None = None,
-) -> dict[str, dict[str, Any]]:
-    """LeRobot feature table of one view.
-
-    Args:
-        cameras: cameras whose images are stored. Calibration always covers all five.
-        height: image height in pixels.
-        width: image width in pixels.
-        view: "frames" has joint actions and stores images as video, "keyframes" has keyposes and stores images losslessly
-            in the table.
-        depth: whether each camera has a depth image.
-        outcome: whether rows say what became of their episode; demonstrations are all solved.
-        calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
-    """
-    dtype = "video" if view == "frames" else "image"
-    names = ["height", "width", "channels"]
-    table: dict[str, dict[str, Any]] = {}
-    for camera in cameras:
-        table[image_key(camera)] = {"dtype": dtype, "shape": (height, width, 3), "names": names}
-        if depth:
-            table[depth_key(camera)] = {
-                "dtype": dtype,
-                "shape": (height, width, 1),
-                "names": names,
-                "info": {"is_depth_map": True},
-            }
-    vectors = VECTORS | {ACTION: ACTIONS[view]}
-    if calibration is not None:
-        del vectors[CAMERA_EXTRINSICS], vectors[CAMERA_INTRINSICS]
-        vectors[WRIST_EXTRINSICS] = WRIST_EXTRINSIC_NAMES
-    for key, elements in vectors.items():
-        table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
-    for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
-        table[key] = {"dtype": scalar, "shape": (1,), "names": None}
-    table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
-    if calibration is not None:
-        table[WRIST_EXTRINSICS]["info"] = {CALIBRATION_INFO: calibration.model_dump()}
-    return table
 
 
 def state_hash_column(hexdigest: str) -> int:

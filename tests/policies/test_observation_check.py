@@ -11,8 +11,8 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.cameras_torch import unproject
 from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.feature_table import features
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
     CAMERA_INTRINSICS,
@@ -23,10 +23,10 @@ from lerobot_bimanual.dataset.schema import (
     VERSION_INFO,
     WRIST_EXTRINSICS,
     depth_key,
-    features,
     image_key,
 )
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.geometry.pinhole_torch import unproject
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.errors import BadObservation
 from lerobot_policy_bimanual.keypose.dataset_fit import fit_config

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from lerobot_bimanual.foreign_text import plain, shown
+from lerobot_bimanual.errors import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
 from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
 from lerobot_policy_bimanual.keypose.weights import check_weights

@@ -21,8 +21,7 @@ from lerobot_bimanual.dataset.schema import (
 )
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
-from lerobot_bimanual.keypose_grid import divides_circle
-from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM, divides_circle
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
 

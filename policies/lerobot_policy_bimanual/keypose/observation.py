@@ -13,7 +13,6 @@ from torch.nn.functional import threshold
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.cameras_torch import unproject
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import (
     CAMERA_EXTRINSICS,
@@ -27,6 +26,7 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
+from lerobot_bimanual.geometry.pinhole_torch import unproject
 
 PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
-from lerobot_bimanual.foreign_text import plain
+from lerobot_bimanual.errors import plain
 from lerobot_policy_bimanual.errors import CheckpointError
 
 
