@@ -19,12 +19,12 @@ type Features = dict[str, dict[str, Any]]
 def view_of(features: Features) -> View:
     """Which view a dataset is, by its actions."""
     names = features.get(schema.ACTION, {}).get("names")
-    return "keyframes" if names == [*schema.ACTIONS["keyframes"]] else "frames"
+    return "keyframes" if names == [*feature_table.ACTIONS["keyframes"]] else "frames"
 
 
 def column_types(features: Features) -> dict[str, pa.DataType]:
     """Arrow type of every column of the schema that is no image; LeRobot stores a vector of one number as a scalar."""
-    types = {key: pa.type_for_alias(dtype) for key, dtype in schema.SCALARS.items()}
+    types = {key: pa.type_for_alias(dtype) for key, dtype in feature_table.SCALARS.items()}
     for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
         (size,) = features[key]["shape"]
         types[key] = pa.float32() if size == 1 else pa.list_(pa.float32(), size)

@@ -1,4 +1,4 @@
-"""Names, types and shapes of every dataset feature: the only place where they are spelled.
+"""Names of every dataset feature, and the elements of what is observed: the only place where they are spelled.
 
 The environment emits the same observation keys, so a policy trained on the dataset sees the same batch in
 `lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
@@ -6,12 +6,8 @@ The environment emits the same observation keys, so a policy trained on the data
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES, WRIST_CAMERA_NAMES
-from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
@@ -81,30 +77,6 @@ VECTORS: dict[str, tuple[str, ...]] = {
 }
 """float32 columns of what is observed, and the name of each element."""
 
-ACTIONS: dict[View, tuple[str, ...]] = {"frames": JOINT_NAMES, "keyframes": KEYPOSE_NAMES}
-"""Elements of the float32 column `action`: the joint action of a tick, or the next keypose."""
-
-SCALARS: dict[str, str] = {
-    KEYFRAME: "bool",
-    TICK: "int64",
-    TIME: "float32",
-    STATE_HASH: "int64",
-    TASK_NAME: "string",
-    SPLIT: "string",
-    VARIATION: "int64",
-    SEED: "int64",
-}
-"""Columns of shape (1,) and their dtype.
-
-The last four are an episode's key: the environment regenerates the episode from them, bit for bit. They are
-columns, and not side files, because columns survive every tool that merges, splits or subsets datasets.
-"""
-
-
-SUCCESS, FAILURE_CLASS = "success", "failure_class"
-OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
-"""Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
-
 
 def image_key(camera: str) -> str:
     """Key of a camera's RGB image, uint8 (height, width, 3)."""
@@ -119,8 +91,3 @@ def depth_key(camera: str) -> str:
 def state_hash_column(hexdigest: str) -> int:
     """First 64 bits of a state hash as the signed integer that `STATE_HASH` stores."""
     return int.from_bytes(bytes.fromhex(hexdigest[:16]), "big", signed=True)
-
-
-def stored_depth(depth_mm: NDArray) -> NDArray[np.uint16]:
-    """Depth in mm as datasets store it: whole millimetres within the range, whose lower end is what was not measured."""
-    return np.rint(np.maximum(depth_mm, DEPTH_MIN_M * MM_PER_M)).astype(np.uint16)

@@ -121,7 +121,7 @@ class ViewWriter:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]
             if self._depth:
-                frame[depth] = schema.stored_depth(images[depth])[0, ..., None]  # (H, W, 1) mm
+                frame[depth] = feature_table.stored_depth(images[depth])[0, ..., None]  # (H, W, 1) mm
         self._writer.add_frame(frame | {"task": episode.meta.instruction})
 
     def end_episode(self) -> None:

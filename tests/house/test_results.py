@@ -13,7 +13,7 @@ from PIL import Image
 from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve, shortest_config
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_bimanual.dataset.checksums import sha256
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.benchmark import BenchmarkResult

@@ -17,9 +17,8 @@ from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRul
 from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
 from lerobot_env_bimanual.motion.joint_path import JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace, is_beside_heavy
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
-from lerobot_env_bimanual.motion.time_law import tick_fractions
+from lerobot_env_bimanual.motion.time_law import CONTACT, FREE, PUSHING, Pace, is_beside_heavy, tick_fractions
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
 from lerobot_env_bimanual.world.scene import Scene
 

@@ -1,4 +1,4 @@
-"""Expert reports as tables: experts and baselines, loads of the arms, and the tasks beside the paper's."""
+"""Expert reports as the page of all tasks: experts and baselines, loads of the arms, and the tasks beside the paper's."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pandas as pd
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.episode import success_rate
 from lerobot_bimanual.results.expert_report import (
     PLAYERS,
@@ -23,6 +24,7 @@ from lerobot_bimanual.results.expert_report import (
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
 from lerobot_env_bimanual.experts.runner import OUT_OF_MOVES, OUT_OF_TIME
+from lerobot_env_bimanual.experts.world_version import joint_version
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -233,3 +235,25 @@ def _load_row(name: str, load: LoadMetrics, rounded_force: str) -> dict[str, str
 def movable_items(task: str) -> int:
     """Things of the scene that can move by themselves: free objects, and each door, drawer or button."""
     return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
+
+
+def tasks_page(reports: ExpertReports, folder: Path) -> str:
+    """The page of all tasks.
+
+    Args:
+        reports: the expert reports.
+        folder: their folder, as the page names it.
+    """
+    expert, rounded = reports.reports[EXACT], reports.reports.get(ROUNDED)
+    return render(
+        "lerobot_env_bimanual.reports",
+        "tasks.md",
+        folder=folder.as_posix(),
+        world=joint_version(expert.worlds),
+        expert=expert,
+        voxels=rounded.discretise if rounded else NOT_MEASURED,
+        success=success_table(reports),
+        evidence=evidence_table(reports),
+        loads=load_table(reports),
+        paper=paper_table(reports),
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import image_key
 from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.record import Record
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
@@ -73,9 +73,7 @@ class Checkpoint:
                 f"{folder} reads images of the sizes {', '.join(sorted(sizes))}, but an environment gives one size"
             )
         options = {"cameras": ",".join(cameras), "image_size": sizes.pop()} if sizes else {"obs": "state"}
-        with (folder / WEIGHTS_FILE).open("rb") as weights:
-            digest = hashlib.file_digest(weights, "sha256")
-        return cls(folder, config.type, options, digest.hexdigest())
+        return cls(folder, config.type, options, sha256(folder / WEIGHTS_FILE))
 
 
 def require_safe(folder: Path) -> None:

@@ -21,10 +21,16 @@ import lerobot_policy_bimanual.configurations  # noqa: F401  registers our polic
 from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.files import read_json
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
-from lerobot_policy_bimanual.checkpoint.steps import Feature, check_classes, options_text, step_names
-from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
+from lerobot_policy_bimanual.checkpoint.steps import (
+    Feature,
+    NotSafeToSay,
+    check_classes,
+    options_text,
+    step_names,
+)
+from lerobot_policy_bimanual.checkpoint.weights import check_weights
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.weights import check_weights
 
 MAX_JSON_BYTES = 2**24
 SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}

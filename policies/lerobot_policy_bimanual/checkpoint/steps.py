@@ -9,12 +9,29 @@ from pydantic import Field, PositiveFloat
 
 from lerobot_bimanual.errors import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
-from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
-from lerobot_policy_bimanual.keypose.weights import check_weights
+from lerobot_policy_bimanual.checkpoint.weights import check_weights
+from lerobot_policy_bimanual.errors import CheckpointError
 
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
 type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
+
+
+class NotSafeToSay(CheckpointError):
+    """A checkpoint that names something beyond what is known to load nothing.
+
+    Args:
+        what: the part of the checkpoint that names it.
+        named: that part's options that may do so, as text.
+    """
+
+    exit_code = 3
+
+    def __init__(self, what: str, named: str):
+        super().__init__(
+            f"not safe to say: {what} loads {named or 'something'} by name and may run its code; where you trust its source, "
+            "programs that load it take --trust_checkpoint=true"
+        )
 
 
 class Feature(Record):
