@@ -12,11 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset import feature_table, schema
-from lerobot_bimanual.errors import (
-    InvalidAction,
-    InvalidChoice,
-    PlacementFailure,
-)
+from lerobot_bimanual.errors import InvalidAction, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
