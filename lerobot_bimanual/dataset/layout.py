@@ -8,8 +8,8 @@ import pyarrow as pa
 
 from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.provenance import check_version
 from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import DatasetError
 
 type Features = dict[str, dict[str, Any]]

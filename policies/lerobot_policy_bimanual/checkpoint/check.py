@@ -25,10 +25,10 @@ from lerobot_policy_bimanual.checkpoint.steps import (
     Feature,
     NotSafeToSay,
     check_classes,
+    check_weights,
     options_text,
     step_names,
 )
-from lerobot_policy_bimanual.checkpoint.weights import check_weights
 from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
 

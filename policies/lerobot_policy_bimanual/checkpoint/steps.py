@@ -1,4 +1,4 @@
-"""Processor steps that load nothing by name, each with its options: all that a checkpoint may name and be called safe."""
+"""Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
 
 import json
 from collections.abc import Mapping
@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveFloat
+from safetensors import SafetensorError, safe_open
+from torch import Tensor
 
 from lerobot_bimanual.errors import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
-from lerobot_policy_bimanual.checkpoint.weights import check_weights
 from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.keypose.weights import check_tensors
 
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
@@ -146,3 +148,31 @@ def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     if step.state_file is not None:
         check_weights(file.parent / step.state_file)
     return name
+
+
+def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> int:
+    """Check a file of tensors, one tensor at a time.
+
+    Args:
+        file: in the format of safetensors, which holds data and no programs.
+        expected: tensors with which the file's must agree, if any.
+
+    Returns:
+        The number of elements of all tensors.
+
+    Raises:
+        CheckpointError: the file is missing, truncated or of another format, or as in `check_tensors`.
+    """
+    try:
+        with safe_open(file, framework="pt") as tensors:
+            return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
+    except (
+        SafetensorError,
+        OSError,
+        ValueError,
+        AttributeError,
+        RuntimeError,
+    ) as error:  # of types of numbers, too
+        raise CheckpointError(
+            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
+        ) from error

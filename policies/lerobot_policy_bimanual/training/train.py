@@ -30,8 +30,8 @@ from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
 from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.provenance import check_version
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
-from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, DatasetError, plain
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
