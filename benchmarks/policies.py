@@ -26,9 +26,10 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class
 
 from lerobot_bimanual.benchmark.recipes import Recipe
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.pinhole import intrinsics_from_fovy
 from lerobot_policy_bimanual import PerAct2Config
 from lerobot_policy_bimanual.keypose.losses import keypose_losses
 from lerobot_policy_bimanual.peract2.modeling_peract2 import PerAct2Policy

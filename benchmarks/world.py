@@ -18,13 +18,12 @@ import numpy as np
 from harness import Figures, cpu_s, interleaved_cpu_s, parser, report, tasks_of
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import Workspace
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
-from lerobot_env_bimanual.motion.planner import KeyposePlanner, Plan
+from lerobot_env_bimanual.motion.planner import KeyposeFailure, KeyposePlanner, Plan
 from lerobot_env_bimanual.world.scene import Scene
 
 SEED = 0

@@ -7,7 +7,7 @@ import gymnasium as gym
 
 import lerobot_env_bimanual  # noqa: F401  registers the bimanual/... ids
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import unproject
+from lerobot_bimanual.geometry.pinhole import unproject
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 
 env = gym.make("bimanual/PushBox-v0", image_size=128)

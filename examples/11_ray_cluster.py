@@ -19,7 +19,7 @@ from pathlib import Path
 import ray
 
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_bimanual.versions import installed_versions
+from lerobot_bimanual.distributions import installed_versions
 from lerobot_env_bimanual.commands.dataset_generate import DatasetGenerateConfig, make_dataset, settings_of
 from lerobot_env_bimanual.generation.shard import record_shard
 from lerobot_env_bimanual.generation.staging import new_folder, place_shard, plain_write_errors

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lerobot_bimanual import keypose_layout as layout
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.rotations import (
     euler_xyz_to_quat_wxyz,
@@ -16,15 +17,6 @@ from lerobot_bimanual.geometry.rotations import (
     quat_wxyz_to_euler_xyz,
 )
 from lerobot_bimanual.keypose import BimanualKeypose
-from lerobot_bimanual.keypose_grid import KeyposeGrid
-from lerobot_bimanual.keypose_layout import (
-    ARM_KEYPOSE_DIM,
-    GRIPPER_OPEN,
-    IGNORE_COLLISIONS,
-    KEYPOSE_DIM,
-    POSITION,
-    QUATERNION,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,32 +36,32 @@ class DiscreteKeypose:
     ignore_collisions: NDArray[np.int64]
 
 
-class KeyposeCodec(KeyposeGrid):
+class KeyposeCodec(layout.KeyposeGrid):
     """Between continuous keyposes and bins."""
 
     def encode(self, vectors: ArrayLike) -> DiscreteKeypose:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
         array = np.asarray(vectors, dtype=np.float64)
-        arms = array.reshape(*array.shape[:-1], len(ARMS), ARM_KEYPOSE_DIM)
-        voxel = np.floor((arms[..., POSITION] - self.workspace.lower) / self.voxel_size_m)
-        euler_deg = np.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
+        arms = array.reshape(*array.shape[:-1], len(ARMS), layout.ARM_KEYPOSE_DIM)
+        voxel = np.floor((arms[..., layout.POSITION] - self.workspace.lower) / self.voxel_size_m)
+        euler_deg = np.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., layout.QUATERNION])))
         rotation = np.round((euler_deg + 180) / self.rotation_bin_deg).astype(np.int64) % self.rotation_bins
         return DiscreteKeypose(
             voxel.astype(np.int64),
             rotation,
-            (arms[..., GRIPPER_OPEN] > 0.5).astype(np.int64),
-            (arms[..., IGNORE_COLLISIONS] > 0.5).astype(np.int64),
+            (arms[..., layout.GRIPPER_OPEN] > 0.5).astype(np.int64),
+            (arms[..., layout.IGNORE_COLLISIONS] > 0.5).astype(np.int64),
         )
 
     def decode(self, discrete: DiscreteKeypose) -> NDArray[np.float64]:
         """Flat keyposes (..., 18) at the voxel centres and bin angles."""
-        arms = np.empty((*discrete.voxel.shape[:-1], ARM_KEYPOSE_DIM))
-        arms[..., POSITION] = self.workspace.lower + (discrete.voxel + 0.5) * self.voxel_size_m
+        arms = np.empty((*discrete.voxel.shape[:-1], layout.ARM_KEYPOSE_DIM))
+        arms[..., layout.POSITION] = self.workspace.lower + (discrete.voxel + 0.5) * self.voxel_size_m
         euler_rad = np.deg2rad(discrete.rotation * self.rotation_bin_deg - 180)
-        arms[..., QUATERNION] = euler_xyz_to_quat_wxyz(euler_rad)
-        arms[..., GRIPPER_OPEN] = discrete.gripper_open
-        arms[..., IGNORE_COLLISIONS] = discrete.ignore_collisions
-        return arms.reshape(*arms.shape[:-2], KEYPOSE_DIM)
+        arms[..., layout.QUATERNION] = euler_xyz_to_quat_wxyz(euler_rad)
+        arms[..., layout.GRIPPER_OPEN] = discrete.gripper_open
+        arms[..., layout.IGNORE_COLLISIONS] = discrete.ignore_collisions
+        return arms.reshape(*arms.shape[:-2], layout.KEYPOSE_DIM)
 
     def discretise(self, keypose: BimanualKeypose) -> BimanualKeypose:
         """The keypose that a policy with these bins would command; positions are clipped into the grid."""

@@ -5,19 +5,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from lerobot_bimanual import keypose_layout as layout
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.geometry.rotations_torch import (
     euler_xyz_to_quat_wxyz,
     quat_wxyz_canonical,
     quat_wxyz_to_euler_xyz,
-)
-from lerobot_bimanual.keypose_grid import KeyposeGrid
-from lerobot_bimanual.keypose_layout import (
-    ARM_KEYPOSE_DIM,
-    GRIPPER_OPEN,
-    IGNORE_COLLISIONS,
-    POSITION,
-    QUATERNION,
 )
 
 
@@ -31,20 +24,20 @@ class KeyposeBins:
     ignore_collisions: Tensor
 
 
-class TorchKeyposeCodec(KeyposeGrid):
+class TorchKeyposeCodec(layout.KeyposeGrid):
     """Between continuous keyposes and bins, on tensors of any device."""
 
     def encode(self, vectors: Tensor) -> KeyposeBins:
         """Bins of flat keyposes (..., 18); positions outside the workspace get indices outside the grid."""
-        arms = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))
+        arms = vectors.unflatten(-1, (len(ARMS), layout.ARM_KEYPOSE_DIM))
         voxel = self.in_voxels(vectors).floor().long()
-        euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., QUATERNION])))
+        euler_deg = torch.rad2deg(quat_wxyz_to_euler_xyz(quat_wxyz_canonical(arms[..., layout.QUATERNION])))
         rotation = ((euler_deg + 180) / self.rotation_bin_deg).round().long() % self.rotation_bins
         return KeyposeBins(
             voxel,
             rotation,
-            (arms[..., GRIPPER_OPEN] > 0.5).long(),
-            (arms[..., IGNORE_COLLISIONS] > 0.5).long(),
+            (arms[..., layout.GRIPPER_OPEN] > 0.5).long(),
+            (arms[..., layout.IGNORE_COLLISIONS] > 0.5).long(),
         )
 
     def decode(self, discrete: KeyposeBins) -> Tensor:
@@ -53,7 +46,7 @@ class TorchKeyposeCodec(KeyposeGrid):
 
     def in_voxels(self, vectors: Tensor) -> Tensor:
         """Positions of flat keyposes (..., 18) in voxels from the grid's corner, (..., 2, 3)."""
-        position = vectors.unflatten(-1, (len(ARMS), ARM_KEYPOSE_DIM))[..., POSITION]
+        position = vectors.unflatten(-1, (len(ARMS), layout.ARM_KEYPOSE_DIM))[..., layout.POSITION]
         lower = vectors.new_tensor(self.workspace.lower)
         return (position - lower) / vectors.new_tensor(self.voxel_size_m)
 

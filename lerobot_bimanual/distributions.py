@@ -1,10 +1,28 @@
-"""What the installed distributions add to this one through entry points, and what they lack, found without importing it."""
+"""What is installed: versions, what distributions add through entry points, and what they lack, found without importing it."""
 
 import importlib.util
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError
+
+SIMULATION_PACKAGES = ("lerobot_bimanual", "lerobot_env_bimanual", "mujoco", "frankik", "numpy")
+"""Packages whose versions decide which episode a seed means."""
+
+STAMPED_PACKAGES = (*SIMULATION_PACKAGES, "lerobot")
+"""Packages whose versions are recorded."""
+
+
+def installed_versions(packages: Sequence[str] = STAMPED_PACKAGES) -> dict[str, str]:
+    """Versions of packages in this process; "none" for one that is not installed."""
+    versions = {}
+    for package in packages:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "none"
+    return versions
 
 
 def entries(group: str) -> dict[str, EntryPoint]:

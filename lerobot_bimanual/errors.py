@@ -1,10 +1,16 @@
-"""Errors that users see: each says what was got, what is allowed and how to go on."""
+"""Errors that users see: each says what was got, what is allowed and how to go on.
+
+Text of a file that stands in one is made harmless where it is printed, on a terminal or in a page.
+"""
 
 import difflib
 from collections.abc import Iterable
 from typing import Any
 
-from lerobot_bimanual.foreign_text import MAX_TEXT, shown
+MAX_TEXT = 200
+"""Characters of one text of a file that are printed."""
+MAX_MESSAGE = 4000
+"""Characters of an error: none of ours is as long, but with a text of a file in it."""
 
 
 class BimanualError(Exception):
@@ -23,6 +29,18 @@ class BimanualError(Exception):
 
 def _from_message(kind: type[BimanualError], args: tuple[Any, ...]) -> BimanualError:
     return kind.__new__(kind, *args)
+
+
+def plain(text: object, limit: int = MAX_TEXT) -> str:
+    r"""A text on one line, cut to a length, its control characters written out as `\x1b`."""
+    text = str(text)
+    text = text if len(text) <= limit else f"{text[:limit]}..."
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
+
+
+def shown(value: object) -> str:
+    """The representation of a value, for a sentence: quotes tell where a text begins and ends."""
+    return plain(repr(value[: MAX_TEXT + 1] if isinstance(value, str | bytes) else value))
 
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:
@@ -66,30 +84,9 @@ class InvalidAction(BimanualError):
     """An action that no mode of the environment can execute."""
 
 
-class KeyposeFailure(BimanualError):
-    """A keypose that one arm cannot reach; ends the episode as a failure.
-
-    Attributes:
-        arm: name of the arm, or "both".
-        reason: what prevented the motion.
-    """
-
-    def __init__(self, arm: str, reason: str):
-        self.arm = str(arm)
-        self.reason = reason
-        super().__init__(f"{'both arms' if self.arm == 'both' else self.arm + ' arm'}: {reason}")
-
-
 class PlacementFailure(BimanualError):
     """No placement of the props was found that both arms can serve."""
 
 
 class DatasetError(BimanualError):
     """A dataset that cannot be written, resumed, merged or read, or that is not of the schema of this package."""
-
-
-class MissingGL(BimanualError):
-    """No OpenGL context could be created for offscreen rendering."""
-
-    def __init__(self, cause: str, remedy: str = ""):
-        super().__init__(f"no offscreen OpenGL context: {cause}{remedy and '; '}{remedy}")

@@ -6,6 +6,7 @@ So the content is brought to the disk first, and the new name after it.
 
 import fcntl
 import glob
+import hashlib
 import json
 import os
 import tempfile
@@ -29,6 +30,12 @@ class UnwritableOutput(BimanualError):
 
     def __init__(self, path: Path | str, reason: str):
         super().__init__(f"cannot write {path}: {reason}; choose another place")
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_output_file(path: Path) -> None:

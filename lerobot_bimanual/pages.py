@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lerobot_bimanual.errors import MAX_MESSAGE, MAX_TEXT, plain
 from lerobot_bimanual.files import write_file
-from lerobot_bimanual.foreign_text import MAX_MESSAGE, markdown, plain
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CODE_SPAN = re.compile(r"(`[^`|<>&]+`)")
+MARKUP = {ord(character): f"&#{ord(character)};" for character in "&<>`|[]{}\\"}
+"""All with which Markdown, or HTML inside it, begins a link, a tag, code, a cell or attributes."""
+
+
+def markdown(text: object, limit: int = MAX_TEXT) -> str:
+    """A text for a paragraph or a cell of a table in Markdown: code spans and emphasis stay, all else is text."""
+    parts = CODE_SPAN.split(plain(text, limit))
+    return "".join(part if CODE_SPAN.fullmatch(part) else part.translate(MARKUP) for part in parts)
 
 
 def render(package: str, template: str, **values: object) -> str:

@@ -9,7 +9,7 @@ import textwrap
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
+from lerobot_bimanual.errors import MAX_MESSAGE, plain
 
 if TYPE_CHECKING:
     import pandas as pd

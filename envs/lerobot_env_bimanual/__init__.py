@@ -17,14 +17,14 @@ if TYPE_CHECKING or "lerobot" in sys.modules:
     from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 if TYPE_CHECKING:
     from lerobot_env_bimanual.env import BimanualEnv
-    from lerobot_env_bimanual.experts.frames import play_expert
+    from lerobot_env_bimanual.experts.runner import play_expert
 
 __all__ = ["BimanualEnv", "BimanualEnvConfig", "list_tasks", "play_expert"]
 
 _MODULES = {
     "BimanualEnv": "env",
     "BimanualEnvConfig": "configuration_bimanual",
-    "play_expert": "experts.frames",
+    "play_expert": "experts.runner",
 }
 """Where each name is defined."""
 

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lerobot_bimanual.errors import BimanualError, InvalidChoice, KeyposeFailure, PlacementFailure
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, PlacementFailure
 from lerobot_bimanual.joint_action import CONTROL_HZ
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_env_bimanual.conditions import Condition, on_the_way
@@ -22,6 +22,7 @@ from lerobot_env_bimanual.episode.observations import observation_space
 from lerobot_env_bimanual.episode.one_thread import one_thread_at_a_time
 from lerobot_env_bimanual.episode.progress import EpisodeProgress, draw_episode
 from lerobot_env_bimanual.episode.reset import MAX_DRAWS
+from lerobot_env_bimanual.motion.planner import KeyposeFailure
 from lerobot_env_bimanual.options import EnvOptions, checked_reset_options, checked_seed
 from lerobot_env_bimanual.perturbations.perturbations import Perturbations
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR

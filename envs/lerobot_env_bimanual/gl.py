@@ -16,12 +16,19 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from lerobot_bimanual.errors import MissingGL
+from lerobot_bimanual.errors import BimanualError
 
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
 LIBRARIES = (("libEGL.so.1",), ("libGL.so.1", "libOpenGL.so.0"), ("libEGL_mesa.so.0", "libEGL_nvidia.so.0"))
 """What EGL needs: one of each."""
 INSTALL = "on Debian or Ubuntu: sudo apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libgl1"
+
+
+class MissingGL(BimanualError):
+    """No OpenGL context could be created for offscreen rendering."""
+
+    def __init__(self, cause: str, remedy: str = ""):
+        super().__init__(f"no offscreen OpenGL context: {cause}{remedy and '; '}{remedy}")
 
 
 def release_gl() -> None:

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lerobot_bimanual.distributions import entries
-from lerobot_bimanual.errors import BimanualError, InvalidChoice
-from lerobot_bimanual.foreign_text import plain, shown
+from lerobot_bimanual.errors import BimanualError, InvalidChoice, plain, shown
 from lerobot_bimanual.perturbation_levels import levels_text, parse_levels
 
 logger = logging.getLogger(__name__)

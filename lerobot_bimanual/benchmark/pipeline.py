@@ -18,9 +18,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.files import check_output_folder, owned
+from lerobot_bimanual.files import check_output_folder, owned, sha256
 from lerobot_bimanual.interrupts import end_when_parent_ends, interrupts_ignored
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.record import Record

@@ -12,9 +12,9 @@ from rich.console import Console
 
 from lerobot_bimanual.benchmark.pipeline import Pipeline, show_command
 from lerobot_bimanual.benchmark.plan import BASELINES, Plan
-from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.errors import BimanualError, InvalidChoice
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.benchmark import (
     BenchmarkResult,
     BenchmarkSettings,

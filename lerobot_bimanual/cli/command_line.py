@@ -14,8 +14,7 @@ from types import FrameType
 
 from lerobot_bimanual.cli.flags import BadCommandLine, describe_flags, parse_flags
 from lerobot_bimanual.distributions import entries, location, require_extras
-from lerobot_bimanual.errors import BimanualError, did_you_mean
-from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
+from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, did_you_mean, plain
 from lerobot_bimanual.interrupts import signal_handled
 
 PROGRAM = "lerobot-bimanual"

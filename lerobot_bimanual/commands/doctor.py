@@ -136,7 +136,7 @@ def check_gl() -> Iterator[Finding]:
     else:
         yield Finding("OpenGL", "ok", child.stdout.strip())
         return
-    yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_bimanual.errors.MissingGL: "))
+    yield Finding("OpenGL", "fail", problem.removeprefix("lerobot_env_bimanual.gl.MissingGL: "))
 
 
 def check_video() -> Iterator[Finding]:

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
-from lerobot_bimanual.dataset.schema import (
-    CALIBRATION_INFO,
-    CAMERA_EXTRINSICS,
-    CAMERA_INTRINSICS,
-    WRIST_EXTRINSICS,
-)
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError
 
 
@@ -44,8 +39,8 @@ class Calibration(BaseModel):
     @classmethod
     def of_observation(cls, observation: Mapping[str, NDArray]) -> Self:
         """The calibration in an observation of all five cameras, by the dataset's keys."""
-        intrinsics = observation[CAMERA_INTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
-        extrinsics = observation[CAMERA_EXTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
+        intrinsics = observation[schema.CAMERA_INTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
+        extrinsics = observation[schema.CAMERA_EXTRINSICS].reshape(len(CAMERA_NAMES), -1).tolist()
         return cls(
             intrinsics=dict(zip(CAMERA_NAMES, intrinsics, strict=True)),
             world_T_camera=dict(zip(ROOM_CAMERA_NAMES, extrinsics, strict=False)),
@@ -58,11 +53,11 @@ class Calibration(BaseModel):
         Raises:
             DatasetError: it is damaged.
         """
-        info = features.get(WRIST_EXTRINSICS, {}).get("info") or {}
-        if CALIBRATION_INFO not in info:
+        info = features.get(schema.WRIST_EXTRINSICS, {}).get("info") or {}
+        if schema.CALIBRATION_INFO not in info:
             return None
         try:
-            return cls.model_validate_json(json.dumps(info[CALIBRATION_INFO]))
+            return cls.model_validate_json(json.dumps(info[schema.CALIBRATION_INFO]))
         except ValidationError as error:
             raise DatasetError(
                 f"the calibration in meta/info.json is damaged: {error.errors()[0]['msg']}"
@@ -82,9 +77,9 @@ class Calibration(BaseModel):
             DatasetError: the row has another calibration.
         """
         others = dict(columns)
-        room, moving = np.split(others.pop(CAMERA_EXTRINSICS), [len(self.vectors[0])])
-        if not all(map(np.array_equal, (room, others.pop(CAMERA_INTRINSICS)), self.vectors)):
+        room, moving = np.split(others.pop(schema.CAMERA_EXTRINSICS), [len(self.vectors[0])])
+        if not all(map(np.array_equal, (room, others.pop(schema.CAMERA_INTRINSICS)), self.vectors)):
             raise DatasetError(
                 "the calibration of a row differs from that in meta/info.json, which holds for all rows"
             )
-        return others | {WRIST_EXTRINSICS: moving}
+        return others | {schema.WRIST_EXTRINSICS: moving}

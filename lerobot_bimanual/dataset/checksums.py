@@ -8,7 +8,6 @@ The card is listed, too: the Hub does not change it, and `dataset push`, which w
 it, writes the manifest anew. A card that was edited on the Hub's pages is another card than was published.
 """
 
-import hashlib
 import os
 import re
 import stat
@@ -16,7 +15,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from lerobot_bimanual.errors import BimanualError, DatasetError
-from lerobot_bimanual.files import read_file, write_file
+from lerobot_bimanual.files import read_file, sha256, write_file
 
 CHECKSUMS_FILE = Path("meta", "SHA256SUMS")
 
@@ -24,12 +23,6 @@ HARMLESS = (".cache", ".git", ".gitattributes")
 """What the Hub, its downloads and git add beside a dataset; no loader reads it."""
 
 _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file's content, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_checksums(root: Path) -> None:

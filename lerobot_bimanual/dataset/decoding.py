@@ -16,15 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
-from lerobot_bimanual.dataset.reader import (
-    IMAGE_TYPES,
-    data_file,
-    episode_table,
-    is_depth,
-    read_info,
-    read_table,
-    video_file,
-)
+from lerobot_bimanual.dataset import reader
 from lerobot_bimanual.errors import DatasetError
 
 DEPTH_CODES = 2**12
@@ -54,9 +46,9 @@ class ImageReader:
 
     def __init__(self, root: str | Path):
         self.root = Path(root)
-        info = read_info(self.root)
+        info = reader.read_info(self.root)
         self._images: dict[str, dict[str, Any]] = {
-            key: feature for key, feature in info["features"].items() if feature["dtype"] in IMAGE_TYPES
+            key: each for key, each in info["features"].items() if each["dtype"] in reader.IMAGE_TYPES
         }
         self.shapes: dict[str, tuple[int, ...]] = {k: tuple(f["shape"]) for k, f in self._images.items()}
         if large := [key for key, shape in self.shapes.items() if max(shape) > MAX_SIDE]:
@@ -66,11 +58,11 @@ class ImageReader:
         places = ["episode_index", "data/chunk_index", "data/file_index"]
         for key in self._videos:
             places += [f"videos/{key}/{part}" for part in ("chunk_index", "file_index", *SPAN)]
-        self._episodes = episode_table(self.root, places).to_pylist()
+        self._episodes = reader.episode_table(self.root, places).to_pylist()
 
     def is_depth(self, key: str) -> bool:
         """Whether a key's images are depth."""
-        return is_depth(self._images[key])
+        return reader.is_depth(self._images[key])
 
     def images(self, episode: int, key: str) -> Iterator[NDArray]:
         """All stored images of one episode and key, however many rows the episode has.
@@ -85,7 +77,7 @@ class ImageReader:
 
     def _from_video(self, episode: int, key: str) -> Iterator[NDArray]:
         entry = self._episodes[episode]
-        path = video_file(self.root, entry, key)
+        path = reader.video_file(self.root, entry, key)
         try:
             millimetres = self._depth_of_codes(key) if self.is_depth(key) else None
             pixel_format, kind = ("rgb24", np.uint8) if millimetres is None else ("gray12le", np.uint16)
@@ -113,8 +105,8 @@ class ImageReader:
         from datasets import Image as StoredImage
 
         stored = StoredImage()  # as LeRobot's loader reads them in training
-        path = data_file(self.root, self._episodes[episode])
-        column = read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
+        path = reader.data_file(self.root, self._episodes[episode])
+        column = reader.read_table(path, columns=[key], filters=[("episode_index", "=", episode)])[key]
         for row, cell in enumerate(column):
             place = f"row {row} of {key} in {path}"
             try:

@@ -11,13 +11,7 @@ from collections.abc import Iterator, Sequence
 from http import HTTPStatus
 from pathlib import Path
 
-from huggingface_hub import HfApi, constants, get_token
-from huggingface_hub.errors import (
-    HfHubHTTPError,
-    HFValidationError,
-    OfflineModeIsEnabled,
-    RevisionNotFoundError,
-)
+from huggingface_hub import HfApi, constants, errors, get_token
 from huggingface_hub.utils import validate_repo_id
 
 from lerobot_bimanual.dataset.card import CARD_FILE, write_card
@@ -25,7 +19,7 @@ from lerobot_bimanual.dataset.checksums import checksum_problems, write_checksum
 from lerobot_bimanual.dataset.reader import RecordedDataset, read_info, views_below
 from lerobot_bimanual.errors import BimanualError, DatasetError
 
-TransportError: type[Exception] = HfHubHTTPError.__bases__[0]
+TransportError: type[Exception] = errors.HfHubHTTPError.__bases__[0]
 """Base of the errors of the HTTP library that this version of huggingface-hub uses."""
 REASONS: dict[int, str] = {
     HTTPStatus.UNAUTHORIZED: "it does not accept the token; run `hf auth login`",
@@ -43,7 +37,7 @@ def check_repo_id(repo_id: str) -> None:
     """
     try:
         validate_repo_id(repo_id)
-    except HFValidationError as error:
+    except errors.HFValidationError as error:
         raise BimanualError(f"repo_id is {repo_id!r}, which no repository can have: {error}") from error
     if "/" not in repo_id:
         raise BimanualError(f"repo_id is {repo_id!r}, but must be USER/NAME or ORGANISATION/NAME")
@@ -93,7 +87,7 @@ def push_dataset(
         )
         if branch is None:
             version = read_info(root)["codebase_version"]
-            with contextlib.suppress(RevisionNotFoundError):
+            with contextlib.suppress(errors.RevisionNotFoundError):
                 hub.delete_tag(repo_id, tag=version, repo_type="dataset")
             hub.create_tag(repo_id, tag=version, repo_type="dataset")
     return f"{constants.ENDPOINT}/datasets/{repo_id}" + (f"/tree/{branch}" if branch else "")
@@ -123,9 +117,9 @@ def _plain_errors(repo_id: str) -> Iterator[None]:
     """Turn every refusal of the Hub and of the network into one clear message."""
     try:
         yield
-    except OfflineModeIsEnabled as error:
+    except errors.OfflineModeIsEnabled as error:
         raise BimanualError("HF_HUB_OFFLINE is set, so the Hub is out of reach; unset it to push") from error
-    except HfHubHTTPError as error:
+    except errors.HfHubHTTPError as error:
         status = error.response.status_code
         reason = REASONS.get(status) or error.server_message or error
         raise BimanualError(f"the Hub refused the push to {repo_id}: {reason}") from error

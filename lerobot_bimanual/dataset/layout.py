@@ -6,10 +6,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.provenance import check_version
 from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import DatasetError
 
 type Features = dict[str, dict[str, Any]]
@@ -19,12 +19,12 @@ type Features = dict[str, dict[str, Any]]
 def view_of(features: Features) -> View:
     """Which view a dataset is, by its actions."""
     names = features.get(schema.ACTION, {}).get("names")
-    return "keyframes" if names == [*schema.ACTIONS["keyframes"]] else "frames"
+    return "keyframes" if names == [*feature_table.ACTIONS["keyframes"]] else "frames"
 
 
 def column_types(features: Features) -> dict[str, pa.DataType]:
     """Arrow type of every column of the schema that is no image; LeRobot stores a vector of one number as a scalar."""
-    types = {key: pa.type_for_alias(dtype) for key, dtype in schema.SCALARS.items()}
+    types = {key: pa.type_for_alias(dtype) for key, dtype in feature_table.SCALARS.items()}
     for key in (key for key in (*schema.VECTORS, schema.WRIST_EXTRINSICS, schema.ACTION) if key in features):
         (size,) = features[key]["shape"]
         types[key] = pa.float32() if size == 1 else pa.list_(pa.float32(), size)
@@ -42,7 +42,9 @@ def check_features(features: Features, root: Path) -> None:
         calibration = Calibration.of_features(features)
     except DatasetError as error:
         raise DatasetError(f"{root}: {error}") from None
-    expected = json.loads(json.dumps(schema.features((), 0, 0, view_of(features), calibration=calibration)))
+    expected = json.loads(
+        json.dumps(feature_table.features((), 0, 0, view_of(features), calibration=calibration))
+    )
     differences = [f"{key} is missing" for key in expected if key not in features]
     for key in (key for key in expected if key in features):
         for aspect in ("dtype", "shape", "names"):

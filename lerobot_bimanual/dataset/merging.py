@@ -19,16 +19,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from lerobot.datasets import io_utils
 from lerobot.datasets.compute_stats import aggregate_stats
-from lerobot.datasets.io_utils import (
-    load_info,
-    load_stats,
-    load_tasks,
-    write_info,
-    write_stats,
-    write_table_one_row_group_per_episode,
-    write_tasks,
-)
 from lerobot.datasets.utils import DEFAULT_DATA_PATH, DEFAULT_EPISODES_PATH, DEFAULT_VIDEO_PATH
 
 from lerobot_bimanual.errors import DatasetError
@@ -50,28 +42,29 @@ def merge_datasets(sources: Sequence[Path], root: Path) -> None:
     Raises:
         DatasetError: the sources differ in their features or rates.
     """
-    infos = [load_info(source) for source in sources]
+    infos = [io_utils.load_info(source) for source in sources]
     first = infos[0]
     for source, info in zip(sources, infos, strict=True):
         if (info.features, info.fps, info.robot_type) != (first.features, first.fps, first.robot_type):
             raise DatasetError(
                 f"{source} and {sources[0]} differ in features or rate: they cannot be one dataset"
             )
-    sentences = list(dict.fromkeys(sentence for source in sources for sentence in load_tasks(source).index))
+    tasks = map(io_utils.load_tasks, sources)
+    sentences = list(dict.fromkeys(sentence for of_source in tasks for sentence in of_source.index))
     merger = _Merger(root, sentences, first.chunks_size)
     episodes = pa.concat_tables([merger.add(source) for source in sources])
     path = root / DEFAULT_EPISODES_PATH.format(chunk_index=0, file_index=0)
     path.parent.mkdir(parents=True)
     pq.write_table(episodes, path)
-    write_tasks(
+    io_utils.write_tasks(
         pd.DataFrame({"task_index": range(len(sentences))}, index=pd.Index(sentences, name="task")), root
     )
     first.total_episodes, first.total_frames = merger.episodes, merger.rows
     first.total_tasks, first.splits = len(sentences), {"train": f"0:{merger.episodes}"}
-    write_info(first, root)
-    statistics = aggregate_stats([stats for source in sources if (stats := load_stats(source))])
+    io_utils.write_info(first, root)
+    statistics = aggregate_stats([stats for source in sources if (stats := io_utils.load_stats(source))])
     # LeRobot's are in the order of a set, which differs between processes.
-    write_stats({key: dict(sorted(statistics[key].items())) for key in sorted(statistics)}, root)
+    io_utils.write_stats({key: dict(sorted(statistics[key].items())) for key in sorted(statistics)}, root)
 
 
 class _Merger:
@@ -138,7 +131,7 @@ class _Merger:
                 _link(old_path, path)
 
     def _write_rows(self, source: Path, table: pa.Table, path: Path) -> None:
-        new_task = np.array([self._sentences.index(sentence) for sentence in load_tasks(source).index])
+        new_task = np.array([*map(self._sentences.index, io_utils.load_tasks(source).index)])
         values = {
             "episode_index": table["episode_index"].to_numpy() + self.episodes,
             "index": table["index"].to_numpy() + self.rows,
@@ -152,7 +145,7 @@ class _Merger:
         described = json.loads(table.schema.metadata[DESCRIPTION])
         described.pop("fingerprint", None)
         metadata = {**table.schema.metadata, DESCRIPTION: json.dumps(described)}
-        write_table_one_row_group_per_episode(table.replace_schema_metadata(metadata), path)
+        io_utils.write_table_one_row_group_per_episode(table.replace_schema_metadata(metadata), path)
 
 
 def _link(old: Path, new: Path) -> None:

@@ -1,14 +1,21 @@
 """Where a dataset comes from: `meta/bimanual.json`, beside LeRobot's own metadata."""
 
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Field, PositiveInt
 
-from lerobot_bimanual.dataset.schema import View
-from lerobot_bimanual.dataset.version import PROVENANCE_FILE
+from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, TASK_NAME, VERSION_INFO, View
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions
+from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.results.record import Record
-from lerobot_bimanual.versions import SIMULATION_PACKAGES, Version, installed_versions
+
+PROVENANCE_FILE = Path("meta", "bimanual.json")
+
+Version = Annotated[str, Field(pattern=r"^[\w.+!-]{1,40}$")]
+"""A version; error messages put it into commands, so it can hold nothing else."""
 
 MAX_INT = 2**63
 """Seeds and variations are stored as 64-bit integers."""
@@ -50,7 +57,7 @@ class Provenance(Record):
     Attributes:
         schema_version: version of the feature table; a dataset of any is made anew in the present one.
         view: which rows and images are stored.
-        versions: package -> version, of `versions.STAMPED_PACKAGES`.
+        versions: package -> version, of `distributions.STAMPED_PACKAGES`.
         worlds: task -> version of the world in which it was played.
         settings: what was asked for, by option name; equal settings and versions give an equal dataset.
         command: the command line that regenerates it.
@@ -95,3 +102,22 @@ class Provenance(Record):
             for package in SIMULATION_PACKAGES
             if (recorded := self.versions.get(package, "none")) != installed[package]
         }
+
+
+def check_version(features: Mapping[str, Any], root: Path) -> None:
+    """Refuse a dataset of another version of the schema; one that does not say its version is not of ours, or was edited.
+
+    Raises:
+        DatasetError: it has another version; the message has the command that makes it anew.
+    """
+    info = (features.get(TASK_NAME) or {}).get("info") or {}
+    found, provenance = info.get(VERSION_INFO, SCHEMA_VERSION), root / PROVENANCE_FILE
+    if found != SCHEMA_VERSION:
+        how = ["generate", "--task=TASK"]
+        if provenance.is_file():
+            how = ["regenerate", f"--provenance={provenance}"]
+        command = shlex.join(["lerobot-bimanual", "dataset", *how, f"--root={root}_anew"])
+        raise DatasetError(
+            f"{root} has schema version {found}, but this version of lerobot_bimanual reads {SCHEMA_VERSION}: make the "
+            f"dataset anew with `{command}`"
+        )

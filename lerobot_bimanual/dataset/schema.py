@@ -1,23 +1,13 @@
-"""Names, types and shapes of every dataset feature: the only place where they are spelled.
+"""Names of every dataset feature, and the elements of what is observed: the only place where they are spelled.
 
 The environment emits the same observation keys, so a policy trained on the dataset sees the same batch in
 `lerobot-eval`. All vectors are flat, because LeRobot cannot merge datasets with multi-dimensional columns.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Literal
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
 from lerobot_bimanual.cameras import CAMERA_NAMES, WRIST_CAMERA_NAMES
-from lerobot_bimanual.joint_action import CONTROL_HZ
-from lerobot_bimanual.keypose_layout import KEYPOSE_NAMES
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 SCHEMA_VERSION = 3
 VERSION_INFO = "bimanual_schema_version"
@@ -30,10 +20,6 @@ VIEWS: tuple[View, ...] = ("frames", "keyframes")
 
 CALIBRATION_INFO = "bimanual_calibration"
 """Where the calibration of all rows is stored: in the `info` of the feature `WRIST_EXTRINSICS`."""
-
-FPS: dict[View, int] = {"frames": CONTROL_HZ, "keyframes": 1}
-"""Rows per second. Those of `keyframes` have no rate, but LeRobot wants a whole number: with 1 its `timestamp`, the row's
-number over the rate, counts rows. `TIME` says when a row was recorded."""
 
 DEPTH_MIN_M = 0.01
 DEPTH_MAX_M = 4.0
@@ -91,30 +77,6 @@ VECTORS: dict[str, tuple[str, ...]] = {
 }
 """float32 columns of what is observed, and the name of each element."""
 
-ACTIONS: dict[View, tuple[str, ...]] = {"frames": JOINT_NAMES, "keyframes": KEYPOSE_NAMES}
-"""Elements of the float32 column `action`: the joint action of a tick, or the next keypose."""
-
-SCALARS: dict[str, str] = {
-    KEYFRAME: "bool",
-    TICK: "int64",
-    TIME: "float32",
-    STATE_HASH: "int64",
-    TASK_NAME: "string",
-    SPLIT: "string",
-    VARIATION: "int64",
-    SEED: "int64",
-}
-"""Columns of shape (1,) and their dtype.
-
-The last four are an episode's key: the environment regenerates the episode from them, bit for bit. They are
-columns, and not side files, because columns survive every tool that merges, splits or subsets datasets.
-"""
-
-
-SUCCESS, FAILURE_CLASS = "success", "failure_class"
-OUTCOME: dict[str, str] = {SUCCESS: "bool", FAILURE_CLASS: "string"}
-"""Further columns of shape (1,) of policies' episodes: whether it was solved, and the class of its failure, "" if it was."""
-
 
 def image_key(camera: str) -> str:
     """Key of a camera's RGB image, uint8 (height, width, 3)."""
@@ -126,58 +88,6 @@ def depth_key(camera: str) -> str:
     return f"{IMAGE_PREFIX}{camera}_depth"
 
 
-def features(
-    cameras: tuple[str, ...],
-    height: int,
-    width: int,
-    view: View,
-    depth: bool = True,
-    outcome: bool = False,
-    calibration: BaseModel | None = None,
-) -> dict[str, dict[str, Any]]:
-    """LeRobot feature table of one view.
-
-    Args:
-        cameras: cameras whose images are stored. Calibration always covers all five.
-        height: image height in pixels.
-        width: image width in pixels.
-        view: "frames" has joint actions and stores images as video, "keyframes" has keyposes and stores images losslessly
-            in the table.
-        depth: whether each camera has a depth image.
-        outcome: whether rows say what became of their episode; demonstrations are all solved.
-        calibration: the `Calibration` of all rows; None where rows hold all of it, as the environment's observations do.
-    """
-    dtype = "video" if view == "frames" else "image"
-    names = ["height", "width", "channels"]
-    table: dict[str, dict[str, Any]] = {}
-    for camera in cameras:
-        table[image_key(camera)] = {"dtype": dtype, "shape": (height, width, 3), "names": names}
-        if depth:
-            table[depth_key(camera)] = {
-                "dtype": dtype,
-                "shape": (height, width, 1),
-                "names": names,
-                "info": {"is_depth_map": True},
-            }
-    vectors = VECTORS | {ACTION: ACTIONS[view]}
-    if calibration is not None:
-        del vectors[CAMERA_EXTRINSICS], vectors[CAMERA_INTRINSICS]
-        vectors[WRIST_EXTRINSICS] = WRIST_EXTRINSIC_NAMES
-    for key, elements in vectors.items():
-        table[key] = {"dtype": "float32", "shape": (len(elements),), "names": list(elements)}
-    for key, scalar in (SCALARS | (OUTCOME if outcome else {})).items():
-        table[key] = {"dtype": scalar, "shape": (1,), "names": None}
-    table[TASK_NAME]["info"] = {VERSION_INFO: SCHEMA_VERSION}
-    if calibration is not None:
-        table[WRIST_EXTRINSICS]["info"] = {CALIBRATION_INFO: calibration.model_dump()}
-    return table
-
-
 def state_hash_column(hexdigest: str) -> int:
     """First 64 bits of a state hash as the signed integer that `STATE_HASH` stores."""
     return int.from_bytes(bytes.fromhex(hexdigest[:16]), "big", signed=True)
-
-
-def stored_depth(depth_mm: NDArray) -> NDArray[np.uint16]:
-    """Depth in mm as datasets store it: whole millimetres within the range, whose lower end is what was not measured."""
-    return np.rint(np.maximum(depth_mm, DEPTH_MIN_M * MM_PER_M)).astype(np.uint16)

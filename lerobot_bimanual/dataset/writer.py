@@ -9,7 +9,7 @@ from lerobot.datasets.dataset_writer import DatasetWriter
 from lerobot.datasets.image_writer import AsyncImageWriter, image_array_to_pil_image, save_kwargs_for_path
 from numpy.typing import NDArray
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.dataset.video import EpisodeVideoEncoder, depth_encoder, rgb_encoder
@@ -80,8 +80,10 @@ class ViewWriter:
         self._calibration = calibration
         self._meta = LeRobotDatasetMetadata.create(
             repo_id=repo_id,
-            fps=schema.FPS[view],
-            features=schema.features(self._cameras, height, width, view, self._depth, outcome, calibration),
+            fps=feature_table.FPS[view],
+            features=feature_table.features(
+                self._cameras, height, width, view, self._depth, outcome, calibration
+            ),
             robot_type=schema.ROBOT_TYPE,
             root=root,
             use_videos=view == "frames",
@@ -119,7 +121,7 @@ class ViewWriter:
             rgb, depth = schema.image_key(camera), schema.depth_key(camera)
             frame[rgb] = images[rgb]
             if self._depth:
-                frame[depth] = schema.stored_depth(images[depth])[0, ..., None]  # (H, W, 1) mm
+                frame[depth] = feature_table.stored_depth(images[depth])[0, ..., None]  # (H, W, 1) mm
         self._writer.add_frame(frame | {"task": episode.meta.instruction})
 
     def end_episode(self) -> None:

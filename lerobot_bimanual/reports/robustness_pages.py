@@ -11,23 +11,10 @@ from typing import Any
 import pandas as pd
 
 from lerobot_bimanual.pages import render
-from lerobot_bimanual.reports.robustness_table import (
-    LEVELS,
-    SIGNIFICANT,
-    axis_names,
-    by_axis,
-    conditions_table,
-)
-from lerobot_bimanual.results.robustness import (
-    MIN_EXPERT_RATE,
-    AxisRecord,
-    ExpertCondition,
-    ExpertRobustnessReport,
-    RobustnessResult,
-    is_valid,
-)
+from lerobot_bimanual.reports import robustness_table
+from lerobot_bimanual.results import robustness
 
-type Results = Mapping[str, RobustnessResult]
+type Results = Mapping[str, robustness.RobustnessResult]
 """Robustness results by name."""
 
 
@@ -37,13 +24,13 @@ def robustness_page(results: Results) -> str:
     Args:
         results: by name.
     """
-    table = conditions_table(results)
+    table = robustness_table.conditions_table(results)
     spread, distances = _trainings(table)
     return render(
         "lerobot_bimanual.reports",
         "robustness.md",
-        significant=SIGNIFICANT,
-        min_expert_rate=MIN_EXPERT_RATE,
+        significant=robustness_table.SIGNIFICANT,
+        min_expert_rate=robustness.MIN_EXPERT_RATE,
         all_tasks=_all_tasks(table),
         spread=spread,
         distances=distances,
@@ -64,7 +51,7 @@ def _all_tasks(table: pd.DataFrame) -> pd.DataFrame | None:
     shown = table[table.policy.isin(headings)]
     sums = shown[shown.valid].groupby(["condition", "policy"])[["solved", "n"]].sum()
     cells = (sums.solved / sums.n).map("{:.0%}".format).unstack()
-    return by_axis(cells.rename(columns=headings), axis_names(shown))
+    return robustness_table.by_axis(cells.rename(columns=headings), robustness_table.axis_names(shown))
 
 
 def _trainings(table: pd.DataFrame) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
@@ -86,7 +73,7 @@ def _trainings(table: pd.DataFrame) -> tuple[pd.DataFrame | None, pd.DataFrame |
     over_all = pairs.groupby(["policy", "policy_other"]).apart.agg(["mean", "max"])
     texts = over_all.apply(lambda line: f"{line['mean']:.0%} ({line['max']:.0%})", axis=1).unstack()
     distances = texts.reindex(policies)[policies].fillna(".").rename_axis("").reset_index()
-    return by_axis(spread, axis_names(table)), distances
+    return robustness_table.by_axis(spread, robustness_table.axis_names(table)), distances
 
 
 def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
@@ -97,14 +84,14 @@ def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
     cells = table.assign(text=table.apply(_cell, axis=1)).pivot(
         index="condition", columns="label", values="text"
     )
-    shown = by_axis(cells[labels], axis_names(table))
+    shown = robustness_table.by_axis(cells[labels], robustness_table.axis_names(table))
     shown["axis"] = [
         f"{name} ({magnitudes_text(records[name])})" if name in records else name for name in shown.axis
     ]
     sums = table[table.valid & (table.level > 0)].groupby(["level", "label"])[["solved", "n"]].sum()
     totals = sums.apply(lambda line: f"{line.solved} of {line.n}", axis=1).unstack()
-    totals = totals.reindex(index=LEVELS, columns=labels).fillna("")
-    totals.insert(0, "axis", [f"valid conditions of level {level}" for level in LEVELS])
+    totals = totals.reindex(index=robustness_table.LEVELS, columns=labels).fillna("")
+    totals.insert(0, "axis", [f"valid conditions of level {level}" for level in robustness_table.LEVELS])
     lines = [
         f"{line.result}: {own[line.result].policy}, weights {line.checkpoint[:12]}, "
         f"{own[line.result].config.options['split']} seeds {line.seeds[0]} to {line.seeds[-1]}, batches of "
@@ -116,7 +103,7 @@ def _task(task: str, table: pd.DataFrame, results: Results) -> dict[str, Any]:
     return {"name": task, "table": pd.concat([shown, totals]), "lines": lines, "not_applicable": without}
 
 
-def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str:
+def expert_robustness_page(reports: Mapping[str, robustness.ExpertRobustnessReport]) -> str:
     """On how many tasks each condition is valid; then, per task, what expert and open-loop baseline solve.
 
     Args:
@@ -127,7 +114,7 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
             "task": task,
             "axis": each.axis,
             "level": each.level,
-            "valid": is_valid(report.rates(each)["expert"]),
+            "valid": robustness.is_valid(report.rates(each)["expert"]),
             "text": _counts(report, each),
         }
         for task, report in reports.items()
@@ -144,7 +131,7 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
     return render(
         "lerobot_bimanual.reports",
         "expert_robustness.md",
-        min_expert_rate=MIN_EXPERT_RATE,
+        min_expert_rate=robustness.MIN_EXPERT_RATE,
         overview=_by_level(
             pd.Series({key: _valid_tasks(lines) for key, lines in table.groupby(["axis", "level"])})
         ),
@@ -154,7 +141,7 @@ def expert_robustness_page(reports: Mapping[str, ExpertRobustnessReport]) -> str
 
 def _by_level(texts: pd.Series) -> pd.DataFrame:
     """Texts by axis and level as a table with a line per axis."""
-    cells = texts.unstack().reindex(columns=LEVELS).fillna("").add_prefix("level ")
+    cells = texts.unstack().reindex(columns=robustness_table.LEVELS).fillna("").add_prefix("level ")
     return cells.rename_axis("axis").reset_index()
 
 
@@ -164,14 +151,14 @@ def _valid_tasks(lines: pd.DataFrame) -> str:
     return counts if lines.valid.all() else f"{counts} (not {', '.join(lines.task[~lines.valid])})"
 
 
-def _counts(report: ExpertRobustnessReport, condition: ExpertCondition) -> str:
+def _counts(report: robustness.ExpertRobustnessReport, condition: robustness.ExpertCondition) -> str:
     """Expert and open-loop baseline, each of how many episodes; in brackets where the expert solves too few."""
     rates = report.rates(condition)
     text = ", ".join(f"{rates[name].successes}/{rates[name].trials}" for name in ("expert", "open_loop"))
-    return text if is_valid(rates["expert"]) else f"({text})"
+    return text if robustness.is_valid(rates["expert"]) else f"({text})"
 
 
-def magnitudes_text(axis: AxisRecord) -> str:
+def magnitudes_text(axis: robustness.AxisRecord) -> str:
     """Magnitudes of the levels of an axis, with their unit."""
     return f"{', '.join(f'{magnitude:g}' for magnitude in axis.magnitudes)} {axis.unit}"
 
@@ -182,4 +169,4 @@ def _cell(line: pd.Series) -> str:
         return f"{line.solved} of {line.n}"
     if not line.valid:
         return f"({line.solved})"
-    return f"**{line.solved}**" if line.p_holm <= SIGNIFICANT else f"{line.solved}"
+    return f"**{line.solved}**" if line.p_holm <= robustness_table.SIGNIFICANT else f"{line.solved}"

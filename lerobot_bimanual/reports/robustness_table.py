@@ -11,12 +11,12 @@ from typing import Any
 
 import pandas as pd
 
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.perturbation_levels import MAX_LEVEL
 from lerobot_bimanual.results.robustness import NOMINAL, RobustnessResult, condition_name
 from lerobot_bimanual.results.statistics import holm, sign_flip_p_value
 from lerobot_bimanual.terminal import print_table, say
-from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 SIGNIFICANT = 0.05
 """Corrected p-values up to this one count as a difference."""

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import (
-    Field,
-    JsonValue,
-    NonNegativeFloat,
-    NonNegativeInt,
-    PositiveInt,
-    model_validator,
-)
+from pydantic import Field, JsonValue, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
 
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.resources import usable_cores
 from lerobot_bimanual.results.episode import (
     MAX_EPISODES,
@@ -26,7 +20,6 @@ from lerobot_bimanual.results.episode import (
 from lerobot_bimanual.results.evaluation import EvaluationRecord, WorldVersion, eval_key, perturbed
 from lerobot_bimanual.results.record import Name, Record, Text, require
 from lerobot_bimanual.results.statistics import SuccessRate
-from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 Seed = Annotated[int, Field(ge=0, le=10**9 - 1)]
 Count = Annotated[int, Field(ge=1, le=10**9 - 1)]

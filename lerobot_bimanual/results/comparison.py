@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.episode import Episode
 from lerobot_bimanual.results.statistics import SuccessRate, sign_flip_p_value
-from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 type Results = Mapping[Path, BenchmarkResult]
 

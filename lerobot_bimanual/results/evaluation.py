@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
+from lerobot_bimanual.distributions import STAMPED_PACKAGES, installed_versions
 from lerobot_bimanual.results.episode import ProvedEpisodes
 from lerobot_bimanual.results.record import Record
-from lerobot_bimanual.versions import STAMPED_PACKAGES, installed_versions
 
 RESULT_PACKAGES = (*STAMPED_PACKAGES, "lerobot_policy_bimanual", "torch")
 

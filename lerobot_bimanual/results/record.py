@@ -6,9 +6,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.files import read_file, write_file
-from lerobot_bimanual.foreign_text import plain, shown
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=100)]
 Text = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", max_length=200)]

@@ -5,6 +5,7 @@ from typing import Any
 
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import EpisodeKey, Provenance, SkippedSeed
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.results.benchmark import (
     BenchmarkResult,
     BenchmarkSettings,
@@ -15,7 +16,6 @@ from lerobot_bimanual.results.benchmark import (
 from lerobot_bimanual.results.episode import Episode, LoadMetrics, Proof
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, MoveReport
 from lerobot_bimanual.results.proof import actions_to_text
-from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 VERSIONS: dict[str, str] = dict.fromkeys(SIMULATION_PACKAGES, "3")
 WORLD = "0123456789ab"

@@ -4,6 +4,7 @@ from typing import Any
 
 from sample_results import episodes
 
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES
 from lerobot_bimanual.results.robustness import (
     AxisRecord,
     ExpertCondition,
@@ -13,7 +14,6 @@ from lerobot_bimanual.results.robustness import (
     RobustnessConfig,
     RobustnessResult,
 )
-from lerobot_bimanual.versions import SIMULATION_PACKAGES
 
 
 def condition(axis: str, level: int, outcomes: str, expert: str = "", open_loop: str = "", **more: Any):

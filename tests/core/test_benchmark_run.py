@@ -15,11 +15,11 @@ from lerobot_bimanual.benchmark.pipeline import Command
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, EpisodeKey
+from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 from lerobot_bimanual.results.evaluation import EvaluationRecord, perturbed
 from lerobot_bimanual.results.expert_report import EpisodeOutcome, ExpertReport
-from lerobot_bimanual.versions import installed_versions
 
 OTHER_WORLD, OUTCOMES = "ba9876543210", {"expert": "xxxx", "open_loop": "x...", "val": ".x", "test": "xx.."}
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, checksum_problems, sha256, write_checksums
+from lerobot_bimanual.dataset.checksums import CHECKSUMS_FILE, checksum_problems, write_checksums
 from lerobot_bimanual.errors import DatasetError
+from lerobot_bimanual.files import sha256
 
 FILES = (
     "README.md",

@@ -11,12 +11,7 @@ from sample_results import RESULT, VERSIONS, put, trained, variant
 from lerobot_bimanual.commands.results_compare import ResultsCompareConfig, results_compare
 from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.results.comparison import Comparison
-from lerobot_bimanual.results.statistics import (
-    SuccessRate,
-    holm,
-    sign_flip_p_value,
-    wilson_interval,
-)
+from lerobot_bimanual.results.statistics import SuccessRate, holm, sign_flip_p_value, wilson_interval
 
 OTHER_VERSIONS = VERSIONS | {"mujoco": "4"}
 

@@ -16,8 +16,8 @@ import lerobot_bimanual.benchmark.pipeline  # defines records
 import lerobot_bimanual.dataset.reader  # noqa: F401
 from lerobot_bimanual.dataset.card import write_card
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
-from lerobot_bimanual.errors import BimanualError
-from lerobot_bimanual.foreign_text import MAX_TEXT, markdown
+from lerobot_bimanual.errors import MAX_TEXT, BimanualError
+from lerobot_bimanual.pages import markdown
 from lerobot_bimanual.reports.benchmark_page import benchmark_page
 from lerobot_bimanual.reports.robustness_pages import expert_robustness_page, robustness_page
 from lerobot_bimanual.reports.robustness_table import print_robustness

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sample_results import provenance
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.decoding import ImageReader
 from lerobot_bimanual.dataset.layout import check_features
 from lerobot_bimanual.dataset.provenance import PROVENANCE_FILE, Provenance
@@ -23,7 +23,7 @@ from lerobot_bimanual.errors import DatasetError
 
 @pytest.fixture
 def features() -> dict:
-    return json.loads(json.dumps(schema.features(("front",), 8, 8, "frames")))
+    return json.loads(json.dumps(feature_table.features(("front",), 8, 8, "frames")))
 
 
 @pytest.mark.parametrize("view", schema.VIEWS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.views import row_columns, rows_of_view
 
 TICKS, FIRST_STAGE = 21, 12
@@ -13,7 +13,7 @@ TICKS, FIRST_STAGE = 21, 12
 
 @pytest.mark.parametrize("view", schema.VIEWS)
 def test_vectors_are_flat_and_every_element_has_a_name_of_its_own(view: schema.View) -> None:
-    for key, feature in schema.features(CAMERA_NAMES, 64, 48, view).items():
+    for key, feature in feature_table.features(CAMERA_NAMES, 64, 48, view).items():
         if feature["dtype"] not in ("image", "video"):
             assert len(feature["shape"]) == 1, key
         if feature["names"] is not None and feature["dtype"] == "float32":
@@ -21,7 +21,7 @@ def test_vectors_are_flat_and_every_element_has_a_name_of_its_own(view: schema.V
 
 
 def test_views_differ_in_their_actions_and_the_storage_of_images_only() -> None:
-    frames, keyframes = (schema.features(CAMERA_NAMES, 64, 48, view) for view in schema.VIEWS)
+    frames, keyframes = (feature_table.features(CAMERA_NAMES, 64, 48, view) for view in schema.VIEWS)
     assert list(frames) == list(keyframes)
     differing = {key for key in frames if frames[key] != keyframes[key]}
     images = {f(camera) for camera in CAMERA_NAMES for f in (schema.image_key, schema.depth_key)}

@@ -11,12 +11,8 @@ from gymnasium.utils.env_checker import check_env
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import schema
-from lerobot_bimanual.errors import (
-    InvalidAction,
-    InvalidChoice,
-    PlacementFailure,
-)
+from lerobot_bimanual.dataset import feature_table, schema
+from lerobot_bimanual.errors import InvalidAction, InvalidChoice, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.reset import EpisodeReset
 from lerobot_env_bimanual.options import ControlMode, EnvOptions, ObservationMode
@@ -55,7 +51,7 @@ def test_observation_has_the_names_and_shapes_of_the_dataset(rgbd_env):
     names[schema.STATE] = names.pop("observation.agent_pos")
     pixels = names.pop("observation.pixels")
     names |= {schema.image_key(camera): image for camera, image in pixels.items()}
-    for key, feature in schema.features(CAMERA_NAMES, 24, 32, "frames").items():
+    for key, feature in feature_table.features(CAMERA_NAMES, 24, 32, "frames").items():
         if not key.startswith("observation."):
             assert key not in names
             continue

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from lerobot_env_bimanual.reports.task_pages import tasks_page
 from sample_results import LIGHT, outcome, outcomes
 
 from lerobot_bimanual.codec import KeyposeCodec
@@ -26,7 +27,6 @@ from lerobot_env_bimanual.reports.expert_tables import (
     movable_items,
     success_table,
 )
-from lerobot_env_bimanual.reports.task_pages import tasks_page
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall
 from lerobot_env_bimanual.tasks.registry import get_task, list_tasks

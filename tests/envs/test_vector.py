@@ -18,7 +18,7 @@ from lerobot.envs.utils import env_to_policy_features, preprocess_observation
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import InvalidAction, InvalidChoice
 from lerobot_env_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.conditions import AtRest
@@ -258,7 +258,7 @@ def test_the_declared_features_are_what_policies_get_and_what_datasets_hold(give
     assert {key: feature.shape for key, feature in features.items()} == {
         key: tuple(value.shape[1:]) for key, value in batch.items()
     }
-    stored = dataset_to_policy_features(schema.features(CAMERA_NAMES, 24, 32, "frames"))
+    stored = dataset_to_policy_features(feature_table.features(CAMERA_NAMES, 24, 32, "frames"))
     assert features == {key: stored[key] for key in features}
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import Arm
-from lerobot_bimanual.cameras import CAMERA_NAMES, project, unproject
-from lerobot_bimanual.errors import MissingGL
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.geometry.pinhole import project, unproject
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_env_bimanual import gl
 from lerobot_env_bimanual.env import BimanualEnv
-from lerobot_env_bimanual.gl import mujoco
+from lerobot_env_bimanual.gl import MissingGL, mujoco
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.rendering.viewpoint import frame_of

@@ -41,15 +41,17 @@ def test_the_files_and_classes_that_the_page_of_the_architecture_names_exist() -
 
 
 def test_the_table_of_the_schema_names_every_column() -> None:
-    from lerobot_bimanual.dataset import schema
+    from lerobot_bimanual.dataset import feature_table, schema
 
     text = (ROOT / "docs/schema.md").read_text()
     for key, elements in (
         *schema.VECTORS.items(),
-        *((schema.ACTION, names) for names in schema.ACTIONS.values()),
+        *((schema.ACTION, names) for names in feature_table.ACTIONS.values()),
     ):
         assert f"| `{key}` | ({len(elements)},) |" in text
-    assert all(re.search(rf"^\|.*`{key}`.* \| \(1,\) \|", text, re.MULTILINE) for key in schema.SCALARS)
+    assert all(
+        re.search(rf"^\|.*`{key}`.* \| \(1,\) \|", text, re.MULTILINE) for key in feature_table.SCALARS
+    )
 
 
 def test_the_table_of_options_is_that_of_the_environment() -> None:

@@ -12,8 +12,8 @@ from lerobot_bimanual.benchmark.config import BenchmarkConfig, command, resolve,
 from lerobot_bimanual.benchmark.plan import Plan
 from lerobot_bimanual.benchmark.recipes import GROUP
 from lerobot_bimanual.cli.flags import parse_flags
-from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.distributions import entries
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.reports.benchmark_page import benchmark_page, read_results
 from lerobot_bimanual.reports.success_figure import success_figure
 from lerobot_bimanual.results.benchmark import BenchmarkResult, BenchmarkSettings

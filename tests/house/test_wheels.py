@@ -36,7 +36,7 @@ assert not BimanualEnv("lift_ball", obs="state").reset(seed=0)[1]["is_success"]
 """
 SLIM_USE = """
 import gymnasium as gym, lerobot_env_bimanual
-import lerobot_env_bimanual.reports.task_pages
+import lerobot_env_bimanual.reports.expert_tables
 from lerobot_env_bimanual.world.video import VideoWriter
 env = gym.make("bimanual/PushBox-v0", image_size=32)
 observation, _ = env.reset(seed=0)

@@ -16,7 +16,7 @@ from lerobot_bimanual.benchmark import run as benchmark
 from lerobot_bimanual.benchmark.config import BenchmarkConfig
 from lerobot_bimanual.benchmark.pipeline import Pipeline
 from lerobot_bimanual.benchmark.plan import Plan
-from lerobot_bimanual.dataset.checksums import sha256
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.benchmark import BenchmarkResult
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]

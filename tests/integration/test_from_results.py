@@ -7,7 +7,7 @@ import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from lerobot_bimanual.cli import main
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedDataset
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_env_bimanual.env import BimanualEnv
@@ -62,8 +62,8 @@ def test_a_dataset_of_a_record_has_its_states_actions_and_outcomes_in_both_views
         assert [dataset.episode(index).meta.seed for index in range(len(dataset))] == [3, 4, 5]
         rows = LeRobotDataset("local/played", root=root / view)
         last = [rows[end - 1] for end in rows.meta.episodes["dataset_to_index"]]
-        assert [bool(row[schema.SUCCESS]) for row in last] == [True, True, False]
-        assert [row[schema.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
+        assert [bool(row[feature_table.SUCCESS]) for row in last] == [True, True, False]
+        assert [row[feature_table.FAILURE_CLASS] for row in last] == ["", "", "unreachable"]
     frames = RecordedDataset(root / "frames")
     results = [replay_recorded(frames, index)[1] for index in range(3)]
     assert [(result.divergence, result.ticks) for result in results] == [

@@ -13,8 +13,8 @@ from lerobot_bimanual.cli.flags import parse_flags
 from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.dataset.provenance import SkippedSeed
 from lerobot_bimanual.dataset.reader import RecordedDataset
+from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import DatasetError
-from lerobot_bimanual.versions import installed_versions
 from lerobot_env_bimanual.commands.dataset_generate import (
     DatasetGenerateConfig,
     dataset_generate,

@@ -13,7 +13,7 @@ from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.transforms import ImageTransformsConfig
 from torch.utils.data import default_collate
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual.training import resident_dataset
 from lerobot_policy_bimanual.training.resident_dataset import ResidentDataset
@@ -36,7 +36,7 @@ LEARNT_WITH = {
 
 def stored_in(root: Path, view: schema.View, offsets: dict[str, list[int]], **options) -> LeRobotDataset:
     """A view as LeRobot loads it for training."""
-    seconds = {key: [row / schema.FPS[view] for row in rows] for key, rows in offsets.items()}
+    seconds = {key: [row / feature_table.FPS[view] for row in rows] for key, rows in offsets.items()}
     return LeRobotDataset(
         "local/small", root=root / view, return_uint8=True, delta_timestamps=seconds or None, **options
     )

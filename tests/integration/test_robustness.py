@@ -17,7 +17,7 @@ from programs import run
 import lerobot_policy_bimanual  # noqa: F401  (registers its policies)
 from lerobot_bimanual import cli
 from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.results.evaluation import EvaluationRecord
 from lerobot_bimanual.results.robustness import RobustnessResult
 from lerobot_env_bimanual.env import BimanualEnv
@@ -177,7 +177,7 @@ def test_every_policy_acts_under_every_condition(policy_type, conditions, tiny_f
             action = policy.select_action(batch)
             assert torch.isfinite(action).all(), condition
             for key in map(schema.depth_key, CAMERA_NAMES):
-                stored = schema.stored_depth(batch[key].numpy())
+                stored = feature_table.stored_depth(batch[key].numpy())
                 batch = batch | {key: torch.from_numpy(stored.astype("float32"))}
                 assert ((batch[key] <= schema.UNMEASURED_MM) == (stored == 10)).all()
             assert torch.isfinite(policy.select_action(batch)).all(), f"{condition}, from a dataset"

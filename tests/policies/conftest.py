@@ -10,7 +10,7 @@ import torch
 from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import (
     ACTION,
     CAMERA_EXTRINSICS,
@@ -22,6 +22,7 @@ from lerobot_bimanual.dataset.schema import (
     depth_key,
     image_key,
 )
+from lerobot_bimanual.geometry.pinhole import intrinsics_from_fovy
 from lerobot_policy_bimanual.keypose.policy import KeyposePolicy
 
 LOOKING_DOWN = torch.tensor([[0.0, -1, 0, 0.2], [-1, 0, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]])

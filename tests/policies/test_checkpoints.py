@@ -19,8 +19,8 @@ from safetensors.torch import load_file, save_file
 
 from lerobot_bimanual import cli
 from lerobot_policy_bimanual.checkpoint.check import SAFE_POLICIES, check_checkpoint
-from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, step_names
-from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
+from lerobot_policy_bimanual.checkpoint.steps import SAFE_STEPS, NotSafeToSay, step_names
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.inspection.loading import load_policy
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"

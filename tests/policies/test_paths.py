@@ -1,5 +1,6 @@
 """Verbs and trainings look at the paths that they are given before they load anything."""
 
+import json
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from lerobot_bimanual import cli
+from lerobot_bimanual.dataset.schema import CALIBRATION_INFO, TASK_NAME, VERSION_INFO, WRIST_EXTRINSICS
 from lerobot_bimanual.errors import DatasetError
 from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import CheckpointError
@@ -59,9 +61,9 @@ def training(root, *episodes) -> SimpleNamespace:
     return SimpleNamespace(dataset=SimpleNamespace(root=str(root), episodes=[*episodes] or None))
 
 
-def touch_dataset(folder) -> None:
+def touch_dataset(folder, **info) -> None:
     (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text('{"total_episodes": 4}')
+    (folder / "meta" / "info.json").write_text(json.dumps({"total_episodes": 4} | info))
 
 
 def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
@@ -72,6 +74,19 @@ def test_the_folder_above_the_views_is_answered_with_the_views(tmp_path):
     check_dataset(training(tmp_path / "frames", 0, 3))
     with pytest.raises(DatasetError, match=r"has episodes 0 to 3, but --dataset\.episodes names 4"):
         check_dataset(training(tmp_path / "frames", 0, 4, 5))
+
+
+@pytest.mark.parametrize(
+    ("key", "info", "message"),
+    [
+        (TASK_NAME, {VERSION_INFO: 2}, "has schema version 2, .* `lerobot-bimanual dataset generate"),
+        (WRIST_EXTRINSICS, {CALIBRATION_INFO: {}}, "the calibration in meta/info.json is damaged"),
+    ],
+)
+def test_a_dataset_of_another_schema_is_refused_before_training(tmp_path, key, info, message):
+    touch_dataset(tmp_path, features={key: {"info": info}})
+    with pytest.raises(DatasetError, match=message):
+        check_dataset(training(tmp_path))
 
 
 def test_what_is_missing_here_is_not_looked_for_on_the_hub(tmp_path, monkeypatch):

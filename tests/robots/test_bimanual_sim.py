@@ -5,7 +5,7 @@ import pytest
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.feature_utils import build_dataset_frame, hw_to_dataset_features
 
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.errors import BimanualError, InvalidAction, PlacementFailure
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.runner import expert, run_episode
@@ -29,7 +29,7 @@ def home(offset_rad: float = 0.0) -> dict[str, float]:
 def test_its_features_are_those_of_our_datasets_and_it_shows_what_the_environment_shows(make_robot):
     options = {"obs": "rgbd", "cameras": "front,left_wrist", "image_size": "24x32"}
     robot = make_robot(**options, seed=5)
-    ours = schema.features(("front", "left_wrist"), 24, 32, "frames")
+    ours = feature_table.features(("front", "left_wrist"), 24, 32, "frames")
     theirs = hw_to_dataset_features(robot.observation_features, "observation")
     theirs |= hw_to_dataset_features(robot.action_features, "action")
     for key, feature in theirs.items():

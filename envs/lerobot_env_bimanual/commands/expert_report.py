@@ -35,7 +35,7 @@ def expert_report(config: ExpertReportConfig) -> None:
     """
     from lerobot_bimanual.reports.robustness_pages import expert_robustness_page
     from lerobot_bimanual.results.robustness import read_expert_robustness
-    from lerobot_env_bimanual.reports.task_pages import tasks_page
+    from lerobot_env_bimanual.reports.expert_tables import tasks_page
 
     if config.output is not None:
         check_output_file(config.output)

@@ -87,8 +87,7 @@ def _play(config: TaskViewConfig, reason: str) -> None:
 
     players = {"expert": expert()}
     if config.checkpoint is not None:
-        from lerobot_bimanual.checkpoint_trust import require_safe
-        from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
+        from lerobot_env_bimanual.sweep.checkpoint import Checkpoint, require_safe
         from lerobot_env_bimanual.sweep.policy_rollout import policy_player
 
         Checkpoint.read(config.checkpoint)

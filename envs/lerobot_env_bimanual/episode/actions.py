@@ -27,11 +27,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.schema import JOINT_NAMES
-from lerobot_bimanual.errors import InvalidAction, KeyposeFailure
+from lerobot_bimanual.errors import InvalidAction
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_bimanual.joint_action import JOINT_ACTION_DIM
 from lerobot_bimanual.keypose import BimanualKeypose
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION, QUATERNION
+from lerobot_env_bimanual.motion.planner import KeyposeFailure
 from lerobot_env_bimanual.robots.panda_pair import ArmPair
 
 JOINT_TOLERANCE_RAD = 0.1

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.codec import KeyposeCodec
-from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.rotations import quat_wxyz_canonical
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
@@ -24,7 +23,7 @@ from lerobot_bimanual.results.expert_report import PlayerName
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.nearest import nearest_keyposes
 from lerobot_env_bimanual.experts.runner import Move, Player, expert, home_keypose, replanning
-from lerobot_env_bimanual.motion.planner import KeyposePlanner
+from lerobot_env_bimanual.motion.planner import KeyposeFailure, KeyposePlanner
 from lerobot_env_bimanual.task import Script
 
 RANDOM_KEYPOSES = 25

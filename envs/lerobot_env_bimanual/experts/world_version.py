@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM
+from lerobot_bimanual.distributions import SIMULATION_PACKAGES, installed_versions
 from lerobot_bimanual.errors import InvalidChoice, PlacementFailure
-from lerobot_bimanual.versions import SIMULATION_PACKAGES, installed_versions
 from lerobot_env_bimanual.conditions import with_parts
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.episode.progress import draw_episode

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import View
 from lerobot_bimanual.episode import Demonstration
@@ -84,7 +84,10 @@ def record_replays(job: Replays) -> list[str]:
                 played = tape.demonstration(np.array(actions))
                 played = played if actions else _with_reached_keyposes(played)
                 reason = "" if episode.success else str(attributor.attribute(episode).failure_class)
-                outcome = {schema.SUCCESS: np.array([episode.success]), schema.FAILURE_CLASS: reason}
+                outcome = {
+                    feature_table.SUCCESS: np.array([episode.success]),
+                    feature_table.FAILURE_CLASS: reason,
+                }
                 calibration = None if job.perturbed else Calibration.of_observation(played.final_observation)
                 for view in () if writers else job.views:
                     how = {

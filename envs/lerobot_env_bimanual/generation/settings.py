@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lerobot_bimanual.dataset.provenance import Provenance
+from lerobot_bimanual.dataset.provenance import Provenance, Version
 from lerobot_bimanual.dataset.schema import SCHEMA_VERSION, VIEWS, View
+from lerobot_bimanual.distributions import installed_versions
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.results.record import Record
-from lerobot_bimanual.versions import Version, installed_versions
 from lerobot_env_bimanual.experts.recorder import recording_options
 from lerobot_env_bimanual.experts.world_version import world_versions
 from lerobot_env_bimanual.options import ANY_VARIATION, EnvOptions

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS, JOINTS_PER_ARM, Arm
-from lerobot_bimanual.errors import KeyposeFailure
+from lerobot_bimanual.errors import BimanualError
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE
 from lerobot_bimanual.joint_action import ARM_ACTION_DIM, JOINT_ACTION_DIM, by_arm
@@ -17,9 +17,8 @@ from lerobot_env_bimanual.motion.collision import CollisionChecker, CollisionRul
 from lerobot_env_bimanual.motion.feasibility import free_goals, goal_postures, stays
 from lerobot_env_bimanual.motion.joint_path import JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.motion.pace import CONTACT, FREE, PUSHING, Pace, is_beside_heavy
 from lerobot_env_bimanual.motion.rrt_connect import rrt_connect
-from lerobot_env_bimanual.motion.time_law import tick_fractions
+from lerobot_env_bimanual.motion.time_law import CONTACT, FREE, PUSHING, Pace, is_beside_heavy, tick_fractions
 from lerobot_env_bimanual.robots.kinematics import LIMIT_SAFETY_RAD
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -36,6 +35,20 @@ MAX_GOALS = 4
 RRT_ITERATIONS = 1500
 SWEPT_SHARES = np.linspace(0.0, 1.0, 5)
 """Shares of the other arm's own motion at which it is checked, when only one arm searches a way around obstacles."""
+
+
+class KeyposeFailure(BimanualError):
+    """A keypose that one arm cannot reach; ends the episode as a failure.
+
+    Attributes:
+        arm: name of the arm, or "both".
+        reason: what prevented the motion.
+    """
+
+    def __init__(self, arm: str, reason: str):
+        self.arm = str(arm)
+        self.reason = reason
+        super().__init__(f"{'both arms' if self.arm == 'both' else self.arm + ' arm'}: {reason}")
 
 
 @dataclass(frozen=True, eq=False)

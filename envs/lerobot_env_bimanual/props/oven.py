@@ -6,14 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import (
-    UNSEEN,
-    VISUAL_ONLY,
-    add_box,
-    add_capsule,
-    add_cylinder,
-    draw_box,
-)
+from lerobot_env_bimanual.props.prop import UNSEEN, VISUAL_ONLY, add_box, add_capsule, add_cylinder, draw_box
 
 STEEL = (0.80, 0.81, 0.83, 1.0)
 DARK = (0.17, 0.17, 0.19, 1.0)

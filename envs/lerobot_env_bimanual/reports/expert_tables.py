@@ -1,4 +1,4 @@
-"""Expert reports as tables: experts and baselines, loads of the arms, and the tasks beside the paper's."""
+"""Expert reports as the page of all tasks: experts and baselines, loads of the arms, and the tasks beside the paper's."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pandas as pd
 
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.pages import render
 from lerobot_bimanual.results.episode import LoadMetrics, success_rate
 from lerobot_bimanual.results.expert_report import (
     PLAYERS,
@@ -23,6 +24,8 @@ from lerobot_bimanual.results.expert_report import (
 from lerobot_env_bimanual.env import BimanualEnv
 from lerobot_env_bimanual.experts.load import BOUNDS
 from lerobot_env_bimanual.experts.runner import OUT_OF_MOVES, OUT_OF_TIME
+from lerobot_env_bimanual.experts.world_version import joint_version
+from lerobot_env_bimanual.options import SETTINGS, STANDARD
 from lerobot_env_bimanual.tasks.registry import get_task
 from lerobot_env_bimanual.world.scene import Scene
 
@@ -211,3 +214,36 @@ def _load_row(name: str, load: LoadMetrics, rounded_force: str) -> dict[str, str
 def movable_items(task: str) -> int:
     """Things of the scene that can move by themselves: free objects, and each door, drawer or button."""
     return Scene(get_task(task).spec.props).model.ntree - len(ARMS)
+
+
+def tasks_page(folder: Path) -> str:
+    """The page of all tasks, in all settings that have reports.
+
+    Args:
+        folder: holds a folder of expert reports per setting.
+
+    Raises:
+        BimanualError: there is no report of `standard`, or one of the reports is wrong.
+    """
+    chosen = [name for name in SETTINGS if name == STANDARD or (folder / name).is_dir()]
+    reports = {name: ExpertReports.read(folder / name) for name in chosen}
+    settings = [
+        {
+            "name": name,
+            "expert": found.reports[EXACT],
+            "world": joint_version(found.reports[EXACT].worlds),
+            "success": success_table(found),
+            "evidence": evidence_table(found),
+            "loads": load_table(found),
+        }
+        for name, found in reports.items()
+    ]
+    rounded = reports[STANDARD].reports.get(ROUNDED)
+    return render(
+        "lerobot_env_bimanual.reports",
+        "tasks.md",
+        folder=folder.as_posix(),
+        voxels=rounded.discretise if rounded else NOT_MEASURED,
+        settings=settings,
+        paper=paper_table(reports[STANDARD]),
+    )

@@ -1,8 +1,8 @@
-"""Checkpoints: the images that a trained policy reads, known before LeRobot and torch are imported."""
+"""Checkpoints: whether one may be loaded, and the images that it reads, known before LeRobot and torch are imported."""
 
 from __future__ import annotations
 
-import hashlib
+import importlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -11,10 +11,14 @@ from pydantic import ConfigDict
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.dataset.schema import image_key
+from lerobot_bimanual.distributions import entries
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import sha256
 from lerobot_bimanual.results.record import Record
 
 CONFIG_FILE, WEIGHTS_FILE = "config.json", "model.safetensors"
+CHECKER = "policy check"
+"""The command whose module has a function `require_safe`."""
 
 
 class _Feature(Record):
@@ -69,6 +73,19 @@ class Checkpoint:
                 f"{folder} reads images of the sizes {', '.join(sorted(sizes))}, but an environment gives one size"
             )
         options = {"cameras": ",".join(cameras), "image_size": sizes.pop()} if sizes else {"obs": "state"}
-        with (folder / WEIGHTS_FILE).open("rb") as weights:
-            digest = hashlib.file_digest(weights, "sha256")
-        return cls(folder, config.type, options, digest.hexdigest())
+        return cls(folder, config.type, options, sha256(folder / WEIGHTS_FILE))
+
+
+def require_safe(folder: Path) -> None:
+    """Refuse a checkpoint that LeRobot's loader should not be given.
+
+    Raises:
+        BimanualError: it is damaged, may run a program of its own, or nothing that is installed can tell.
+    """
+    checker = entries("lerobot_bimanual.commands").get(CHECKER)
+    if checker is None:
+        raise BimanualError(
+            f"nothing here can tell whether {folder} runs a program of its own: install lerobot_policy_bimanual, or, where "
+            "you trust its source, give --trust_checkpoint=true"
+        )
+    importlib.import_module(checker.module).require_safe(folder)

@@ -24,13 +24,7 @@ from lerobot_bimanual.results.robustness import (
 )
 from lerobot_env_bimanual.configuration_bimanual import BimanualEnvConfig
 from lerobot_env_bimanual.sweep.checkpoint import Checkpoint
-from lerobot_env_bimanual.sweep.conditions import (
-    Conditions,
-    check_same,
-    extended,
-    read_earlier,
-    solved_seeds,
-)
+from lerobot_env_bimanual.sweep.conditions import Conditions, check_same, extended, read_earlier, solved_seeds
 from lerobot_env_bimanual.sweep.evaluator import EpisodeLog, EpisodeSpec, Evaluator
 from lerobot_env_bimanual.sweep.policy_rollout import PolicyRollout
 from lerobot_env_bimanual.vector.evaluation import RECORDED_OPTIONS

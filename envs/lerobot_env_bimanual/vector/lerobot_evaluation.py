@@ -15,8 +15,8 @@ import draccus
 from lerobot.configs import PreTrainedConfig, parser
 from lerobot.configs.eval import EvalPipelineConfig
 
-from lerobot_bimanual.dataset.checksums import sha256
 from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.files import sha256
 from lerobot_env_bimanual.vector.evaluation import Evaluation
 
 PROGRAM = "lerobot-eval"

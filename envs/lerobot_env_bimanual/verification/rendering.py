@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.dataset import feature_table, schema
 from lerobot_bimanual.dataset.reader import RecordedEpisode
 from lerobot_bimanual.episode import Demonstration
 from lerobot_bimanual.keypose_layout import POSITION
@@ -72,7 +72,7 @@ class RenderedRows:
         # As a dataset stores them: depth in whole millimetres.
         self._new: dict[int, dict[str, Any]] = {
             row: {
-                key: image if image.dtype == np.uint8 else schema.stored_depth(image[0])
+                key: image if image.dtype == np.uint8 else feature_table.stored_depth(image[0])
                 for key, image in images.items()
             }
             for row, images in new.items()

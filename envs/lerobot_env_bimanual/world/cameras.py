@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lerobot_bimanual.cameras import CAMERA_NAMES, intrinsics_from_fovy
+from lerobot_bimanual.cameras import CAMERA_NAMES
+from lerobot_bimanual.geometry.pinhole import intrinsics_from_fovy
 from lerobot_env_bimanual.world.appearance import applied
 from lerobot_env_bimanual.world.scene_view import SceneView
 

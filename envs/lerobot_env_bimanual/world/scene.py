@@ -16,10 +16,9 @@ from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.options import STANDARD
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR, ArmPair
-from lerobot_env_bimanual.world.alterations import Alterations
+from lerobot_env_bimanual.world.alterations import Alterations, solid_geom_counts
 from lerobot_env_bimanual.world.appearance import NOMINAL, Appearance
 from lerobot_env_bimanual.world.arena import build_spec
-from lerobot_env_bimanual.world.contacts import solid_geom_counts
 from lerobot_env_bimanual.world.scene_view import SceneView
 from lerobot_env_bimanual.world.servo_commands import STEPS_PER_TICK, ServoCommands
 

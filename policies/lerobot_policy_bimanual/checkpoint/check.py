@@ -18,14 +18,19 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from torch import Tensor
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers our policies
-from lerobot_bimanual.errors import BimanualError
+from lerobot_bimanual.errors import BimanualError, plain, shown
 from lerobot_bimanual.files import read_json
-from lerobot_bimanual.foreign_text import plain, shown
 from lerobot_policy_bimanual.checkpoint.folder import CONFIG_FILE, require_checkpoint
-from lerobot_policy_bimanual.checkpoint.steps import Feature, check_classes, options_text, step_names
-from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
+from lerobot_policy_bimanual.checkpoint.steps import (
+    Feature,
+    NotSafeToSay,
+    check_classes,
+    check_weights,
+    options_text,
+    step_names,
+)
+from lerobot_policy_bimanual.errors import CheckpointError
 from lerobot_policy_bimanual.keypose.config import LEARNED_LANGUAGE, KeyposePolicyConfig
-from lerobot_policy_bimanual.keypose.weights import check_weights
 
 MAX_JSON_BYTES = 2**24
 SAFE_POLICIES = {"act", "diffusion", "tdmpc", "vqbet"}

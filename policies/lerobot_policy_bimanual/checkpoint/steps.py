@@ -1,4 +1,4 @@
-"""Processor steps that load nothing by name, each with its options: all that a checkpoint may name and be called safe."""
+"""Processor steps that load nothing by name, each with its options and tensors: all that a checkpoint may name and be safe."""
 
 import json
 from collections.abc import Mapping
@@ -6,15 +6,34 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveFloat
+from safetensors import SafetensorError, safe_open
+from torch import Tensor
 
-from lerobot_bimanual.foreign_text import plain, shown
+from lerobot_bimanual.errors import plain, shown
 from lerobot_bimanual.results.record import BadRecord, Record
-from lerobot_policy_bimanual.errors import CheckpointError, NotSafeToSay
-from lerobot_policy_bimanual.keypose.weights import check_weights
+from lerobot_policy_bimanual.errors import CheckpointError
+from lerobot_policy_bimanual.keypose.weights import check_tensors
 
 type Kind = Literal["STATE", "VISUAL", "ENV", "ACTION", "REWARD", "LANGUAGE"]
 type Mode = Literal["MIN_MAX", "MEAN_STD", "IDENTITY", "QUANTILES", "QUANTILE10"]
 type Float = Literal["float16", "float32", "float64", "bfloat16", "half", "float", "double"]
+
+
+class NotSafeToSay(CheckpointError):
+    """A checkpoint that names something beyond what is known to load nothing.
+
+    Args:
+        what: the part of the checkpoint that names it.
+        named: that part's options that may do so, as text.
+    """
+
+    exit_code = 3
+
+    def __init__(self, what: str, named: str):
+        super().__init__(
+            f"not safe to say: {what} loads {named or 'something'} by name and may run its code; where you trust its source, "
+            "programs that load it take --trust_checkpoint=true"
+        )
 
 
 class Feature(Record):
@@ -129,3 +148,31 @@ def _checked(file: Path, value: dict[str, Any], inputs: set[str]) -> str:
     if step.state_file is not None:
         check_weights(file.parent / step.state_file)
     return name
+
+
+def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> int:
+    """Check a file of tensors, one tensor at a time.
+
+    Args:
+        file: in the format of safetensors, which holds data and no programs.
+        expected: tensors with which the file's must agree, if any.
+
+    Returns:
+        The number of elements of all tensors.
+
+    Raises:
+        CheckpointError: the file is missing, truncated or of another format, or as in `check_tensors`.
+    """
+    try:
+        with safe_open(file, framework="pt") as tensors:
+            return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
+    except (
+        SafetensorError,
+        OSError,
+        ValueError,
+        AttributeError,
+        RuntimeError,
+    ) as error:  # of types of numbers, too
+        raise CheckpointError(
+            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
+        ) from error

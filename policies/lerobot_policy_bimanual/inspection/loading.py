@@ -10,7 +10,6 @@ from lerobot.datasets import LeRobotDataset
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.collate import lerobot_collate_fn
 
-from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.layout import check_features
 from lerobot_bimanual.dataset.reader import find_view, read_info
 from lerobot_bimanual.dataset.schema import ACTION
@@ -55,8 +54,7 @@ def load_policy(checkpoint: Path, trusted: bool = False) -> tuple[KeyposePolicy,
 def batch_of(dataset: LeRobotDataset, rows: Iterable[int]) -> Batch:
     """Rows as LeRobot's loaders collate them, with the calibration that holds for all rows."""
     found: list[Any] = [dataset[row] for row in rows]
-    calibration = Calibration.of_features(dataset.meta.features)
-    return with_calibration(cast(Batch, lerobot_collate_fn(found)), calibration)
+    return with_calibration(cast(Batch, lerobot_collate_fn(found)), dataset.meta.features)
 
 
 def open_dataset(dataset: Path) -> LeRobotDataset:

@@ -8,21 +8,10 @@ from lerobot.optim import CosineDecayWithWarmupSchedulerConfig, LRSchedulerConfi
 
 from lerobot_bimanual.cameras import CAMERA_NAMES
 from lerobot_bimanual.codec_torch import TorchKeyposeCodec
-from lerobot_bimanual.dataset.schema import (
-    ACTION,
-    CAMERA_EXTRINSICS,
-    CAMERA_INTRINSICS,
-    GRIPPER_FINGERS,
-    KEYPOSE_STEP,
-    STATE,
-    VECTORS,
-    depth_key,
-    image_key,
-)
+from lerobot_bimanual.dataset import schema
 from lerobot_bimanual.errors import DatasetError, InvalidChoice
 from lerobot_bimanual.geometry.workspace import VOXEL_WORKSPACE, Workspace
-from lerobot_bimanual.keypose_grid import divides_circle
-from lerobot_bimanual.keypose_layout import KEYPOSE_DIM
+from lerobot_bimanual.keypose_layout import KEYPOSE_DIM, divides_circle
 from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.fields import check_fields, choice, number
 
@@ -166,14 +155,14 @@ class KeyposePolicyConfig(PreTrainedConfig):
     @property
     def observation_keys(self) -> tuple[str, ...]:
         """Batch keys that the policy reads, apart from `task`."""
-        images = [key(camera) for camera in self.cameras for key in (image_key, depth_key)]
+        images = [key(camera) for camera in self.cameras for key in (schema.image_key, schema.depth_key)]
         return (*images, *self.vector_keys)
 
     @property
     def vector_keys(self) -> tuple[str, ...]:
         """The keys among `observation_keys` of vectors, not images."""
-        step = (KEYPOSE_STEP,) if self.use_keypose_step else ()
-        return (CAMERA_EXTRINSICS, CAMERA_INTRINSICS, STATE, GRIPPER_FINGERS, *step)
+        always = (schema.CAMERA_EXTRINSICS, schema.CAMERA_INTRINSICS, schema.STATE, schema.GRIPPER_FINGERS)
+        return (*always, schema.KEYPOSE_STEP) if self.use_keypose_step else always
 
     def validate_features(self) -> None:
         """Keep the inputs that the policy reads, check that none is missing, and name its output.
@@ -184,12 +173,12 @@ class KeyposePolicyConfig(PreTrainedConfig):
         Raises:
             DatasetError: if inputs are listed but some are missing.
         """
-        self.output_features = {ACTION: PolicyFeature(FeatureType.ACTION, (KEYPOSE_DIM,))}
+        self.output_features = {schema.ACTION: PolicyFeature(FeatureType.ACTION, (KEYPOSE_DIM,))}
         if not self.input_features:
             return
         calibration = {
-            key: PolicyFeature(FeatureType.STATE, (len(VECTORS[key]),))
-            for key in (CAMERA_EXTRINSICS, CAMERA_INTRINSICS)
+            key: PolicyFeature(FeatureType.STATE, (len(schema.VECTORS[key]),))
+            for key in (schema.CAMERA_EXTRINSICS, schema.CAMERA_INTRINSICS)
         }
         known = self.input_features | calibration  # which a dataset's metadata complete
         missing = [key for key in self.observation_keys if key not in known]
@@ -202,10 +191,8 @@ class KeyposePolicyConfig(PreTrainedConfig):
 
     def get_optimizer_preset(self) -> OptimizerConfig:
         """The optimizer of `optimizer*`."""
-        from lerobot_policy_bimanual.keypose.optimizers import (  # no network needs them
-            FusedAdamWConfig,
-            LambConfig,
-        )
+        # No network needs them.
+        from lerobot_policy_bimanual.keypose.optimizers import FusedAdamWConfig, LambConfig
 
         config = LambConfig() if self.optimizer == "lamb" else FusedAdamWConfig(betas=(0.9, 0.99))
         config.lr, config.weight_decay = self.optimizer_lr, self.optimizer_weight_decay

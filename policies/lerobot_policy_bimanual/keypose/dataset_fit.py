@@ -5,7 +5,6 @@ docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` a
 
 import logging
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 from lerobot_bimanual.arms import ARMS
 from lerobot_bimanual.dataset.provenance import Provenance
 from lerobot_bimanual.dataset.schema import ACTION, KEYPOSE_STEP
-from lerobot_bimanual.dataset.version import check_version
 from lerobot_bimanual.errors import DatasetError
 from lerobot_bimanual.keypose_layout import ARM_KEYPOSE_DIM, KEYPOSE_DIM, POSITION
 from lerobot_policy_bimanual.errors import BadConfig
@@ -75,10 +73,9 @@ def fit_config(config: KeyposePolicyConfig, meta: Any, stats: Mapping[str, Mappi
 
     Raises:
         BadConfig: the horizon is unset, and the statistics do not tell it.
-        DatasetError: as in `check_version` and `check_label`.
+        DatasetError: as in `check_label`.
     """
     if meta is not None:
-        check_version(meta.features, Path(meta.root))
         check_label(meta.features.get(ACTION, {}).get("shape", ()))
         tasks = () if meta.tasks is None else tuple(map(str, meta.tasks.index))
         config.trained_instructions = tasks if sum(map(len, tasks)) < MAX_INSTRUCTION_CHARACTERS else ()

@@ -3,7 +3,7 @@
 This runs inside the policy, on its device. Augmentation transforms the camera poses, which transforms the cloud.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,21 +12,9 @@ from torch import Tensor
 from torch.nn.functional import threshold
 
 from lerobot_bimanual.arms import ARMS
-from lerobot_bimanual.cameras import CAMERA_NAMES
-from lerobot_bimanual.cameras_torch import unproject
-from lerobot_bimanual.dataset.calibration import Calibration
-from lerobot_bimanual.dataset.schema import (
-    CAMERA_EXTRINSICS,
-    CAMERA_INTRINSICS,
-    GRIPPER_FINGERS,
-    KEYPOSE_STEP,
-    MM_PER_M,
-    STATE,
-    UNMEASURED_MM,
-    WRIST_EXTRINSICS,
-    depth_key,
-    image_key,
-)
+from lerobot_bimanual.cameras import CAMERA_NAMES, ROOM_CAMERA_NAMES
+from lerobot_bimanual.dataset import schema
+from lerobot_bimanual.geometry.pinhole_torch import unproject
 
 PROPRIO_PER_ARM = 4
 """Per arm: gripper open 0 or 1, two finger openings, time."""
@@ -55,16 +43,25 @@ class Observation:
     instructions: list[str]
 
 
-def with_calibration(batch: dict[str, Any], calibration: Calibration | None) -> dict[str, Any]:
-    """A batch of a dataset's rows completed with the calibration in the dataset's metadata."""
-    if calibration is None or CAMERA_INTRINSICS in batch:
+def with_calibration(batch: dict[str, Any], features: Mapping[str, Any]) -> dict[str, Any]:
+    """A batch of a dataset's rows, completed with the calibration that holds for all rows (docs/schema.md).
+
+    Args:
+        batch: LeRobot's batch.
+        features: the dataset's feature table; without that calibration, rows have to hold all of it.
+    """
+    calibration = (features.get(schema.WRIST_EXTRINSICS, {}).get("info") or {}).get(schema.CALIBRATION_INFO)
+    if calibration is None or schema.CAMERA_INTRINSICS in batch:
         return batch
-    moving = batch[WRIST_EXTRINSICS]
+    moving = batch[schema.WRIST_EXTRINSICS]
     room, intrinsics = (
-        torch.as_tensor(vector, device=moving.device).expand(len(moving), -1)
-        for vector in calibration.vectors
+        torch.tensor([calibration[field][name] for name in names], dtype=moving.dtype, device=moving.device)
+        .flatten()
+        .expand(len(moving), -1)
+        for field, names in (("world_T_camera", ROOM_CAMERA_NAMES), ("intrinsics", CAMERA_NAMES))
     )
-    return batch | {CAMERA_EXTRINSICS: torch.cat([room, moving], dim=-1), CAMERA_INTRINSICS: intrinsics}
+    extrinsics = torch.cat([room, moving], dim=-1)
+    return batch | {schema.CAMERA_EXTRINSICS: extrinsics, schema.CAMERA_INTRINSICS: intrinsics}
 
 
 def observe(
@@ -83,15 +80,15 @@ def observe(
         keypose_horizon: keyposes over which the time feature falls from +1 to -1; None for no time, which is 0.
         motion: (b, 4, 4) world-frame motion of the whole scene, or None.
     """
-    extrinsics = batch[CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))
-    intrinsics = batch[CAMERA_INTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 3, 3))
+    extrinsics = batch[schema.CAMERA_EXTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 4, 4))
+    intrinsics = batch[schema.CAMERA_INTRINSICS].float().unflatten(-1, (len(CAMERA_NAMES), 3, 3))
     poses = extrinsics if motion is None else motion[:, None] @ extrinsics
     points, colours = [], []
     for camera in cameras:
         index = CAMERA_NAMES.index(camera)
-        depth_mm = threshold(batch[depth_key(camera)][:, 0].float(), UNMEASURED_MM, 0)
-        points.append(unproject(depth_mm / MM_PER_M, intrinsics[:, index], poses[:, index]))
-        colours.append(batch[image_key(camera)].float().flatten(2))
+        depth_mm = threshold(batch[schema.depth_key(camera)][:, 0].float(), schema.UNMEASURED_MM, 0)
+        points.append(unproject(depth_mm / schema.MM_PER_M, intrinsics[:, index], poses[:, index]))
+        colours.append(batch[schema.image_key(camera)].float().flatten(2))
     return Observation(
         points=torch.cat(points, dim=2),
         colours=torch.cat(colours, dim=2) * 2 - 1,
@@ -105,11 +102,15 @@ def proprioception(batch: dict[str, Any], keypose_horizon: int | None) -> Tensor
 
     Time counts executed keyposes, in training and at inference, and stays at -1 after the horizon.
     """
-    opening = batch[STATE].float().unflatten(-1, (len(ARMS), -1))[..., -1:]  # (b, arms, 1)
-    fingers = batch[GRIPPER_FINGERS].float().unflatten(-1, (len(ARMS), -1)) / FINGER_TRAVEL_M  # (b, arms, 2)
+    opening = batch[schema.STATE].float().unflatten(-1, (len(ARMS), -1))[..., -1:]  # (b, arms, 1)
+    fingers = batch[schema.GRIPPER_FINGERS].float().unflatten(-1, (len(ARMS), -1))  # (b, arms, 2) m
     if keypose_horizon is None:
         time = torch.zeros_like(opening)
     else:
-        step = batch[KEYPOSE_STEP].float().reshape(-1, 1, 1)  # LeRobot's loader drops the last axis of (b, 1)
+        step = (
+            batch[schema.KEYPOSE_STEP].float().reshape(-1, 1, 1)
+        )  # LeRobot's loader drops the last axis of (b, 1)
         time = (1 - 2 * step / (keypose_horizon - 1)).clamp(min=-1).expand(-1, len(ARMS), -1)
-    return torch.cat([(opening > OPEN_ABOVE).float(), fingers.clamp(0, 1), time], dim=-1).flatten(1)
+    return torch.cat(
+        [(opening > OPEN_ABOVE).float(), (fingers / FINGER_TRAVEL_M).clamp(0, 1), time], dim=-1
+    ).flatten(1)

@@ -1,6 +1,5 @@
 """The base of all keypose policies: LeRobot's policy interface around a network that predicts the next keypose."""
 
-import logging
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,11 +13,8 @@ from lerobot.policies.pretrained import PreTrainedPolicy
 from torch import Tensor, nn
 
 from lerobot_bimanual.codec_torch import KeyposeBins
-from lerobot_bimanual.dataset.calibration import Calibration
 from lerobot_bimanual.dataset.schema import ACTION
 from lerobot_bimanual.errors import InvalidChoice
-from lerobot_bimanual.resources import shared_memory_problem
-from lerobot_policy_bimanual.errors import BadConfig
 from lerobot_policy_bimanual.keypose.augmentation import move_keyposes, sample_motions
 from lerobot_policy_bimanual.keypose.config import CLIP_PREFIX, KeyposePolicyConfig
 from lerobot_policy_bimanual.keypose.dataset_fit import check_label, compare_with_checkpoint, fit_config
@@ -46,7 +42,7 @@ class KeyposePolicy(PreTrainedPolicy):
         **kwargs: other arguments of LeRobot, not used.
 
     Attributes:
-        calibration: completes batches of a dataset whose metadata hold it; None where observations hold all of it.
+        dataset_features: feature table of the dataset of a training, whose calibration completes batches.
     """
 
     config: KeyposePolicyConfig  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -66,9 +62,7 @@ class KeyposePolicy(PreTrainedPolicy):
         super().__init__(config)
         config.validate_features()
         fit_config(config, dataset_meta, dataset_stats)
-        if dataset_meta is not None and (problem := shared_memory_problem()):
-            logging.warning(problem)
-        self.calibration = None if dataset_meta is None else Calibration.of_features(dataset_meta.features)
+        self.dataset_features: Mapping[str, Any] = {} if dataset_meta is None else dataset_meta.features
         self.codec = config.codec
         self.language = _make_language(config)
         self.network = self.make_network()
@@ -198,7 +192,7 @@ class KeyposePolicy(PreTrainedPolicy):
         Raises:
             BadObservation: something is missing, of another shape, or cannot be true.
         """
-        batch = with_calibration(batch, self.calibration)
+        batch = with_calibration(batch, self.dataset_features)
         self._check_observation(batch)
         return observe(
             batch,
@@ -224,14 +218,6 @@ def _make_language(config: KeyposePolicyConfig) -> nn.Module:
     sizes = {"tokens": config.language_tokens, "dim": config.language_dim}
     if not config.language_encoder.startswith(CLIP_PREFIX):
         return LearnedLanguage(**sizes)
-    from lerobot_policy_bimanual.nn.clip import ClipLanguage  # for the configs that ask for it
+    from lerobot_policy_bimanual.nn.clip import clip_language  # for the configs that ask for it
 
-    try:
-        return ClipLanguage(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)
-    except Exception as error:  # transformers, safetensors and the Hub raise many kinds
-        reason = " ".join(str(error).split())
-        raise BadConfig(
-            f"no text tower can be made of language_encoder={config.language_encoder!r}, which must name the folder or "
-            "the hub id of a CLIP model, and needs the package transformers (pip install "
-            f"'lerobot_policy_bimanual[clip]'): {reason}"
-        ) from error
+    return clip_language(config.language_encoder.removeprefix(CLIP_PREFIX), **sizes)

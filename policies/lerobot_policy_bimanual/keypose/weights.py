@@ -1,42 +1,11 @@
-"""Weights of a checkpoint: safetensors that fit the network, all of them finite."""
+"""Weights fit the network, all of them finite."""
 
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
 
-from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
-from lerobot_bimanual.foreign_text import plain
+from lerobot_bimanual.errors import plain
 from lerobot_policy_bimanual.errors import CheckpointError
-
-
-def check_weights(file: Path, expected: Mapping[str, Tensor] | None = None) -> int:
-    """Check a file of tensors, one tensor at a time.
-
-    Args:
-        file: in the format of safetensors, which holds data and no programs.
-        expected: tensors on any device, by name, with which the file's must agree in shape and type; None for any.
-
-    Returns:
-        The number of elements of all tensors.
-
-    Raises:
-        CheckpointError: the file is missing, truncated or of another format, its tensors are not those that are
-            expected, or numbers in it are not finite.
-    """
-    try:
-        with safe_open(file, framework="pt") as tensors:
-            return check_tensors(str(file), tensors.keys(), tensors.get_tensor, expected)
-    except (
-        SafetensorError,
-        OSError,
-        ValueError,
-        AttributeError,
-        RuntimeError,
-    ) as error:  # of types of numbers, too
-        raise CheckpointError(
-            f"{file} is not a valid safetensors file (missing, truncated or corrupt): {plain(error)}"
-        ) from error
 
 
 def check_tensors(
@@ -45,13 +14,16 @@ def check_tensors(
     get: Callable[[str], Tensor],
     expected: Mapping[str, Tensor] | None = None,
 ) -> int:
-    """Check tensors, one at a time; arguments and what is returned as in `check_weights`.
+    """Check tensors, one at a time.
 
     Args:
         source: where they come from, for messages.
         names: of the tensors.
         get: gives a tensor by its name.
-        expected: tensors with which they must agree.
+        expected: tensors on any device, by name, with which they must agree in shape and type; None for any.
+
+    Returns:
+        The number of elements of all tensors.
 
     Raises:
         CheckpointError: they are not those that are expected, or numbers in them are not finite.

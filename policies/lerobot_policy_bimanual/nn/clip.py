@@ -3,6 +3,25 @@
 import torch
 from torch import Tensor, nn
 
+from lerobot_policy_bimanual.errors import BadConfig
+
+
+def clip_language(source: str, *, tokens: int, dim: int) -> "ClipLanguage":
+    """The encoder with these arguments.
+
+    Raises:
+        BadConfig: it cannot be made.
+    """
+    try:
+        return ClipLanguage(source, tokens=tokens, dim=dim)
+    except Exception as error:  # transformers, safetensors and the Hub raise many kinds
+        reason = " ".join(str(error).split())
+        raise BadConfig(
+            f"no text tower can be made of language_encoder='clip:{source}', which must name the folder or the hub id of a "
+            "CLIP model, and needs the package transformers (pip install 'lerobot_policy_bimanual[clip]'): "
+            f"{reason}"
+        ) from error
+
 
 class ClipLanguage(nn.Module):
     """Token features of a frozen CLIP text tower, before its projection, as the paper uses them.

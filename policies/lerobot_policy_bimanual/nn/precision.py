@@ -32,26 +32,19 @@ class _WithoutTF32:
     """Disables TF32 while any thread is inside: the setting is the process's, and threads of an evaluation share it."""
 
     def __init__(self):
-        self._lock = Lock()
-        self._inside = 0
-        self._was_on = False
+        self._lock, self._inside, self._was_on = Lock(), 0, False
 
     def __enter__(self):
         with self._lock:
-            if self._inside == 0:
-                self._was_on = _tf32_is_on()
-                self._allow(False)
+            if self._inside == 0 and (was_on := _tf32_is_on()):
+                torch.backends.cuda.matmul.allow_tf32, self._was_on = False, was_on
             self._inside += 1
 
     def __exit__(self, *exception: object):
         with self._lock:
             self._inside -= 1
-            if self._inside == 0:
-                self._allow(True)
-
-    def _allow(self, on: bool) -> None:
-        if self._was_on:
-            torch.backends.cuda.matmul.allow_tf32 = on
+            if self._inside == 0 and self._was_on:
+                torch.backends.cuda.matmul.allow_tf32, self._was_on = True, False
 
 
 _WITHOUT_TF32 = _WithoutTF32()

@@ -7,15 +7,9 @@ from lerobot_bimanual.codec_torch import KeyposeBins
 from lerobot_policy_bimanual.nn.layers import Block, LanguageFilters, activate, init_linear
 from lerobot_policy_bimanual.nn.precision import at_least_float32
 from lerobot_policy_bimanual.nn.prediction import KeyposePrediction
+from lerobot_policy_bimanual.rvt_lf import layers
 from lerobot_policy_bimanual.rvt_lf.configuration_rvt_lf import RVTLFConfig
 from lerobot_policy_bimanual.rvt_lf.heatmaps import HeatmapTranslation
-from lerobot_policy_bimanual.rvt_lf.layers import (
-    Conv2d,
-    NormedLinear,
-    PatchConv2d,
-    SkipConv2d,
-    UpsampledConv2d,
-)
 from lerobot_policy_bimanual.rvt_lf.point_renderer import VIEW_CHANNELS
 from lerobot_policy_bimanual.rvt_lf.views import VIEWS
 
@@ -38,21 +32,21 @@ class RVTNetwork(nn.Module):
         self.rotation_bins = config.codec.rotation_bins
         self.heatmap_sigma_px = config.heatmap_sigma_px
         self.patches = config.voxel_size // patch
-        self.stem = Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
+        self.stem = layers.Conv2d(VIEW_CHANNELS, channels, 1, activated=True)
         self.language_filters = (
             LanguageFilters(config.language_dim, VIEW_CHANNELS, channels) if config.language_filters else None
         )
-        self.patchify = PatchConv2d(channels, token_dim // 2, patch)
-        self.proprio = NormedLinear(proprio_dim, token_dim // 2)
-        self.language = NormedLinear(config.language_dim, token_dim)
+        self.patchify = layers.PatchConv2d(channels, token_dim // 2, patch)
+        self.proprio = layers.NormedLinear(proprio_dim, token_dim // 2)
+        self.language = layers.NormedLinear(config.language_dim, token_dim)
         self.positions = nn.Parameter(torch.randn(len(VIEWS) * self.patches**2, token_dim))
         self.widen = nn.Linear(token_dim, config.attention_dim)
         self.narrow = nn.Linear(config.attention_dim, token_dim)
         self.within_views, self.over_views = _blocks(config), _blocks(config)
-        self.coarse = Conv2d(token_dim, channels, patch, activated=True)
-        self.upsample = UpsampledConv2d(channels, channels, patch)
-        self.join = SkipConv2d(channels)
-        self.heatmap = Conv2d(channels, 1, 3, activated=False)
+        self.coarse = layers.Conv2d(token_dim, channels, patch, activated=True)
+        self.upsample = layers.UpsampledConv2d(channels, channels, patch)
+        self.join = layers.SkipConv2d(channels)
+        self.heatmap = layers.Conv2d(channels, 1, 3, activated=False)
         features = token_dim + channels
         last = nn.Linear(features // 2, 3 * self.rotation_bins + 2 + 2)
         self.pose_head = nn.Sequential(

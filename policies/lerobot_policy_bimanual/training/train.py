@@ -29,11 +29,11 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from torch.utils.data import DataLoader, Subset
 
 import lerobot_policy_bimanual.configurations  # noqa: F401  registers the policies: the package came before LeRobot
+from lerobot_bimanual.dataset.calibration import Calibration
+from lerobot_bimanual.dataset.provenance import check_version
 from lerobot_bimanual.dataset.reader import INFO_FILE, views_below
-from lerobot_bimanual.dataset.version import check_version
-from lerobot_bimanual.errors import BimanualError, DatasetError
+from lerobot_bimanual.errors import MAX_MESSAGE, BimanualError, DatasetError, plain
 from lerobot_bimanual.files import check_output_folder, read_json, share_files
-from lerobot_bimanual.foreign_text import MAX_MESSAGE, plain
 from lerobot_policy_bimanual.checkpoint.check import check_checkpoint
 from lerobot_policy_bimanual.checkpoint.folder import require_checkpoint_if_local
 from lerobot_policy_bimanual.errors import BadConfig
@@ -232,8 +232,8 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
     """Whether the folder of a training's dataset holds it; LeRobot would look for it on the Hub otherwise.
 
     Raises:
-        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or as
-            in `check_version`.
+        DatasetError: the folder is the one above the views, or holds no dataset, or fewer episodes than are asked for, or of
+            another schema, or with a damaged calibration.
     """
     if cfg.dataset.root is None:
         return
@@ -250,7 +250,9 @@ def check_dataset(cfg: TrainPipelineConfig) -> None:
             "--dataset.root"
         )
     info = read_json(root / INFO_FILE)
-    check_version(info.get("features", {}), root)
+    features = info.get("features", {})
+    check_version(features, root)
+    Calibration.of_features(features)
     total = info.get("total_episodes")
     if outside := [number for number in episodes if not 0 <= number < total]:
         raise DatasetError(f"{root} has episodes 0 to {total - 1}, but --dataset.episodes names {outside[0]}")

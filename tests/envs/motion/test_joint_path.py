@@ -8,11 +8,10 @@ import pytest
 from lerobot_bimanual.arms import ARMS, Arm
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.joint_action import CONTROL_HZ
+from lerobot_env_bimanual.motion import time_law
 from lerobot_env_bimanual.motion.joint_path import STEP_RAD, JointPath, rounded
 from lerobot_env_bimanual.motion.lines import LineRequest, straight_lines
-from lerobot_env_bimanual.motion.pace import BESIDE_M, CONTACT, FREE, HEAVY_KG, PUSHING, Pace, is_beside_heavy
 from lerobot_env_bimanual.motion.rrt_connect import edge_is_free, rrt_connect
-from lerobot_env_bimanual.motion.time_law import SMOOTHING_S, tick_fractions
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
@@ -114,8 +113,8 @@ def swing(*angles: float) -> JointPath:
     return JointPath(np.array([[angle, *HOME[1:]] for angle in angles]))
 
 
-def law(left: JointPath, right: JointPath = STILL, pace: Pace = FREE) -> np.ndarray:
-    return tick_fractions([left, right], BOTH, [pace.limits(JOINTS)] * 2)
+def law(left: JointPath, right: JointPath = STILL, pace: time_law.Pace = time_law.FREE) -> np.ndarray:
+    return time_law.tick_fractions([left, right], BOTH, [pace.limits(JOINTS)] * 2)
 
 
 def rates(joints: np.ndarray) -> list[np.ndarray]:
@@ -133,7 +132,7 @@ def random_path(rng: np.random.Generator) -> JointPath:
     return JointPath(np.cumsum(np.concatenate([HOME[None], steps]), axis=0))
 
 
-@pytest.mark.parametrize("pace", [FREE, CONTACT, PUSHING])
+@pytest.mark.parametrize("pace", [time_law.FREE, time_law.CONTACT, time_law.PUSHING])
 @pytest.mark.parametrize("seed", range(10))
 def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
     rng = np.random.default_rng(seed)
@@ -149,16 +148,16 @@ def test_no_motion_breaks_a_limit_of_velocity_acceleration_or_jerk(pace, seed):
 
 
 def test_a_long_swing_uses_the_speed_it_may_and_takes_hardly_longer_than_it_must():
-    path, pace = swing(0, 2.0), Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
+    path, pace = swing(0, 2.0), time_law.Pace(velocity_share=0.5, acceleration_share=0.2, tip_m_s=9.0)
     speed, push = 0.5 * JOINTS.velocity_rad_s[0], 0.2 * JOINTS.acceleration_rad_s2[0]
     fastest_s = 2.0 / speed + speed / push
     ticks = len(law(path, pace=pace))
-    assert fastest_s * CONTROL_HZ < ticks <= (fastest_s + SMOOTHING_S) * CONTROL_HZ + 2
+    assert fastest_s * CONTROL_HZ < ticks <= (fastest_s + time_law.SMOOTHING_S) * CONTROL_HZ + 2
     velocity = rates(path.at(np.append(0.0, law(path, pace=pace))))[0][0]
     assert velocity > 0.97 * speed
 
 
-@pytest.mark.parametrize("pace", [FREE, CONTACT, PUSHING])
+@pytest.mark.parametrize("pace", [time_law.FREE, time_law.CONTACT, time_law.PUSHING])
 @pytest.mark.parametrize("path", [swing(0, 1.5), swing(0, 0.1, 1.2, 1.3), swing(0, -0.4), swing(0, 1)])
 def test_the_tip_keeps_its_greatest_speed_and_gains_it_slowly_where_it_pushes(path, pace):
     joints = path.at(np.append(0.0, law(path, pace=pace)))
@@ -167,8 +166,8 @@ def test_the_tip_keeps_its_greatest_speed_and_gains_it_slowly_where_it_pushes(pa
     gains_m_s2 = np.diff(speed_m_s) * CONTROL_HZ
     assert speed_m_s.max() < 1.02 * pace.tip_m_s
     if len(path.knots) == 2:
-        assert (gains_m_s2.max() <= 1.1 * PUSHING.tip_m_s2) == (pace is PUSHING)
-        assert gains_m_s2.min() < -2 * PUSHING.tip_m_s2  # it brakes as fast as others
+        assert (gains_m_s2.max() <= 1.1 * time_law.PUSHING.tip_m_s2) == (pace is time_law.PUSHING)
+        assert gains_m_s2.min() < -2 * time_law.PUSHING.tip_m_s2  # it brakes as fast as others
 
 
 def test_the_slower_arm_decides_the_duration_and_arms_that_stand_still_take_no_time():
@@ -186,9 +185,9 @@ FINGERTIPS_M = 0.01
 @pytest.mark.parametrize(
     ("mass_kg", "gap_m", "is_beside"),
     [
-        (HEAVY_KG, 0.5 * BESIDE_M, True),
-        (HEAVY_KG, 1.5 * BESIDE_M, False),
-        (0.9 * HEAVY_KG, 0.5 * BESIDE_M, False),
+        (time_law.HEAVY_KG, 0.5 * time_law.BESIDE_M, True),
+        (time_law.HEAVY_KG, 1.5 * time_law.BESIDE_M, False),
+        (0.9 * time_law.HEAVY_KG, 0.5 * time_law.BESIDE_M, False),
     ],
 )
 def test_a_hand_is_beside_a_heavy_thing_only_where_it_is_near(mass_kg, gap_m, is_beside):
@@ -196,5 +195,5 @@ def test_a_hand_is_beside_a_heavy_thing_only_where_it_is_near(mass_kg, gap_m, is
     box = Box("box", mass_kg=mass_kg)
     scene = Scene((box,))
     scene.place("box", scene.tcp(Arm.LEFT) @ Pose.upright((0, 0, FINGERTIPS_M + gap_m + box.size_m[2] / 2)))
-    assert is_beside_heavy(scene, Arm.LEFT) == is_beside
-    assert not is_beside_heavy(scene, Arm.RIGHT)
+    assert time_law.is_beside_heavy(scene, Arm.LEFT) == is_beside
+    assert not time_law.is_beside_heavy(scene, Arm.RIGHT)

@@ -2,11 +2,16 @@ import numpy as np
 import pytest
 
 from lerobot_bimanual.arms import ARMS, Arm
-from lerobot_bimanual.errors import KeyposeFailure
 from lerobot_bimanual.geometry.pose import Pose
 from lerobot_bimanual.keypose import BimanualKeypose, Keypose
 from lerobot_env_bimanual.motion import planner as planner_module
-from lerobot_env_bimanual.motion.planner import GRIPPER_TICKS, REST_TICKS, KeyposePlanner, Plan
+from lerobot_env_bimanual.motion.planner import (
+    GRIPPER_TICKS,
+    REST_TICKS,
+    KeyposeFailure,
+    KeyposePlanner,
+    Plan,
+)
 from lerobot_env_bimanual.robots.panda_pair import PANDA_PAIR
 from lerobot_env_bimanual.world.scene import Scene
 

@@ -1,4 +1,4 @@
-"""Depth images to points on torch tensors; conventions of `cameras`."""
+"""Depth images to points on torch tensors; conventions of `pinhole`."""
 
 import torch
 from torch import Tensor
