@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, ClassVar
+from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -139,22 +137,6 @@ class TaskSpec:
     def instructions_for(self, variation: Variation) -> tuple[str, ...]:
         """All sentences of a variation, the canonical one first."""
         return tuple(template.format(**variation.words) for template in self.instructions)
-
-
-def data(name: str) -> dict[str, Any]:
-    """Arguments of `TaskSpec` for a task of this package: the words and numbers of `tasks/tasks.toml`."""
-    row = _data()[name]
-    given = {
-        "name": name,
-        "instructions": tuple(row["instructions"]),
-        "taxonomy": Taxonomy.of(row["taxonomy"]),
-    }
-    return {**row, **given}
-
-
-@cache
-def _data() -> dict[str, Any]:
-    return tomllib.loads(Path(__file__).with_name("tasks").joinpath("tasks.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from lerobot_env_bimanual.conditions import Pressed
 from lerobot_env_bimanual.props.button import Button
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -75,13 +75,22 @@ class DualPushButtons(Task):
     """Two closed hands come down on the two buttons together."""
 
     spec = TaskSpec(
-        **data("dual_push_buttons"),
+        name="dual_push_buttons",
+        id=2,
+        instructions=(
+            "push the {color_a} and the {color_b} buttons",
+            "press the {color_a} and the {color_b} buttons",
+            "push down the buttons with the {color_a} and the the {color_b} base",  # spelled like the original
+        ),
         variations=tuple(
             Variation(index, dict(zip(WORDS, colors, strict=True))) for index, colors in enumerate(TRIPLES)
         ),
+        taxonomy=Taxonomy.of("temporal symmetric non_prehensile"),
         props=tuple(Button(name) for name in BUTTONS),
         varied=((*(Button(name, VARIED_CAP_RADIUS_M) for name in BUTTONS), *STANDS),),
         success=(Pressed(RIGHT), Pressed(LEFT)),
+        horizon_ticks=160,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -29,7 +29,7 @@ from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Script, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import Script, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, grasp_axis, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -71,8 +71,15 @@ class HandoverItem(Task):
     """The left hand picks the item of the right colour up and presents it, the right hand takes it."""
 
     spec = TaskSpec(
-        **data("handover_item"),
+        name="handover_item",
+        id=6,
+        instructions=(
+            "bring me the {color} item",
+            "hand over the {color} object",
+            "hand over the {color} item",
+        ),
         variations=tuple(Variation(index, {"color": color}) for index, color in enumerate(COLORS)),
+        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
         props=_blocks(SIDE_M),
         varied=((*_blocks(VARIED_SIDE_M), *STANDS),),
         success=(
@@ -81,6 +88,7 @@ class HandoverItem(Task):
             *(Untouched(item, by=Arm.LEFT) for item in ITEMS),
             Once((Held(TARGET, by=Arm.LEFT), Held(TARGET, by=Arm.RIGHT))),
         ),
+        horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

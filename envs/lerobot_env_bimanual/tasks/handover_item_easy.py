@@ -30,7 +30,7 @@ from lerobot_env_bimanual.conditions import Above, Held, Once, Untouched
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks._handover import draw_place, hand_over
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
@@ -68,7 +68,10 @@ class HandoverItemEasy(Task):
     """The left hand picks the block up and presents it, the right hand takes it."""
 
     spec = TaskSpec(
-        **data("handover_item_easy"),
+        name="handover_item_easy",
+        id=11,
+        instructions=("bring me the item", "hand over the object", "hand over the item"),
+        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(ITEM,),
         varied=tuple(map(_varied, VARIED_SIZES_M)),
         success=(
@@ -77,6 +80,7 @@ class HandoverItemEasy(Task):
             Above("item", SUCCESS_HEIGHT_M),
             Once((Held("item", by=Arm.LEFT), Held("item", by=Arm.RIGHT))),
         ),
+        horizon_ticks=280,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -27,7 +27,7 @@ from lerobot_env_bimanual.conditions import Above, Touched
 from lerobot_env_bimanual.props.ball import Ball
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -64,7 +64,10 @@ class LiftBall(Task):
     """Two closed hands pinch the ball at its equator and go up."""
 
     spec = TaskSpec(
-        **data("lift_ball"),
+        name="lift_ball",
+        id=1,
+        instructions=("lift the ball",),
+        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous non_prehensile"),
         props=(BALL,),
         varied=tuple((replace(BALL, radius_m=each), _stand(each)) for each in VARIED_RADII_M),
         success=(
@@ -72,6 +75,8 @@ class LiftBall(Task):
             Touched("ball", by=Arm.LEFT),
             Touched("ball", by=Arm.RIGHT),
         ),
+        horizon_ticks=200,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -29,7 +29,7 @@ from lerobot_env_bimanual.conditions import Above, Held
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.serving_tray import PegStand, ServingTray
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -56,7 +56,10 @@ class LiftTray(Task):
     """Two horizontal hands pinch the handles and go up together."""
 
     spec = TaskSpec(
-        **data("lift_tray"),
+        name="lift_tray",
+        id=10,
+        instructions=("lift the tray",),
+        taxonomy=Taxonomy.of("temporal spatial physical symmetric synchronous prehensile"),
         props=(STAND, TRAY, ITEM),
         varied=tuple(
             (VARIED_STAND, replace(TRAY, size_m=(0.24, length_m, 0.006), **VARIED_HANDLE), ITEM)
@@ -68,6 +71,8 @@ class LiftTray(Task):
             Above("tray", SUCCESS_HEIGHT_M),
             Above("item", SUCCESS_HEIGHT_M),
         ),
+        horizon_ticks=160,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -32,7 +32,7 @@ from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.props.plate import Plate
 from lerobot_env_bimanual.props.prop import Prop
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -86,7 +86,10 @@ class PickPlate(Task):
     """The left hand tips the plate up, the right hand pinches the raised rim and lifts."""
 
     spec = TaskSpec(
-        **data("pick_plate"),
+        name="pick_plate",
+        id=3,
+        instructions=("pick up the plate",),
+        taxonomy=Taxonomy.of("temporal spatial physical mixed"),
         props=(PLATE,),
         varied=tuple(map(_varied, VARIED_RADII_M)),
         success=(
@@ -94,6 +97,7 @@ class PickPlate(Task):
             Above("plate", SUCCESS_HEIGHT_M),
             Always((Near("plate", MAX_SHIFT_M), Raised("plate", LIFTED_M))),
         ),
+        horizon_ticks=320,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -32,7 +32,7 @@ from lerobot_env_bimanual.conditions import Aligned, Always, AtRest, CentredOn
 from lerobot_env_bimanual.props.box import Box
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -77,7 +77,10 @@ class PushBox(Task):
     """Two closed hands come down behind the box and push it to the far side."""
 
     spec = TaskSpec(
-        **data("push_box"),
+        name="push_box",
+        id=0,
+        instructions=("push the box to the red area",),
+        taxonomy=Taxonomy.of("temporal spatial symmetric synchronous non_prehensile"),
         props=(TARGET, BOX),
         varied=tuple((TARGET, replace(BOX, size_m=(*size_m, BOX.size_m[2]))) for size_m in VARIED_SIZES_M),
         success=(
@@ -85,6 +88,8 @@ class PushBox(Task):
             AtRest("box"),
             Always((Aligned("box", "target", MAX_TURN_DEG),)),
         ),
+        horizon_ticks=250,
+        needs_both_arms=True,
         load_bounds={"contact_force_n": 250.0},
     )
 

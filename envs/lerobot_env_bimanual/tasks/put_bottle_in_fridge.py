@@ -31,7 +31,7 @@ from lerobot_env_bimanual.props.bottle import Bottle
 from lerobot_env_bimanual.props.fridge import Fridge
 from lerobot_env_bimanual.props.pedestal import Pedestal
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -79,7 +79,15 @@ class PutBottleInFridge(Task):
     """The right hand opens the door and holds it, the left hand brings the bottle and puts it in."""
 
     spec = TaskSpec(
-        **data("put_bottle_in_fridge"),
+        name="put_bottle_in_fridge",
+        id=5,
+        instructions=(
+            "put bottle in fridge",
+            "place the bottle inside the fridge",
+            "open the fridge and put the bottle in there",
+            "open the fridge door, pick up the bottle, and leave it in the fridge",
+        ),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(FRIDGE, BOTTLE),
         varied=((FRIDGE, VARIED_BOTTLE, VARIED_STAND),),
         success=(
@@ -87,6 +95,8 @@ class PutBottleInFridge(Task):
             *(Untouched("bottle", by=arm) for arm in ARMS),
             Once((IN_FRIDGE, Touched("fridge_door", by=Arm.RIGHT))),
         ),
+        horizon_ticks=420,
+        needs_both_arms=True,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

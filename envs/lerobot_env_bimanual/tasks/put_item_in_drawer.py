@@ -32,7 +32,7 @@ from lerobot_env_bimanual.conditions import Condition, Grasped, Inside, Once, Un
 from lerobot_env_bimanual.props.block import Block
 from lerobot_env_bimanual.props.drawer_cabinet import LEVELS, DrawerCabinet
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -75,11 +75,20 @@ class PutItemInDrawer(Task):
     """The left hand opens a drawer, the right hand fetches the item from the top and drops it in."""
 
     spec = TaskSpec(
-        **data("put_item_in_drawer"),
+        name="put_item_in_drawer",
+        id=4,
+        instructions=(
+            "put the item in the {level} drawer",
+            "put the block away in the {level} drawer",
+            "open the {level} drawer and place the block inside of it",
+            "leave the block in the {level} drawer",
+        ),
         variations=tuple(Variation(index, {"level": level}) for index, level in enumerate(LEVELS)),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(CABINET, ITEM),
         varied=((VARIED_CABINET, VARIED_ITEM),),
         success=(*(Untouched("item", by=arm) for arm in ARMS), Once((Grasped("item"),))),
+        horizon_ticks=420,
     )
 
     def conditions(self, variation: Variation) -> tuple[Condition, ...]:

@@ -28,7 +28,7 @@ from lerobot_env_bimanual.conditions import Inside
 from lerobot_env_bimanual.props.rope import HEAD, TAIL, Rope
 from lerobot_env_bimanual.props.target import Target
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.resting import at_rest
 from lerobot_env_bimanual.world.scene import Scene
@@ -66,7 +66,17 @@ class StraightenRope(Task):
     """Each hand grasps one end, and both drag theirs to its plate."""
 
     spec = TaskSpec(
-        **data("straighten_rope"),
+        name="straighten_rope",
+        id=8,
+        instructions=(
+            "straighten rope",
+            "pull the rope straight",
+            "grasping each end of the rope in turn, leave the rope straight on the table",
+            "pull each end of the rope until is is straight",
+            "tighten the rope",
+            "pull the rope tight",
+        ),
+        taxonomy=Taxonomy.of("temporal spatial physical synchronous prehensile"),
         props=(TAIL_PLATE, HEAD_PLATE, ROPE),
         varied=tuple(
             (TAIL_PLATE, HEAD_PLATE, replace(ROPE, pitch_m=pitch_m)) for pitch_m in VARIED_PITCHES_M
@@ -75,6 +85,7 @@ class StraightenRope(Task):
             Inside(ROPE.tail, "tail_plate", *ON_PLATE_M),
             Inside(ROPE.head, "head_plate", *ON_PLATE_M),
         ),
+        horizon_ticks=300,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

@@ -27,7 +27,7 @@ from lerobot_env_bimanual.conditions import Always, Inside, Near, Unhandled
 from lerobot_env_bimanual.props.broom import Broom, BroomStand
 from lerobot_env_bimanual.props.dustpan import Crumb, Dustpan, scattered
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -73,13 +73,26 @@ class SweepToDustpan(Task):
     """The left hand takes the broom and sweeps, the right hand holds the pan."""
 
     spec = TaskSpec(
-        **data("sweep_to_dustpan"),
+        name="sweep_to_dustpan",
+        id=9,
+        instructions=(
+            "sweep dirt to dustpan",
+            "sweep the dirt up",
+            "use the broom to brush the dirt into the dustpan",
+            "clean up the dirt",
+            "pick up the brush and clean up the table",
+            "grasping the broom by its handle, clear way the dirt from the table",  # spelled like the original
+            "leave the table clean",
+            "sweep the dust to the pan",
+        ),
+        taxonomy=Taxonomy.of("temporal spatial physical prehensile"),
         props=(STAND, BROOM, PAN, *CRUMBS),
         varied=tuple((STAND, broom, PAN, *CRUMBS) for broom in VARIED_BROOMS),
         success=(
             *(Inside(crumb.name, PAN.name, *INSIDE_M) for crumb in CRUMBS),
             Always((Unhandled(tuple(crumb.name for crumb in CRUMBS)), Near(PAN.name, MAX_SHIFT_M))),
         ),
+        horizon_ticks=360,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:

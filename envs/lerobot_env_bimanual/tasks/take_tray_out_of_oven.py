@@ -32,7 +32,7 @@ from lerobot_env_bimanual.conditions import Grasped, WhollyAbove
 from lerobot_env_bimanual.props.baking_tray import BakingTray
 from lerobot_env_bimanual.props.oven import Oven
 from lerobot_env_bimanual.stage import Stage
-from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Variation, data
+from lerobot_env_bimanual.task import PlacementArea, Task, TaskSpec, Taxonomy, Variation
 from lerobot_env_bimanual.tasks.registry import register
 from lerobot_env_bimanual.world.scene import Scene
 from lerobot_env_bimanual.world.scene_view import SceneView
@@ -85,10 +85,22 @@ class TakeTrayOutOfOven(Task):
     """The right hand opens the door, the left hand takes the tray out and lifts it above the oven."""
 
     spec = TaskSpec(
-        **data("take_tray_out_of_oven"),
+        name="take_tray_out_of_oven",
+        id=12,
+        instructions=(
+            "take tray out of oven",
+            "open the oven and take the baking tray out",
+            "grasp the handle on the over door, open it, and remove the tray from the oven",
+            "get the baking tray from the oven",
+            "get the tray",
+            "take out the tray",
+            "retrieve the oven tray",
+        ),
+        taxonomy=Taxonomy.of("temporal prehensile"),
         props=(OVEN, TRAY),
         varied=tuple((replace(VARIED_OVEN, rack_m=rack_m), VARIED_TRAY) for rack_m in VARIED_RACKS_M),
         success=(Grasped("tray"), WhollyAbove("tray", TABLE_HEIGHT_M + OVEN.top_m)),
+        horizon_ticks=520,
     )
 
     def place(self, scene: Scene, variation: Variation, rng: np.random.Generator) -> bool:
