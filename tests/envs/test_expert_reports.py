@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from lerobot_env_bimanual.reports.task_pages import tasks_page
 from sample_results import LIGHT, outcome, outcomes
 
 from lerobot_bimanual.codec import KeyposeCodec
@@ -26,6 +25,7 @@ from lerobot_env_bimanual.reports.expert_tables import (
     ExpertReports,
     movable_items,
     success_table,
+    tasks_page,
 )
 from lerobot_env_bimanual.tasks import lift_ball
 from lerobot_env_bimanual.tasks.lift_ball import LiftBall

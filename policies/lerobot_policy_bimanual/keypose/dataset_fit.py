@@ -5,6 +5,7 @@ docs/policies.md has a table. What a batch lacks is said by `ObservationCheck` a
 
 import logging
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
