@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import metadata
@@ -26,31 +27,10 @@ CARD_FILE = Path("README.md")
 LICENSE = "apache-2.0"
 TAGS = ("LeRobot", "bimanual", "mujoco", "simulation", "rgbd", "depth", "keyframe", "keypose")
 
-MEANINGS = {
-    schema.STATE: "measured joints in rad and gripper opening, 0 closed to 1 open",
-    schema.EE_POSE: "tool centre points in the world: metres, quaternion wxyz; z is the approach, y the opening",
-    schema.GRIPPER_FINGERS: "travel of each finger in metres, 0 closed",
-    schema.KEYPOSE_STEP: "keyposes completed so far",
-    schema.CAMERA_EXTRINSICS: "world_T_camera of every camera, 4x4 row-major, OpenCV axes (x right, y down, z forward)",
-    schema.WRIST_EXTRINSICS: "world_T_camera of the cameras at the wrists, 4x4 row-major, OpenCV axes (x right, y down, "
-    "z forward); the others' are in `meta/info.json`",
-    schema.CAMERA_INTRINSICS: "pinhole matrix of every camera in pixels, 3x3 row-major",
-    schema.KEYFRAME: "first observation after a completed keypose, or last row of the episode",
-    schema.TICK: "control ticks since the episode's start",
-    schema.TIME: "seconds since the episode's start",
-    schema.STATE_HASH: "first 64 bits of the hash of the simulation's state after the tick",
-    schema.TASK_NAME: "recipe of the episode: task ...",
-    schema.SPLIT: "... split of the seed ...",
-    schema.VARIATION: "... variation ...",
-    schema.SEED: "... and seed",
-}
-"""Each column in words, but `action`."""
-
-ACTION_MEANINGS: dict[schema.View, str] = {
-    "frames": "joint targets in rad and gripper command of the tick, 0 closed to 1 open",
-    "keyframes": "the next keypose: where both hands go from here",
-}
-"""What an action is, by view."""
+MEANINGS = tomllib.loads(
+    Path(__file__).with_name("templates").joinpath("columns.toml").read_text(encoding="utf-8")
+)
+"""Each column in words; that of an action by view."""
 
 
 def write_card(root: Path, repo_id: str, tags: Sequence[str] = ()) -> None:
@@ -103,7 +83,7 @@ def _columns(info: dict, view: schema.View) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    meanings = MEANINGS | {schema.ACTION: ACTION_MEANINGS[view]}
+    meanings = MEANINGS | {schema.ACTION: MEANINGS[schema.ACTION][view]}
     for key, feature in info["features"].items():
         meaning = meanings.get(key)
         if meaning is None and feature["dtype"] in IMAGE_TYPES:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import VISUAL_ONLY, add_box, add_cylinder
+from lerobot_env_bimanual.props.prop import SLIDE, VISUAL_ONLY, add_box, add_cylinder, add_joint
 
 RED = (0.85, 0.08, 0.08, 1.0)
 HIGHLIGHT = (0.95, 0.22, 0.20, 1.0)
@@ -50,15 +50,9 @@ class Button:
         add_box(base, (0, 0, half_height), (HALF_SIDE_M, HALF_SIDE_M, half_height), name=self.name)
         self._add_trimmings(base)
         cap = base.add_body(name=f"{self.name}_cap", pos=(0, 0, BASE_HEIGHT_M))
-        cap.add_joint(
-            name=f"{self.name}_cap",
-            type=mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=(0, 0, 1),
-            range=(-STROKE_M, PLAY_M),
-            stiffness=STIFFNESS_N_M,
-            damping=DAMPING_N_S_M,
-            springref=CAP_MASS_KG * GRAVITY_M_S2 / STIFFNESS_N_M,  # carries the cap, so that it rests at 0
-        )
+        weight_n = CAP_MASS_KG * GRAVITY_M_S2  # which the spring carries, so that the cap rests at 0
+        spring = {"stiffness": STIFFNESS_N_M, "springref": weight_n / STIFFNESS_N_M, "damping": DAMPING_N_S_M}
+        add_joint(cap, SLIDE, f"{self.name}_cap", (0, 0, 1), (-STROKE_M, PLAY_M), **spring)
         add_cylinder(
             cap, (0, 0, CAP_HEIGHT_M / 2), self.cap_radius_m, CAP_HEIGHT_M / 2, mass=CAP_MASS_KG, rgba=RED
         )

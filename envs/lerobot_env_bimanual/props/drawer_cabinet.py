@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, lathe
-from lerobot_env_bimanual.props.prop import UNSEEN, add_box, add_capsule, add_cylinder, draw_box
+from lerobot_env_bimanual.props.prop import (
+    SLIDE,
+    UNSEEN,
+    add_box,
+    add_capsule,
+    add_cylinder,
+    add_joint,
+    draw_box,
+)
 
 CASE = (0.72, 0.624, 0.48, 1.0)
 FRONT = (0.80, 0.71, 0.57, 1.0)
@@ -121,14 +129,8 @@ class DrawerCabinet:
 
     def _add_drawer(self, cabinet, level: str) -> None:
         drawer = cabinet.add_body(name=self.drawer(level), pos=(0, 0, HANDLE_HEIGHTS_M[level]))
-        drawer.add_joint(
-            name=f"{self.drawer(level)}_slide",
-            type=mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=(0, 1, 0),
-            range=(0, TRAVEL_M),
-            frictionloss=SLIDE_FRICTION_N,
-            damping=SLIDE_DAMPING_N_S_M,
-        )
+        brake = (SLIDE_FRICTION_N, SLIDE_DAMPING_N_S_M)
+        add_joint(drawer, SLIDE, f"{self.drawer(level)}_slide", (0, 1, 0), (0, TRAVEL_M), *brake)
         front_y = SIDE_M / 2 + FRONT_GAP_M + FRONT_HALF_M[1]
         self._add_board(drawer, "front", (0, front_y, 0), FRONT_HALF_M, FRONT)
         x, y, z = TRAY_HALF_M

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import add_box, add_capsule, draw_box
+from lerobot_env_bimanual.props.prop import HINGE, add_box, add_capsule, add_joint, draw_box
 
 SHELL = (0.84, 0.87, 0.90, 1.0)
 DOOR = (0.90, 0.92, 0.94, 1.0)
@@ -125,16 +125,9 @@ class Fridge:
         middle, half_height = (low + high) / 2, (high - low) / 2
         width, thickness = HALF_WIDTH_M, DOOR_HALF_THICKNESS_M
         door = body.add_body(name=f"{self.name}_door", pos=(*_HINGE_M, 0))
-        door.add_joint(
-            name=f"{self.name}_hinge",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=(0, 0, 1),
-            range=(0, HINGE_RANGE_RAD),
-            frictionloss=HINGE_FRICTION_NM,
-            damping=HINGE_DAMPING_NM_S,
-            stiffness=SPRING_NM_RAD,
-            springref=-CLOSING_NM / SPRING_NM_RAD,
-        )
+        spring = {"stiffness": SPRING_NM_RAD, "springref": -CLOSING_NM / SPRING_NM_RAD}
+        brake = (HINGE_FRICTION_NM, HINGE_DAMPING_NM_S)
+        add_joint(door, HINGE, f"{self.name}_hinge", (0, 0, 1), (0, HINGE_RANGE_RAD), *brake, **spring)
         half = (thickness, width - 0.002, half_height)
         add_box(door, (-thickness, width, middle), half, mass=DOOR_MASS_KG, rgba=DOOR)
         _add_handle(door, -2 * thickness, HANDLE_FROM_HINGE_M, HANDLE_M, mass=0.03)

@@ -7,11 +7,13 @@ import numpy as np
 from lerobot_env_bimanual.gl import mujoco
 from lerobot_env_bimanual.props.meshes import add_mesh, draw_mesh, slab
 from lerobot_env_bimanual.props.prop import (
+    HINGE,
     UNSEEN,
     VISUAL_ONLY,
     add_box,
     add_cylinder,
     add_free_body,
+    add_joint,
     draw_box,
 )
 
@@ -69,16 +71,9 @@ class Laptop:
         self._decorate_base(base, base_half)
         hinge = (0, base_half[1] - HINGE_INSET_M, base_half[2] + SEAM_M + lid_half[2])
         lid = base.add_body(name=f"{self.name}_lid", pos=hinge)
-        lid.add_joint(
-            name=f"{self.name}_hinge",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=(-1, 0, 0),
-            range=(0, HINGE_RANGE_RAD),
-            frictionloss=HINGE_FRICTION_NM,
-            damping=0.01,
-            solref_limit=(0.004, 1),
-            solimp_limit=(0.98, 0.999, 0.001, 0.5, 2),
-        )
+        limits, brake = (0, HINGE_RANGE_RAD), (HINGE_FRICTION_NM, 0.01)
+        stiff = {"solref_limit": (0.004, 1), "solimp_limit": (0.98, 0.999, 0.001, 0.5, 2)}
+        add_joint(lid, HINGE, f"{self.name}_hinge", (-1, 0, 0), limits, *brake, **stiff)
         middle = (0, -lid_half[1], 0)
         self._add_solid(lid, middle, lid_half, self.lid_mass_kg)
         add_mesh(spec, lid.name, slab(lid_half, CORNER_RADIUS_M))

@@ -6,7 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_env_bimanual.gl import mujoco
-from lerobot_env_bimanual.props.prop import UNSEEN, VISUAL_ONLY, add_box, add_capsule, add_cylinder, draw_box
+from lerobot_env_bimanual.props.prop import (
+    HINGE,
+    SLIDE,
+    UNSEEN,
+    VISUAL_ONLY,
+    add_box,
+    add_capsule,
+    add_cylinder,
+    add_joint,
+    draw_box,
+)
 
 STEEL = (0.80, 0.81, 0.83, 1.0)
 DARK = (0.17, 0.17, 0.19, 1.0)
@@ -160,14 +170,8 @@ class Oven:
 
     def _add_door(self, oven) -> None:
         door = oven.add_body(name=f"{self.name}_door", pos=(self.front_m - HINGE_BEFORE_FRONT_M, 0, FLOOR_M))
-        door.add_joint(
-            name=f"{self.name}_hinge",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=(0, -1, 0),
-            range=(0, DOOR_RANGE_RAD),
-            frictionloss=DOOR_FRICTION_NM,
-            damping=DOOR_DAMPING_NM_S,
-        )
+        brake = (DOOR_FRICTION_NM, DOOR_DAMPING_NM_S)
+        add_joint(door, HINGE, f"{self.name}_hinge", (0, -1, 0), (0, DOOR_RANGE_RAD), *brake)
         x, y, z = DOOR_HALF_M
         middle = z + DOOR_LIFT_M
         add_box(door, (0, 0, middle), DOOR_HALF_M, mass=DOOR_MASS_KG, rgba=STEEL)
@@ -197,14 +201,8 @@ class Oven:
         """A plate in physics, a grid of wires for the eye."""
         rack_x = self.front_m + RACK_BEHIND_FRONT_M + RACK_HALF_M[0]
         rack = oven.add_body(name=f"{self.name}_rack", pos=(rack_x, 0, self.rack_m))
-        rack.add_joint(
-            name=f"{self.name}_slide",
-            type=mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=(-1, 0, 0),
-            range=(0, RACK_TRAVEL_M),
-            frictionloss=RACK_FRICTION_N,
-            damping=RACK_DAMPING_N_S_M,
-        )
+        brake = (RACK_FRICTION_N, RACK_DAMPING_N_S_M)
+        add_joint(rack, SLIDE, f"{self.name}_slide", (-1, 0, 0), (0, RACK_TRAVEL_M), *brake)
         add_box(rack, (0, 0, 0), RACK_HALF_M, mass=RACK_MASS_KG, **UNSEEN)
         x, y, radius = RACK_HALF_M
         for side in (-1, 1):

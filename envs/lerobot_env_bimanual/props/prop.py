@@ -22,6 +22,8 @@ DIRT_ONLY = 4
 VISUAL_ONLY = MappingProxyType({"contype": 0, "conaffinity": 0, "mass": 0, "group": 2})
 """Settings of a geom that is seen but neither touches nor weighs anything."""
 
+HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+
 UNSEEN = MappingProxyType({"group": 3})
 """Settings of a geom that touches but is not drawn."""
 
@@ -50,6 +52,21 @@ def add_free_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
     body = spec.worldbody.add_body(name=name)
     body.add_freejoint()
     return body
+
+
+def add_joint(
+    body: mujoco.MjsBody,
+    kind: mujoco.mjtJoint,
+    name: str,
+    axis: Vector,
+    limits: Vector,
+    friction: float = 0.0,
+    damping: float = 0.0,
+    **settings: Any,
+) -> None:
+    """Add a hinge or slide to a body, with its limits in rad or m, and friction and damping in N m, N m s, N or N s/m."""
+    limited = {"type": kind, "axis": axis, "range": limits}
+    body.add_joint(name=name, frictionloss=friction, damping=damping, **limited, **settings)
 
 
 def graspable(friction: float) -> dict[str, Any]:

@@ -30,18 +30,7 @@ RESETTABLE_FIELDS = ("body_pos", "body_quat", "geom_rgba")
 
 FULL_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-SLEEP_FIELDS = (
-    "tree_asleep",
-    "tree_awake",
-    "body_awake",
-    "body_awake_ind",
-    "parent_awake_ind",
-    "dof_awake_ind",
-    "ntree_awake",
-    "nbody_awake",
-    "nparent_awake",
-    "nv_awake",
-)
+SLEEP_FIELDS = tuple(name for name in dir(mujoco.MjData) if "awake" in name or "asleep" in name)
 """Data fields that say which things sleep."""
 
 
