@@ -7,6 +7,7 @@ Usage: coordination.py [--task=lift_ball,push_box] [--episodes=8]
 import argparse
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ WAYS = {"same way": 1, "opposite ways": -1}
 FIRST_SEED = 900_000
 PAGE = """# How much both hands have to look
 
-Written by `python examples/coordination.py`; do not edit.
+Written by `python scripts/coordination.py`; do not edit.
 
 *Keyposes* says how much each keypose of each arm varies over 100 training demonstrations of a task's first variation: the standard
 deviation of its place in cm, and the root mean square of its rotation from the mean in degrees. A hand whose keyposes never vary
@@ -103,26 +104,20 @@ def shifted(task: str, setting: str, episodes: int) -> dict[str, str]:
     journal = Journal(ROOT / "outputs/coordination.jsonl", Shifted, exclusive=True)
     if not journal.header:
         journal.restart("Expert episodes with shifted hands")
-    known = {each.model_copy(update={"solved": 0}).to_json(): each.solved for each in journal.entries()}
+    known = {each.model_copy(update={"solved": 0}): each.solved for each in journal.entries()}
     env = BimanualEnv(task, split="test", obs="state", control_mode="keypose", setting=setting)
     row, seeds = {"task": f"`{task}`"}, range(FIRST_SEED, FIRST_SEED + episodes)
+    place = {"world": world_version(task, setting=setting), "setting": setting, "task": task}
     for way, sign in WAYS.items():
-        counts = []
-        for cm in SHIFTS_CM:
-            cell = Shifted(
-                world=world_version(task, setting=setting),
-                setting=setting,
-                task=task,
-                shift_cm=cm,
-                right_sign=sign,
-                episodes=episodes,
-                solved=0,
-            )
-            if (solved := known.get(cell.to_json())) is None:
-                solved = sum(run_episode(env, seed, _shifted(seed, cm, sign)).success for seed in seeds)
-                journal.add(cell.model_copy(update={"solved": solved}))
-            counts.append(str(solved))
-        row[way] = ", ".join(counts)
+        cells = [
+            Shifted(**place, shift_cm=cm, right_sign=sign, episodes=episodes, solved=0) for cm in SHIFTS_CM
+        ]
+        for cell in cells:
+            if cell not in known:
+                player = partial(_shifted, shift_cm=cell.shift_cm, right_sign=sign)
+                known[cell] = sum(run_episode(env, seed, player(seed)).success for seed in seeds)
+                journal.add(cell.model_copy(update={"solved": known[cell]}))
+        row[way] = ", ".join(str(known[cell]) for cell in cells)
     env.close()
     journal.close()
     return row
